@@ -1,0 +1,95 @@
+"""The configuration: defaults, then `supermap.toml`, then the command line. What was used is stored with the
+traversal.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from supermap_cli.errors import ConfigError
+
+Ablation = Literal["tracker", "semantic-fusion", "geometric-consistency"]
+
+
+class Section(BaseModel):
+    """Base of all sections: unknown names are errors."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class RecordingConfig(Section):
+    """How a recording is read."""
+
+    topics: dict[str, str] = Field(default_factory=dict, description="role -> topic, e.g. color = '/cam/image'")
+    frames: dict[str, str] = Field(default_factory=dict, description="'base' or 'odom' -> frame name")
+    camera: str | None = Field(default=None, description="force a camera model: 'equirectangular'")
+    sync_tolerance_s: float = Field(default=0.02, gt=0, description="greatest distance of colour and depth stamps")
+    fit_color: bool = Field(default=True, description="correct a colour calibration that does not fit the depth")
+
+
+class BackendConfig(Section):
+    """Which plugin does what; `options` maps a backend's name to its options."""
+
+    odometry: str | None = Field(default=None, description="none: the most preferred one the recording has streams for")
+    detector: str | None = Field(default=None, description="none: the most preferred one the recording has streams for")
+    segmenter: str | None = Field(default=None, description="for boxes without masks; none: the most preferred one")
+    tracker: str | None = Field(default=None, description="none: the most preferred one")
+    options: dict[str, dict[str, object]] = Field(
+        default_factory=dict, description="backend -> option -> value, see `supermap plugins`"
+    )
+
+
+class KeyframeConfig(Section):
+    """Which images are mapped."""
+
+    rate_hz: float = Field(
+        default=3.0, gt=0, le=100, description="images mapped and perceived each second of the recording"
+    )
+    thumbnail_px: int = Field(default=160, ge=0, description="width of the stored thumbnails, 0 = none")
+    depth_step: int = Field(default=8, ge=1, description="pixels between the depths stored with a keyframe")
+    batch: int = Field(default=10, ge=1, description="keyframes written in one transaction")
+
+
+class MappingConfig(Section):
+    """The mapping engine's parameters (SI units). Defaults hold for indoor rooms."""
+
+    max_depth_m: float = Field(default=6.0, gt=0, description="returns farther off are not used")
+    crop_px: int = Field(default=128, ge=16, description="longest side of the crops kept as evidence")
+
+
+class BuildConfig(Section):
+    """Everything that decides what a build gives."""
+
+    recording: RecordingConfig = Field(default_factory=RecordingConfig)
+    backends: BackendConfig = Field(default_factory=BackendConfig)
+    keyframes: KeyframeConfig = Field(default_factory=KeyframeConfig)
+    mapping: MappingConfig = Field(default_factory=MappingConfig)
+    ablate: tuple[Ablation, ...] = Field(default=(), description="components switched off, for comparisons")
+
+
+class UserConfig(Section):
+    """A `supermap.toml`: the build's sections and the default database."""
+
+    db: str | None = Field(default=None, description="the database of all commands, unless `--db` or `SUPERMAP_DB` say")
+    build: BuildConfig = Field(default_factory=BuildConfig)
+
+
+def load_user_config(folder: Path) -> UserConfig:
+    """Read `supermap.toml` in `folder` (or its defaults). Raises `ConfigError` naming the file and the entry."""
+    path = folder / "supermap.toml"
+    if not path.is_file():
+        return UserConfig()
+    try:
+        return UserConfig.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ConfigError(f"not a TOML file: {error}", where=str(path)) from error
+    except ValidationError as error:
+        first = error.errors()[0]
+        entry = ".".join(str(part) for part in first["loc"])
+        raise ConfigError(
+            f"{entry}: {first['msg']}", where=str(path), cure="see the README's configuration table"
+        ) from error

@@ -1,0 +1,58 @@
+"""One tree of errors. What the user can mend is a `SupermapError`; everything else is a bug and shows its traceback."""
+
+from __future__ import annotations
+
+
+class SupermapError(Exception):
+    """Something the user can mend: what was wrong, where, and the cure, in one line.
+
+    `main` is the only place that catches it: ``error: <what> (<where>): <cure>`` on stderr, exit code 1.
+    """
+
+    def __init__(self, what: str, *, where: str | None = None, cure: str | None = None) -> None:
+        self.what = what
+        self.where = where
+        self.cure = cure
+        super().__init__(str(self))
+
+    def __str__(self) -> str:
+        """The whole message on one line."""
+        place = f" ({self.where})" if self.where else ""
+        cure = f": {self.cure}" if self.cure else ""
+        return " ".join(f"{self.what}{place}{cure}".split())
+
+
+class RecordingError(SupermapError):
+    """A recording cannot be read, or lacks what a build needs."""
+
+
+class CalibrationError(RecordingError):
+    """A camera model or a transform between frames is missing or makes no sense."""
+
+
+class OdometryError(SupermapError):
+    """There is no usable motion estimate."""
+
+
+class PluginError(SupermapError):
+    """A plugin is missing, broken, doubly named or wrongly configured."""
+
+
+class ConfigError(SupermapError):
+    """A configuration file or an option is wrong."""
+
+
+class DetectorError(PluginError):
+    """Weights are missing, or a model's tensors are not understood."""
+
+
+class AlignmentError(SupermapError):
+    """A traversal cannot be placed in the map with confidence."""
+
+
+class MemoryStoreError(SupermapError):
+    """The map database cannot be opened, is none of ours, or refuses a write."""
+
+
+class QueryError(SupermapError):
+    """A question is not understood."""

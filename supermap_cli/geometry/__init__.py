@@ -1,0 +1,1 @@
+"""Mathematics of space, below everything else: rigid motions, cameras, boxes, voxels."""

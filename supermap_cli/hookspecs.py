@@ -1,0 +1,155 @@
+"""The hooks a plugin may implement. Registration happens once a run; per-frame work goes through `protocols`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol
+
+import pluggy
+from pydantic import BaseModel, ConfigDict
+
+from supermap_cli.protocols import (
+    Detector,
+    ImageEncoder,
+    LanguageModel,
+    Odometry,
+    Recording,
+    Segmenter,
+    TextEncoder,
+    Tracker,
+)
+
+if TYPE_CHECKING:
+    import sqlite3
+
+    import typer
+
+    from supermap_cli.types.memory import KeyframeRecord, MapDelta
+
+hookspec = pluggy.HookspecMarker("supermap")
+hookimpl = pluggy.HookimplMarker("supermap")
+
+
+class Options(BaseModel):
+    """Base of every backend's options: unknown names are errors, every field has a description."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class RecordingRequest(BaseModel):
+    """What `open_recording` gets besides the path: what the user named by hand, and the window of time.
+
+    `topics` maps a role ("color", "depth", "camera_info", "depth_camera_info", "lidar", "imu", "odometry",
+    "detections", "masks") to a topic; `frames` maps "base" or "odom" to a frame's name; `camera` may force a camera
+    model ("equirectangular"). `start_s` and `end_s` count from the recording's first message.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    topics: Mapping[str, str] = {}
+    frames: Mapping[str, str] = {}
+    camera: str | None = None
+    start_s: float | None = None
+    end_s: float | None = None
+    sync_tolerance_s: float = 0.02
+    fit_color: bool = True
+
+
+class Register(Protocol):
+    """The callback a `register_*` hook gets: `register(name, factory, Options)`.
+
+    `factory(options, recording)` makes the backend; it imports its heavy modules inside itself. Encoders and language
+    models are made without a recording: `factory(options)`.
+    """
+
+    def __call__(
+        self,
+        name: str,
+        factory: Callable[..., Any],
+        options: type[Options] = Options,
+        *,
+        needs: Collection[str] = (),
+        preference: int = 0,
+    ) -> None:
+        """Register one backend under a name that `--detector NAME` and the like can say.
+
+        `needs` are the streams a recording must have for it (`Recording.streams`); among those that can work, the one
+        of the greatest `preference` is the default.
+        """
+        ...
+
+
+@hookspec
+def register_odometry(register: Register) -> None:
+    """Register sources of motion: `factory(options, recording) -> Odometry`."""
+
+
+@hookspec
+def register_detectors(register: Register) -> None:
+    """Register detectors: `factory(options, recording) -> Detector`."""
+
+
+@hookspec
+def register_segmenters(register: Register) -> None:
+    """Register segmenters, for boxes without masks: `factory(options, recording) -> Segmenter`."""
+
+
+@hookspec
+def register_trackers(register: Register) -> None:
+    """Register trackers: `factory(options, recording) -> Tracker`."""
+
+
+@hookspec
+def register_encoders(register: Register) -> None:
+    """Register text and image encoders: `factory(options) -> TextEncoder | ImageEncoder`."""
+
+
+@hookspec
+def register_language_models(register: Register) -> None:
+    """Register language models: `factory(options) -> LanguageModel`."""
+
+
+@hookspec(firstresult=True)
+def open_recording(path: Path, request: RecordingRequest) -> Recording | None:
+    """Open a recording of a further format; `None` leaves it to the next plugin and at last to the host."""
+
+
+@hookspec
+def spatial_predicates() -> Any:
+    """Return further relations: a list of `supermap_cli.graph.predicates.SpatialPredicate`."""
+
+
+@hookspec
+def register_commands(app: typer.Typer) -> None:
+    """Add commands to the command line.
+
+    `app` is the plugin's own; its commands stand beside the built-in ones, whose names are taken. It is called only
+    when help is asked for, or a command that is not built in.
+    """
+
+
+@hookspec
+def prepare_connection(connection: sqlite3.Connection) -> None:
+    """Add SQL functions to the read-only connection of `supermap db sql`."""
+
+
+@hookspec
+def keyframe_mapped(keyframe: KeyframeRecord, changes: MapDelta) -> None:
+    """Called after a keyframe's changes were committed: for viewers."""
+
+
+__all__ = [
+    "Detector",
+    "ImageEncoder",
+    "LanguageModel",
+    "Odometry",
+    "Options",
+    "RecordingRequest",
+    "Register",
+    "Segmenter",
+    "TextEncoder",
+    "Tracker",
+    "hookimpl",
+    "hookspec",
+]

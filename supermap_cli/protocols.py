@@ -1,0 +1,147 @@
+"""What a backend has to be able to do. Plugins fulfil these Protocols; the host calls nothing else on them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Protocol, runtime_checkable
+
+from supermap_cli.geometry.arrays import Float32Array, IntArray, UInt8Array
+from supermap_cli.types.detections import Detections, RegionMask, TrackPrior, Tracks
+from supermap_cli.types.sensing import CameraFrame, ImuSample, StampedPose, Sweep
+
+
+@runtime_checkable
+class Recording(Protocol):
+    """A recording opened for reading. Every call of a stream starts it anew, in the order of sensor time, and never
+    holds more than a few seconds of it in memory. Streams keep to the window (`start_ns`, `end_ns`) the recording was
+    opened with; poses, sweeps and IMU reach a little beyond it.
+
+    Errors: `RecordingError` (or `CalibrationError`) naming file, topic, time and cure.
+    """
+
+    @property
+    def path(self) -> Path:
+        """The file or folder."""
+        ...
+
+    @property
+    def start_ns(self) -> int:
+        """Sensor time of the window's start."""
+        ...
+
+    @property
+    def end_ns(self) -> int:
+        """Sensor time of the window's end."""
+        ...
+
+    @property
+    def streams(self) -> frozenset[str]:
+        """Which of "color", "depth", "lidar", "imu", "poses", "detections", "masks" there are."""
+        ...
+
+    @property
+    def base_frame(self) -> str:
+        """The frame that poses move, as named in the recording."""
+        ...
+
+    @property
+    def warnings(self) -> Sequence[str]:
+        """What was mended or left out while opening and reading, one line each."""
+        ...
+
+    def fingerprint(self) -> str:
+        """Hex digest that is the same for the same recording and window, cheap for large files."""
+        ...
+
+    def frame_stamps_ns(self) -> IntArray:
+        """(n,) int64 stamps of all usable colour frames, ascending, without decoding any image."""
+        ...
+
+    def frames(self, selected: Callable[[int], bool] | None = None) -> Iterator[CameraFrame]:
+        """Camera frames in order; `selected(stamp_ns)` says which are worth decoding (all, if not given)."""
+        ...
+
+    def poses(self) -> Iterator[StampedPose]:
+        """The recorded odometry, `T_odom_base`. Non-finite poses are left out with a warning."""
+        ...
+
+    def sweeps(self) -> Iterator[Sweep]:
+        """LiDAR sweeps, points finite, in the LiDAR's frame."""
+        ...
+
+    def imu(self) -> Iterator[ImuSample]:
+        """IMU samples turned into the base frame."""
+        ...
+
+    def detection_stamps_ns(self) -> IntArray:
+        """(n,) int64 stamps of the images that recorded detections belong to (`header.stamp`), ascending."""
+        ...
+
+    def detections(self) -> Iterator[Detections]:
+        """Recorded detections with their masks, in the order of their images' stamps."""
+        ...
+
+
+class Odometry(Protocol):
+    """A source of motion."""
+
+    def poses(self) -> Iterator[StampedPose]:
+        """`T_odom_base` in the order of time; raises `OdometryError` when there is no usable motion."""
+        ...
+
+
+class Detector(Protocol):
+    """Finds objects in an image."""
+
+    def image_stamps_ns(self) -> IntArray | None:
+        """The only images it can speak of (recorded detections), or `None` if it can look at any."""
+        ...
+
+    def detect(self, frame: CameraFrame) -> Detections | None:
+        """All detections of the image down to a low score; `None` if it says nothing of this image."""
+        ...
+
+
+class Segmenter(Protocol):
+    """Gives masks to boxes that came without."""
+
+    def segment(self, frame: CameraFrame, detections: Detections) -> tuple[RegionMask | None, ...]:
+        """A mask for every detection; existing masks are passed through; `None` where nothing can be told apart."""
+        ...
+
+
+class Tracker(Protocol):
+    """Links detections over time in the image."""
+
+    def update(self, detections: Detections, priors: Sequence[TrackPrior], image_size: tuple[int, int]) -> Tracks:
+        """Assign the detections of the next image to tracks.
+
+        `priors` are the map's predictions for tracks that belong to map objects, already moved with the camera;
+        `image_size` is (width, height).
+        """
+        ...
+
+
+class TextEncoder(Protocol):
+    """Embeds text."""
+
+    def encode(self, texts: Sequence[str]) -> Float32Array:
+        """(n, d) float32, unit length."""
+        ...
+
+
+class ImageEncoder(Protocol):
+    """Embeds image crops, for re-identification."""
+
+    def encode(self, crops_rgb: Sequence[UInt8Array]) -> Float32Array:
+        """(n, d) float32, unit length, of n crops (h, w, 3) uint8."""
+        ...
+
+
+class LanguageModel(Protocol):
+    """Answers a prompt."""
+
+    def complete(self, prompt: str) -> str:
+        """The model's answer."""
+        ...

@@ -1,0 +1,118 @@
+"""What a detector says of one image."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from supermap_cli.geometry.arrays import BoolArray, Float32Array, IntArray, check_shape
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """One label a detector considers, with its score in [0, 1]."""
+
+    label: str
+    score: float
+
+
+@dataclass(frozen=True)
+class RegionMask:
+    """An instance mask cut to its region: `pixels` is (h, w) bool, its upper left corner is pixel (`u0`, `v0`)."""
+
+    u0: int
+    v0: int
+    pixels: BoolArray
+
+    def full(self, height: int, width: int) -> BoolArray:
+        """The mask on the whole image, (height, width) bool."""
+        mask = np.zeros((height, width), dtype=bool)
+        h, w = self.pixels.shape
+        mask[self.v0 : self.v0 + h, self.u0 : self.u0 + w] = self.pixels
+        return mask
+
+
+def cut_mask(mask: BoolArray) -> RegionMask | None:
+    """Cut a full-image mask to the region it covers; `None` for an empty one."""
+    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+    if not len(rows):
+        return None
+    v0, u0 = int(rows[0]), int(columns[0])
+    return RegionMask(u0, v0, mask[v0 : int(rows[-1]) + 1, u0 : int(columns[-1]) + 1].copy())
+
+
+@dataclass(frozen=True)
+class Detections:
+    """The detections of one image as a struct of arrays, n of them.
+
+    `boxes_xyxy` is (n, 4) float32 pixels; `scores` is (n,) float32, the best hypothesis's; `hypotheses` holds, for each
+    detection, all labels considered, best first, never empty; `masks` holds one `RegionMask` or `None` each.
+    """
+
+    stamp_ns: int
+    boxes_xyxy: Float32Array
+    scores: Float32Array
+    hypotheses: tuple[tuple[Hypothesis, ...], ...]
+    masks: tuple[RegionMask | None, ...]
+
+    def __post_init__(self) -> None:
+        n = len(self.boxes_xyxy)
+        check_shape("boxes_xyxy", self.boxes_xyxy, (n, 4))
+        check_shape("scores", self.scores, (n,))
+        if len(self.hypotheses) != n or len(self.masks) != n:
+            raise ValueError(f"expected {n} hypotheses and masks, got {len(self.hypotheses)} and {len(self.masks)}")
+        if not all(self.hypotheses):
+            raise ValueError("every detection needs at least one label hypothesis")
+
+    def __len__(self) -> int:
+        return len(self.scores)
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """The best label of each detection."""
+        return tuple(each[0].label for each in self.hypotheses)
+
+    def take(self, chosen: IntArray | BoolArray) -> Detections:
+        """The chosen detections, by index or by a boolean mask."""
+        indices = np.flatnonzero(chosen) if chosen.dtype == bool else chosen
+        return Detections(
+            self.stamp_ns,
+            self.boxes_xyxy[indices],
+            self.scores[indices],
+            tuple(self.hypotheses[i] for i in indices),
+            tuple(self.masks[i] for i in indices),
+        )
+
+    def with_masks(self, masks: tuple[RegionMask | None, ...]) -> Detections:
+        """The same detections with other masks."""
+        return replace(self, masks=masks)
+
+
+def no_detections(stamp_ns: int) -> Detections:
+    """An image in which nothing was found (which is evidence too)."""
+    return Detections(stamp_ns, np.zeros((0, 4), np.float32), np.zeros(0, np.float32), (), ())
+
+
+@dataclass(frozen=True)
+class TrackPrior:
+    """Where the map expects a tracked object in the coming image (SuperMap, hybrid state: c = pi(K T_CW X)).
+
+    `box_xyxy` is (4,) float32, the object's projected 3D box; `hidden` says that something stands before it, so that
+    its not being detected says nothing and the track is kept.
+    """
+
+    track_id: int
+    box_xyxy: Float32Array
+    label: str
+    hidden: bool
+
+    def __post_init__(self) -> None:
+        check_shape("box_xyxy", self.box_xyxy, (4,))
+
+
+@dataclass(frozen=True)
+class Tracks:
+    """The tracker's answer: `track_ids` is (n,) int64 for the n detections of an image, -1 = no track."""
+
+    track_ids: IntArray

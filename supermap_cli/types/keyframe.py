@@ -1,0 +1,31 @@
+"""The moment that is mapped: an image, its depth, and where the camera stood."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from supermap_cli.geometry.arrays import Float32Array, FloatArray, UInt8Array, check_shape
+from supermap_cli.geometry.cameras import Camera
+from supermap_cli.geometry.se3 import check_transform
+
+
+@dataclass(frozen=True)
+class Keyframe:
+    """An image placed in the map.
+
+    `rgb` (h, w, 3) uint8; `depth_m` (h, w) float32 in the measure of `Camera.depth_of`, 0 = no return;
+    `T_map_camera` and `T_map_base` at the image's stamp.
+    """
+
+    stamp_ns: int
+    rgb: UInt8Array
+    depth_m: Float32Array
+    camera: Camera
+    T_map_camera: FloatArray
+    T_map_base: FloatArray
+
+    def __post_init__(self) -> None:
+        check_shape("rgb", self.rgb, (self.camera.height, self.camera.width, 3))
+        check_shape("depth_m", self.depth_m, (self.camera.height, self.camera.width))
+        check_transform("T_map_camera", self.T_map_camera)
+        check_transform("T_map_base", self.T_map_base)
