@@ -1,0 +1,1 @@
+"""The commands, one module each; a module's `register(app)` adds its own."""

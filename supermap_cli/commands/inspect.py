@@ -1,0 +1,134 @@
+"""`supermap inspect`: what is in a recording, and whether a build could work."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from supermap_cli.commands.common import JsonOption, err, out, print_json
+from supermap_cli.commands.tables import print_table
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.tree import Tree
+
+    from supermap_cli.recordings.inspection import Inspection, TopicReport
+
+EXAMPLES = """
+Examples:
+
+    supermap inspect run.mcap
+
+    supermap inspect run.bag --topic color=/cam/image_raw --json
+"""
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command to the app."""
+    app.command(epilog=EXAMPLES)(inspect)
+
+
+def inspect(  # noqa: PLR0917 - a command line has many options
+    recording: Annotated[Path, typer.Argument(help="A ROS 1 .bag, a ROS 2 .db3 or .mcap file, or a rosbag2 folder.")],
+    topic: Annotated[
+        list[str] | None, typer.Option(metavar="ROLE=TOPIC", help="Which topic serves a role, e.g. color=/cam/image.")
+    ] = None,
+    frame: Annotated[
+        list[str] | None, typer.Option(metavar="ROLE=FRAME", help="The name of the `base` or `odom` frame.")
+    ] = None,
+    camera: Annotated[str | None, typer.Option(help="Force a camera model: equirectangular.")] = None,
+    start: Annotated[float | None, typer.Option(help="Start, in seconds from the recording's beginning.")] = None,
+    end: Annotated[float | None, typer.Option(help="End, in seconds from the recording's beginning.")] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Say what is in a recording, what a build would use, what is missing and how to mend it.
+
+    Exit code 1 means that a build could not work.
+    """
+    from supermap_cli.commands.build import override, request  # noqa: PLC0415 - keeps start-up light
+    from supermap_cli.config import load_user_config  # noqa: PLC0415
+    from supermap_cli.recordings.inspection import inspect_recording  # noqa: PLC0415
+
+    config = override(load_user_config(Path.cwd()).build, topics=topic, frames=frame, camera=camera)
+    report = inspect_recording(recording, request(config, start, end))
+    if as_json:
+        print_json(to_document(report))
+    else:
+        _print(report)
+    for warning in report.warnings:
+        err().print(f"warning: {warning}", markup=False)
+    if not report.can_build:
+        raise typer.Exit(1)
+
+
+def to_document(report: Inspection) -> dict[str, object]:
+    """The report as JSON values."""
+    document = asdict(report)
+    document["path"] = str(report.path)
+    document["duration_s"] = report.duration_s
+    document["can_build"] = report.can_build
+    return document
+
+
+def _print(report: Inspection) -> None:
+    console = out()
+    console.print(f"{report.path}: {report.duration_s:.1f} s, {report.usable_frames} usable frames", markup=False)
+    columns = ("topic", "type", "messages#", "Hz#", "longest gap#", "frame", "used for")
+    print_table(console, "", columns, (_topic_row(each) for each in report.topics))
+    print_table(
+        console,
+        "A build would use",
+        ("role", "topic", "why"),
+        ((each.role, each.topic or "-", each.reason) for each in report.roles),
+    )
+    console.print(f"motion: {report.poses or 'none'}; base frame: {report.base_frame or '?'}", markup=False)
+    console.print(f"camera: {report.camera or 'none'}", markup=False)
+    _print_trees(console, report)
+    if report.can_build:
+        console.print(f"\n{_verdict(report.without_detections)}", markup=False, soft_wrap=True)
+        return
+    console.print("\nA build cannot work:")
+    for problem in report.problems:
+        where = f" ({problem.where})" if problem.where else ""
+        console.print(f"  - {problem.what}{where}", markup=False)
+        if problem.cure:
+            console.print(f"    {problem.cure}", markup=False)
+
+
+def _verdict(without_detections: str | None) -> str:
+    if without_detections is None:
+        return "A build can work."
+    return f"A build can work if a detector model is given: no detections are recorded, and {without_detections}."
+
+
+def _topic_row(topic: TopicReport) -> tuple[str, ...]:
+    rate = "" if topic.rate_hz is None else f"{topic.rate_hz:.1f}"
+    gap = "" if topic.longest_gap_s is None else f"{topic.longest_gap_s:.2f} s"
+    if topic.has_gap:
+        gap += f" at {topic.gap_at_s:.1f} s"
+    return topic.topic, topic.type, str(topic.count), rate, gap, topic.frame_id, topic.role
+
+
+def _print_trees(console: Console, report: Inspection) -> None:
+    """The TF tree, one for each root; a frame that closes a loop is not followed again."""
+    from rich.text import Text  # noqa: PLC0415 - keeps start-up light
+    from rich.tree import Tree  # noqa: PLC0415
+
+    children: dict[str, list[tuple[str, bool]]] = {}
+    for edge in report.transforms:
+        children.setdefault(edge.parent, []).append((edge.child, edge.static))
+    below = {edge.child for edge in report.transforms}
+
+    def grow(branch: Tree, frame: str, above: frozenset[str]) -> None:
+        for child, static in children.get(frame, ()):
+            sprout = branch.add(Text(child + ("" if static else "  (moves)")))
+            if child not in above:
+                grow(sprout, child, above | {child})
+
+    for root in sorted(children.keys() - below):
+        tree = Tree(Text(f"TF: {root}"))
+        grow(tree, root, frozenset({root}))
+        console.print(tree)

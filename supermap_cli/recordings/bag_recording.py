@@ -1,0 +1,224 @@
+"""A recorded bag as a `Recording`: every stream an iterator in the order of sensor time."""
+
+from __future__ import annotations
+
+import hashlib
+import heapq
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+
+from supermap_cli.errors import CalibrationError, RecordingError
+from supermap_cli.geometry.arrays import IntArray
+from supermap_cli.recordings import messages
+from supermap_cli.recordings.camera_frames import CameraFrames
+from supermap_cli.recordings.detection_messages import DetectionArrival, join_masks, read_detections
+from supermap_cli.recordings.images import decode_numbers
+from supermap_cli.recordings.opening import MARGIN_NS, OpenedRecording, no_poses
+from supermap_cli.recordings.pointclouds import read_points
+from supermap_cli.recordings.poses import recorded_poses
+from supermap_cli.recordings.probing import Topic
+from supermap_cli.recordings.storage import RawMessage, storage_files
+from supermap_cli.types.detections import Detections
+from supermap_cli.types.sensing import CameraFrame, ImuSample, StampedPose, Sweep
+
+_LATE_NS = 5_000_000_000
+_REORDER_NS = 500_000_000
+_FINGERPRINT_BYTES = 1 << 18
+
+Stamped = TypeVar("Stamped", StampedPose, Sweep, ImuSample)
+
+
+def in_order(items: Iterable[Stamped]) -> Iterator[Stamped]:
+    """Items by ascending stamp, though some come up to half a second late; doubles and later ones are dropped."""
+    waiting: list[tuple[int, int, Stamped]] = []
+    last_ns: int | None = None
+    for index, item in enumerate(items):
+        heapq.heappush(waiting, (item.stamp_ns, index, item))
+        while waiting[0][0] < item.stamp_ns - _REORDER_NS:
+            stamp_ns, _, ready = heapq.heappop(waiting)
+            if last_ns is None or stamp_ns > last_ns:
+                last_ns = stamp_ns
+                yield ready
+    while waiting:
+        stamp_ns, _, ready = heapq.heappop(waiting)
+        if last_ns is None or stamp_ns > last_ns:
+            last_ns = stamp_ns
+            yield ready
+
+
+class BagRecording:
+    """Fulfils `supermap_cli.protocols.Recording` for every container that `open_storage` can read."""
+
+    def __init__(self, opened: OpenedRecording) -> None:
+        if opened.problems:
+            raise opened.problems[0]
+        if opened.rig is None:
+            raise ValueError("a recording without problems has a rig")
+        self._opened = opened
+        self._camera_frames = CameraFrames(opened, opened.rig)
+
+    @property
+    def path(self) -> Path:
+        """The file or folder."""
+        return self._opened.path
+
+    @property
+    def start_ns(self) -> int:
+        """Sensor time of the window's start."""
+        return self._opened.window.start_ns
+
+    @property
+    def end_ns(self) -> int:
+        """Sensor time of the window's end."""
+        return self._opened.window.end_ns
+
+    @property
+    def streams(self) -> frozenset[str]:
+        """Which of "color", "depth", "lidar", "imu", "poses", "detections", "masks" there are."""
+        roles = {"color", "depth", "lidar", "detections", "masks"} & self._opened.plan.choices.keys()
+        if self._opened.pose_source is not None:
+            roles.add("poses")
+        if self._imu_topic() is not None:
+            roles.add("imu")
+        return frozenset(roles)
+
+    @property
+    def base_frame(self) -> str:
+        """The frame that poses move, as named in the recording."""
+        return self._opened.base_frame
+
+    @property
+    def warnings(self) -> Sequence[str]:
+        """What was mended or left out while opening and reading so far, one line each."""
+        return self._opened.notes.lines
+
+    def fingerprint(self) -> str:
+        """Hex digest of the files' sizes, their first and last 256 KiB, what is in them, and the window."""
+        digest = hashlib.sha256()
+        for path in storage_files(self.path):
+            size = path.stat().st_size
+            with path.open("rb") as file:
+                digest.update(f"{size}\n".encode() + file.read(_FINGERPRINT_BYTES))
+                file.seek(max(0, size - _FINGERPRINT_BYTES))
+                digest.update(file.read(_FINGERPRINT_BYTES))
+        for channel in self._opened.storage.channels:
+            digest.update(f"{channel.topic} {channel.msgtype} {channel.count}\n".encode())
+        digest.update(f"{self.start_ns} {self.end_ns}".encode())
+        return digest.hexdigest()
+
+    def frame_stamps_ns(self) -> IntArray:
+        """(n,) int64 stamps of all usable colour frames, ascending, without decoding any image."""
+        return self._camera_frames.stamps_ns()
+
+    def frames(self, selected: Callable[[int], bool] | None = None) -> Iterator[CameraFrame]:
+        """Camera frames in order; `selected` is asked about all stamps, ascending, before any image is decoded."""
+        return self._camera_frames.frames(selected)
+
+    def poses(self) -> Iterator[StampedPose]:
+        """The recorded odometry, `T_odom_base`. Raises `RecordingError` where there is none, or none that is finite."""
+        if self._opened.pose_source is None:
+            raise no_poses(str(self.path))
+        return in_order(recorded_poses(self._opened, self._opened.pose_source))
+
+    def sweeps(self) -> Iterator[Sweep]:
+        """LiDAR sweeps, points finite, in the LiDAR's frame; nothing where there is no LiDAR."""
+        lidar = self._opened.plan.topic("lidar")
+        return iter(()) if lidar is None else in_order(self._sweeps(lidar))
+
+    def imu(self) -> Iterator[ImuSample]:
+        """IMU samples turned into the base frame; nothing where there is none, or none that TF places."""
+        topic = self._imu_topic()
+        return iter(()) if topic is None else in_order(self._imu(topic))
+
+    def detection_stamps_ns(self) -> IntArray:
+        """(n,) int64 stamps of the images that recorded detections belong to (`header.stamp`), ascending."""
+        topic = self._opened.plan.topic("detections")
+        if topic is None:
+            return np.zeros(0, np.int64)
+        decode, window = self._opened.decoder.decode, self._opened.window
+        stamps = {messages.peek_stamp_ns(raw, decode) for raw in self._messages([topic.name], _LATE_NS)}
+        return np.array(sorted(stamp for stamp in stamps if window.holds(stamp)), np.int64)
+
+    def detections(self) -> Iterator[Detections]:
+        """Recorded detections with their masks, in the order of their images' stamps."""
+        return join_masks(self._detection_arrivals(), _LATE_NS)
+
+    def _messages(self, topics: Sequence[str], margin_ns: int) -> Iterator[RawMessage]:
+        return self._opened.storage.messages(topics, *self._opened.window.log_range(margin_ns))
+
+    def _sweeps(self, lidar: Topic) -> Iterator[Sweep]:
+        opened = self._opened
+        transforms = opened.transforms(opened.base_frame, {lidar.frame_id})
+        left_out = 0
+        for raw in self._messages([lidar.name], MARGIN_NS):
+            place = opened.place(lidar.name, raw.log_ns + opened.window.offset_ns)
+            try:
+                read = read_points(raw, opened.decoder)
+            except ValueError as error:
+                raise RecordingError(
+                    str(error), where=place, cure="name another LiDAR topic with --topic lidar=/..."
+                ) from error
+            if read.foreign_clock:
+                opened.notes.note("clock of points", f"{place}: point times are of another clock, taken as relative")
+            T_base_lidar = transforms.lookup(opened.base_frame, lidar.frame_id, read.stamp_ns)
+            if T_base_lidar is None:
+                left_out += 1
+                opened.notes.note(
+                    "sweeps", f"{place}: TF does not place {lidar.frame_id!r}; {left_out} sweep(s) left out"
+                )
+            elif opened.window.holds(read.stamp_ns, MARGIN_NS):
+                yield Sweep(read.stamp_ns, read.frame_id, read.points, read.point_stamps_ns, T_base_lidar)
+
+    def _imu_topic(self) -> Topic | None:
+        """The IMU, if TF says how it is turned against the base."""
+        topic = self._opened.plan.topic("imu")
+        if topic is None:
+            return None
+        try:
+            if self._opened.tree.connects(self._opened.base_frame, topic.frame_id):
+                return topic
+        except CalibrationError:
+            return None
+        self._opened.notes.note(
+            "imu",
+            f"{self.path}, {topic.name}: TF does not connect {topic.frame_id!r} with the base, the IMU is left out",
+        )
+        return None
+
+    def _imu(self, topic: Topic) -> Iterator[ImuSample]:
+        opened = self._opened
+        transforms = opened.transforms(opened.base_frame, {topic.frame_id})
+        for raw in self._messages([topic.name], MARGIN_NS):
+            sample = messages.read_imu(opened.decoder.decode(raw), raw.log_ns)
+            T_base_imu = transforms.lookup(opened.base_frame, topic.frame_id, sample.stamp_ns)
+            finite = np.isfinite(sample.angular_rate).all() and np.isfinite(sample.specific_force).all()
+            if T_base_imu is not None and finite and opened.window.holds(sample.stamp_ns, MARGIN_NS):
+                R = T_base_imu[:3, :3]
+                yield ImuSample(sample.stamp_ns, R @ sample.angular_rate, R @ sample.specific_force)
+
+    def _detection_arrivals(self) -> Iterator[DetectionArrival]:
+        plan, opened = self._opened.plan, self._opened
+        arrays, masks = plan.topic("detections"), plan.topic("masks")
+        if arrays is None:
+            return
+        names = [arrays.name] if masks is None else [arrays.name, masks.name]
+        for raw in self._messages(names, _LATE_NS):
+            stamp_ns = messages.peek_stamp_ns(raw, opened.decoder.decode)
+            if not opened.window.holds(stamp_ns):
+                continue
+            arrived_ns, message = raw.log_ns + opened.window.offset_ns, opened.decoder.decode(raw)
+            if raw.channel.topic == arrays.name:
+                yield DetectionArrival(stamp_ns, arrived_ns, detections=read_detections(message, stamp_ns))
+                continue
+            place = opened.place(raw.channel.topic, stamp_ns)
+            try:
+                numbers = decode_numbers(messages.read_image(message, raw.log_ns))
+            except ValueError as error:
+                opened.notes.note("masks", f"{place}: {error}, left out")
+                continue
+            except RecordingError as error:
+                raise RecordingError(error.what, where=place, cure=error.cure) from error
+            yield DetectionArrival(stamp_ns, arrived_ns, numbers=numbers)

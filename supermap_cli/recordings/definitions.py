@@ -1,0 +1,37 @@
+"""Message definitions for recordings that came without any (older `.db3`): packages outside of the ROS distributions.
+
+Sources: vision_msgs 4.x (github.com/ros-perception/vision_msgs), livox_ros_driver, livox_ros_driver2, livox_interfaces.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+_VISION = {
+    "Point2D": "float64 x\nfloat64 y\n",
+    "Pose2D": "vision_msgs/Point2D position\nfloat64 theta\n",
+    "BoundingBox2D": "vision_msgs/Pose2D center\nfloat64 size_x\nfloat64 size_y\n",
+    "ObjectHypothesis": "string class_id\nfloat64 score\n",
+    "ObjectHypothesisWithPose": "vision_msgs/ObjectHypothesis hypothesis\ngeometry_msgs/PoseWithCovariance pose\n",
+    "Detection2D": (
+        "std_msgs/Header header\nvision_msgs/ObjectHypothesisWithPose[] results\n"
+        "vision_msgs/BoundingBox2D bbox\nstring id\n"
+    ),
+    "Detection2DArray": "std_msgs/Header header\nvision_msgs/Detection2D[] detections\n",
+}
+
+_LIVOX = {
+    "CustomPoint": "uint32 offset_time\nfloat32 x\nfloat32 y\nfloat32 z\nuint8 reflectivity\nuint8 tag\nuint8 line\n",
+    "CustomMsg": (
+        "std_msgs/Header header\nuint64 timebase\nuint32 point_num\nuint8 lidar_id\nuint8[3] rsvd\n"
+        "CustomPoint[] points\n"
+    ),
+}
+
+LIVOX_PACKAGES = ("livox_ros_driver", "livox_ros_driver2", "livox_interfaces")
+
+FALLBACK_DEFINITIONS: Mapping[str, Mapping[str, str]] = {
+    "vision_msgs": _VISION,
+    **dict.fromkeys(LIVOX_PACKAGES, _LIVOX),
+}
+"""Package name to its messages' texts."""

@@ -1,0 +1,186 @@
+"""Decoding of images: colour to RGB, depth to metres, instance masks to numbers.
+
+Sources: sensor_msgs/image_encodings.h (Image), image_transport_plugins (CompressedImage, compressedDepth).
+"""
+
+from __future__ import annotations
+
+import struct
+from typing import Any, NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from supermap_cli.errors import RecordingError
+from supermap_cli.geometry.arrays import Float32Array, UInt8Array, UInt16Array
+from supermap_cli.recordings.messages import ImageMessage
+from supermap_cli.recordings.rvl import decode_rvl
+
+_PNG = b"\x89PNG"
+_DEPTH_HEADER = struct.Struct("<iff")
+_RVL_SIZE = struct.Struct("<ii")
+
+
+class _Layout(NamedTuple):
+    """How an encoding lies in memory, and the OpenCV conversion to RGB (`None`: it is RGB)."""
+
+    dtype: str
+    channels: int
+    to_rgb: int | None
+
+
+_COLOR = {
+    "rgb8": _Layout("u1", 3, None),
+    "bgr8": _Layout("u1", 3, cv2.COLOR_BGR2RGB),
+    "8UC3": _Layout("u1", 3, cv2.COLOR_BGR2RGB),
+    "rgba8": _Layout("u1", 4, cv2.COLOR_RGBA2RGB),
+    "bgra8": _Layout("u1", 4, cv2.COLOR_BGRA2RGB),
+    "8UC4": _Layout("u1", 4, cv2.COLOR_BGRA2RGB),
+    "mono8": _Layout("u1", 1, cv2.COLOR_GRAY2RGB),
+    "8UC1": _Layout("u1", 1, cv2.COLOR_GRAY2RGB),
+    "mono16": _Layout("u2", 1, cv2.COLOR_GRAY2RGB),
+    "rgb16": _Layout("u2", 3, None),
+    "bgr16": _Layout("u2", 3, cv2.COLOR_BGR2RGB),
+    "yuv422": _Layout("u1", 2, cv2.COLOR_YUV2RGB_UYVY),
+    "uyvy": _Layout("u1", 2, cv2.COLOR_YUV2RGB_UYVY),
+    "yuv422_yuy2": _Layout("u1", 2, cv2.COLOR_YUV2RGB_YUY2),
+    "yuyv": _Layout("u1", 2, cv2.COLOR_YUV2RGB_YUY2),
+    "bayer_rggb8": _Layout("u1", 1, cv2.COLOR_BayerRGGB2RGB),
+    "bayer_bggr8": _Layout("u1", 1, cv2.COLOR_BayerBGGR2RGB),
+    "bayer_gbrg8": _Layout("u1", 1, cv2.COLOR_BayerGBRG2RGB),
+    "bayer_grbg8": _Layout("u1", 1, cv2.COLOR_BayerGRBG2RGB),
+}
+_FLOAT_DEPTH = {"32FC1": "f4", "64FC1": "f8"}
+
+COLOR_ENCODINGS = (*_COLOR, "jpeg", "png")
+DEPTH_ENCODINGS = ("16UC1", "32FC1", "mono16", "64FC1", "compressedDepth (png, rvl)", "png")
+
+
+def is_depth_encoding(image: ImageMessage) -> bool:
+    """Whether an image's encoding can only be depth (mono16 and png could be either)."""
+    encoding = image.encoding.partition(";")[0].strip()
+    return "compressedDepth" in image.encoding or encoding in {"16UC1", "32FC1", "64FC1"}
+
+
+def unknown_encoding(image: ImageMessage, known: tuple[str, ...]) -> RecordingError:
+    """The error for an encoding nobody here reads; the caller adds where it was."""
+    return RecordingError(
+        f"unknown image encoding {image.encoding!r}",
+        cure=f"re-record or convert it to one of {', '.join(known)}, or name another topic",
+    )
+
+
+def decode_color(image: ImageMessage) -> UInt8Array:
+    """(h, w, 3) uint8 RGB. Raises `RecordingError` for an unknown encoding, `ValueError` for broken data."""
+    if image.compressed:
+        return _decode_compressed_color(image)
+    layout = _COLOR.get(image.encoding)
+    if layout is None:
+        raise unknown_encoding(image, COLOR_ENCODINGS)
+    pixels = _pixels(image, layout.dtype, layout.channels)
+    if layout.dtype == "u2":
+        pixels = (pixels >> 8).astype(np.uint8)
+    if layout.to_rgb is not None:
+        pixels = np.asarray(cv2.cvtColor(np.ascontiguousarray(pixels), layout.to_rgb))
+    return np.ascontiguousarray(pixels)
+
+
+def _decode_compressed_color(image: ImageMessage) -> UInt8Array:
+    data = np.frombuffer(image.data, np.uint8)
+    bgr = cv2.imdecode(data, cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION) if len(data) else None
+    if bgr is None:
+        if not any(known in image.encoding.lower() for known in ("jpeg", "jpg", "png")):
+            raise unknown_encoding(image, COLOR_ENCODINGS)
+        raise ValueError("a compressed image that cannot be decoded")
+    return np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB), np.uint8)
+
+
+def decode_depth(image: ImageMessage) -> Float32Array:
+    """(h, w) float32 metres, 0 = no return.
+
+    Raises `RecordingError` for an unknown encoding, `ValueError` for broken data.
+    """
+    if image.compressed:
+        return _decode_compressed_depth(image)
+    if image.encoding in {"16UC1", "mono16"}:
+        return _millimetres(_pixels(image, "u2", 1))
+    if image.encoding in _FLOAT_DEPTH:
+        return _returns(_pixels(image, _FLOAT_DEPTH[image.encoding], 1))
+    raise unknown_encoding(image, DEPTH_ENCODINGS)
+
+
+def _millimetres(raw: NDArray[np.unsignedinteger]) -> Float32Array:
+    metres: Float32Array = np.multiply(raw, np.float32(1e-3), dtype=np.float32)
+    return metres
+
+
+def _returns(depth_m: NDArray[np.floating]) -> Float32Array:
+    """Non-finite and negative depth is no return: 0."""
+    return np.where(np.isfinite(depth_m) & (depth_m > 0), depth_m, 0).astype(np.float32, copy=False)
+
+
+def decode_numbers(image: ImageMessage) -> UInt16Array:
+    """(h, w) uint16 of an instance mask image (16UC1, mono16, mono8 or 8UC1; raw or PNG)."""
+    if image.compressed:
+        return _decode_png16(image).astype(np.uint16)
+    dtype = {"16UC1": "u2", "mono16": "u2", "8UC1": "u1", "mono8": "u1"}.get(image.encoding)
+    if dtype is None:
+        raise unknown_encoding(image, ("16UC1", "mono16", "mono8", "8UC1"))
+    return _pixels(image, dtype, 1).astype(np.uint16)
+
+
+def _pixels(image: ImageMessage, dtype: str, channels: int) -> NDArray[Any]:
+    """The rows without their padding, (h, w) or (h, w, channels), in the machine's byte order."""
+    kind = np.dtype(dtype).newbyteorder(">" if image.big_endian else "<")
+    row = image.width * channels * kind.itemsize
+    step = image.step or row
+    if step < row or len(image.data) < step * (image.height - 1) + row:
+        raise ValueError(
+            f"{len(image.data)} bytes do not hold {image.width} x {image.height} {image.encoding} rows of {step} bytes"
+        )
+    padded = np.zeros(step * image.height, np.uint8)
+    data = np.frombuffer(image.data, np.uint8)[: len(padded)]
+    rows = data if len(data) == len(padded) else padded
+    if rows is padded:
+        padded[: len(data)] = data
+    packed = np.ascontiguousarray(rows.reshape(image.height, step)[:, :row]).view(kind)
+    shaped = packed.reshape((image.height, image.width) if channels == 1 else (image.height, image.width, channels))
+    return shaped.astype(kind.newbyteorder("="), copy=False)
+
+
+def _decode_compressed_depth(image: ImageMessage) -> Float32Array:
+    """A CompressedImage of depth: plain 16-bit PNG (mm), or compressedDepth with its 12-byte ConfigHeader.
+
+    Inverse quantisation of 32FC1: depth = depthParam[0] / (raw - depthParam[1])  (compressed_depth_image_transport).
+    """
+    if "compressedDepth" not in image.encoding or bytes(image.data[:4]) == _PNG:
+        return _millimetres(_decode_png16(image))
+    if len(image.data) <= _DEPTH_HEADER.size:
+        raise ValueError("a compressedDepth image without content")
+    _, a, b = _DEPTH_HEADER.unpack_from(image.data)
+    body = image.data[_DEPTH_HEADER.size :]
+    raw = _decode_png16(image, body) if bytes(body[:4]) == _PNG else _decode_rvl_image(image, body)
+    if not image.encoding.strip().startswith("32FC1"):
+        return _millimetres(raw)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return _returns(np.where(raw > 0, np.float32(a) / (raw.astype(np.float32) - np.float32(b)), np.float32(0)))
+
+
+def _decode_rvl_image(image: ImageMessage, body: bytes | memoryview) -> UInt16Array:
+    if "rvl" not in image.encoding.lower() or len(body) < _RVL_SIZE.size:
+        raise unknown_encoding(image, DEPTH_ENCODINGS)
+    width, height = _RVL_SIZE.unpack_from(body)
+    if not (0 < width <= 1 << 14 and 0 < height <= 1 << 14):
+        raise ValueError(f"an RVL image of {width} x {height} pixels")
+    return decode_rvl(body[_RVL_SIZE.size :], width * height).reshape(height, width)
+
+
+def _decode_png16(image: ImageMessage, body: bytes | memoryview | None = None) -> NDArray[np.unsignedinteger]:
+    data = np.frombuffer(image.data if body is None else body, np.uint8)
+    pixels: NDArray[Any] | None = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if len(data) else None
+    if pixels is None:
+        raise ValueError("a PNG that cannot be decoded")
+    if pixels.ndim != 2 or pixels.dtype not in {np.dtype(np.uint8), np.dtype(np.uint16)}:
+        raise ValueError(f"a PNG of {pixels.dtype} with shape {pixels.shape} where one 16-bit channel was expected")
+    return pixels

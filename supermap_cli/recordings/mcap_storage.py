@@ -1,0 +1,356 @@
+"""MCAP files (https://mcap.dev/spec), by their index where there is one and by a scan where there is none.
+
+A file that was cut off (no footer, the last chunk incomplete) is read up to the cut.
+"""
+
+from __future__ import annotations
+
+import io
+import struct
+from collections import Counter
+from collections.abc import Callable, Collection, Iterable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import BinaryIO
+
+import lz4.frame
+import zstandard
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
+from mcap.opcode import Opcode
+from mcap.reader import SeekingReader
+from mcap.records import Channel as McapChannel
+from mcap.records import Schema
+from mcap.summary import Summary
+
+from supermap_cli.errors import RecordingError
+from supermap_cli.recordings.notes import Notes
+from supermap_cli.recordings.storage import Channel, RawMessage, merge_lazily
+
+MAGIC = b"\x89MCAP0\r\n"
+
+_RECORD = struct.Struct("<BQ")
+_MESSAGE = struct.Struct("<HIQQ")
+_CHUNK = struct.Struct("<QQQII")
+_MESSAGE_INDEX = struct.Struct("<HI")
+_LOOSE_BLOCK_BYTES = 4 << 20
+
+
+@dataclass(frozen=True)
+class _Block:
+    """A stretch of the file that holds records: a chunk's content, or records that stand outside of any chunk.
+
+    `channel_ids` is `None` where it is not known which channels are in it; `indexes` holds (channel, offset) of its
+    message index records, if it has any.
+    """
+
+    offset: int
+    size: int
+    compression: str
+    start_ns: int
+    end_ns: int
+    channel_ids: frozenset[int] | None
+    indexes: tuple[tuple[int, int], ...] = ()
+
+
+class McapStorage:
+    """One MCAP file. Each stream opens the file anew and holds one chunk at a time (more where chunks overlap)."""
+
+    def __init__(self, path: Path, notes: Notes) -> None:
+        self._path = path
+        self._notes = notes
+        with path.open("rb") as file:
+            index = _index_from_summary(file) or _Scan(file, path, notes)
+        self._blocks = index.blocks
+        self._channels = {
+            number: _channel(each, index.schemas.get(each.schema_id), index.counts.get(number, 0))
+            for number, each in index.channels.items()
+        }
+        merged: dict[tuple[str, str], list[Channel]] = {}
+        for channel in self._channels.values():
+            merged.setdefault((channel.topic, channel.msgtype), []).append(channel)
+        self.channels = tuple(_merge(merged[key]) for key in sorted(merged))
+        self.start_ns = min((each.start_ns for each in self._blocks), default=0)
+        self.end_ns = max((each.end_ns for each in self._blocks), default=0)
+
+    def messages(
+        self, topics: Collection[str], start_ns: int | None = None, end_ns: int | None = None
+    ) -> Iterator[RawMessage]:
+        """See `Storage.messages`."""
+        wanted, first, beyond, blocks = self._selection(topics, start_ns, end_ns)
+        with self._path.open("rb") as file:
+
+            def reader(block: _Block) -> Callable[[], Iterable[RawMessage]]:
+                return lambda: self._read_block(file, block, wanted, first, beyond)
+
+            yield from merge_lazily((block.start_ns, reader(block)) for block in blocks)
+
+    def log_times(
+        self, topics: Collection[str], start_ns: int | None = None, end_ns: int | None = None
+    ) -> Iterator[tuple[str, int]]:
+        """See `Storage.log_times`."""
+        wanted, first, beyond, blocks = self._selection(topics, start_ns, end_ns)
+        with self._path.open("rb") as file:
+            for block in sorted(blocks, key=lambda block: block.start_ns):
+                if not block.indexes:
+                    found = self._read_block(file, block, wanted, first, beyond)
+                    yield from ((message.channel.topic, message.log_ns) for message in found)
+                for number, offset in block.indexes:
+                    if number in wanted:
+                        times = _indexed_times(file, offset)
+                        yield from ((wanted[number].topic, time) for time in times if first <= time < beyond)
+
+    def _selection(
+        self, topics: Collection[str], start_ns: int | None, end_ns: int | None
+    ) -> tuple[dict[int, Channel], int, int, list[_Block]]:
+        """The wanted channels, the bounds of time, and the blocks that may hold such messages."""
+        first = self.start_ns if start_ns is None else start_ns
+        beyond = self.end_ns + 1 if end_ns is None else end_ns
+        wanted = {number: each for number, each in self._channels.items() if each.topic in topics}
+        blocks = [
+            block
+            for block in self._blocks
+            if block.end_ns >= first
+            and block.start_ns < beyond
+            and (block.channel_ids is None or not block.channel_ids.isdisjoint(wanted))
+        ]
+        return wanted, first, beyond, blocks
+
+    def _read_block(
+        self, file: BinaryIO, block: _Block, wanted: dict[int, Channel], first: int, beyond: int
+    ) -> list[RawMessage]:
+        try:
+            records = memoryview(_content(file, block))
+        except (zstandard.ZstdError, RuntimeError, ValueError) as error:
+            self._notes.note(
+                f"chunk {block.offset}",
+                f"{self._path}: the chunk at byte {block.offset} is damaged, left out ({error})",
+            )
+            return []
+        found = []
+        for opcode, start, end in _walk(records):
+            if opcode == Opcode.MESSAGE:
+                number, _, log_ns, _ = _MESSAGE.unpack_from(records, start)
+                if number in wanted and first <= log_ns < beyond:
+                    found.append(RawMessage(wanted[number], log_ns, records[start + _MESSAGE.size : end]))
+        found.sort(key=lambda message: message.log_ns)
+        return found
+
+
+def _merge(channels: list[Channel]) -> Channel:
+    first = channels[0]
+    total = sum(each.count for each in channels)
+    return Channel(first.topic, first.msgtype, first.serialization, first.definition, first.definition_format, total)
+
+
+def _channel(channel: McapChannel, schema: Schema | None, count: int) -> Channel:
+    name, form, definition = ("", "", b"") if schema is None else (schema.name, schema.encoding, schema.data)
+    if form == "ros1msg" and "/msg/" not in name:
+        name = name.replace("/", "/msg/", 1)
+    return Channel(channel.topic, name, channel.message_encoding, definition, form, count)
+
+
+def _content(file: BinaryIO, block: _Block) -> bytes:
+    """The records of a block, unpacked; as many as there are where the block is cut off."""
+    file.seek(block.offset)
+    packed = file.read(block.size)
+    if block.compression == "zstd":
+        return zstandard.ZstdDecompressor().decompressobj().decompress(packed)
+    if block.compression == "lz4":
+        unpacked: bytes = lz4.frame.LZ4FrameDecompressor().decompress(packed)
+        return unpacked
+    if block.compression:
+        raise ValueError(f"unknown compression {block.compression!r}")
+    return packed
+
+
+def _indexed_times(file: BinaryIO, offset: int) -> list[int]:
+    """The log times of one message index record, ascending."""
+    file.seek(offset + _RECORD.size)
+    _, size = _MESSAGE_INDEX.unpack(file.read(_MESSAGE_INDEX.size))
+    pairs = file.read(size)
+    return sorted(struct.unpack(f"<{len(pairs) // 8}Q", pairs)[::2])
+
+
+def _walk(records: bytes | memoryview) -> Iterator[tuple[int, int, int]]:
+    """(opcode, start, end) of every whole record."""
+    position, size = 0, len(records)
+    while position + _RECORD.size <= size:
+        opcode, length = _RECORD.unpack_from(records, position)
+        start = position + _RECORD.size
+        position = start + length
+        if position > size:
+            return
+        yield opcode, start, position
+
+
+@dataclass(frozen=True)
+class _Index:
+    """Where everything is."""
+
+    schemas: dict[int, Schema]
+    channels: dict[int, McapChannel]
+    counts: dict[int, int]
+    blocks: list[_Block]
+
+
+def _index_from_summary(file: BinaryIO) -> _Index | None:
+    """The index at the file's end, if it is there and complete."""
+    summary = _summary(file)
+    if summary is None or summary.statistics is None or not summary.channels:
+        return None
+    if len(summary.chunk_indexes) != summary.statistics.chunk_count or not summary.chunk_indexes:
+        return None
+    if any(each.schema_id and each.schema_id not in summary.schemas for each in summary.channels.values()):
+        return None
+    blocks = [
+        _Block(
+            offset=each.chunk_start_offset + _RECORD.size + _CHUNK.size + len(each.compression) + 8,
+            size=each.compressed_size,
+            compression=each.compression,
+            start_ns=each.message_start_time,
+            end_ns=each.message_end_time,
+            channel_ids=frozenset(each.message_index_offsets) or None,
+            indexes=tuple(each.message_index_offsets.items()),
+        )
+        for each in summary.chunk_indexes
+        if each.message_end_time
+    ]
+    return _Index(summary.schemas, summary.channels, summary.statistics.channel_message_counts, blocks)
+
+
+def _ends_properly(file: BinaryIO) -> bool:
+    """Whether the closing magic is there."""
+    if file.seek(0, 2) < 2 * len(MAGIC):
+        return False
+    file.seek(-len(MAGIC), 2)
+    return file.read() == MAGIC
+
+
+def _summary(file: BinaryIO) -> Summary | None:
+    if not _ends_properly(file):
+        return None
+    file.seek(0)
+    try:
+        return SeekingReader(file).get_summary()
+    except (McapError, struct.error, ValueError, EOFError):
+        return None
+
+
+class _Scan:
+    """The index of a file without one, found by walking over its records; chunks are opened only to learn channels."""
+
+    def __init__(self, file: BinaryIO, path: Path, notes: Notes) -> None:
+        self.schemas: dict[int, Schema] = {}
+        self.channels: dict[int, McapChannel] = {}
+        self.counts: Counter[int] = Counter()
+        self.blocks: list[_Block] = []
+        self._file = file
+        self._size = path.stat().st_size
+        self._chunk: _Block | None = None
+        self._chunk_indexes: dict[int, tuple[int, int]] = {}
+        self._loose: list[tuple[int, int, int, int]] = []
+        whole = self._walk_file()
+        if not whole:
+            self._chunk_indexes.clear()
+        self._close_chunk()
+        self._close_loose()
+        if not self.blocks:
+            what = "no messages in the recording" if whole else "the file is cut off before its first message"
+            raise RecordingError(what, where=str(path), cure="record or copy it again")
+        if not whole:
+            notes.note("cut", f"{path}: the file is cut off, it is read up to the cut at byte {self._size}")
+        elif not _ends_properly(file):
+            notes.note("cut", f"{path}: the file is cut off behind its messages (no footer), all of them are read")
+
+    def _walk_file(self) -> bool:
+        """Visit every record; False if the file ends before its data does."""
+        position = len(MAGIC)
+        while position + _RECORD.size <= self._size:
+            self._file.seek(position)
+            opcode, length = _RECORD.unpack(self._file.read(_RECORD.size))
+            if opcode in {Opcode.DATA_END, Opcode.FOOTER}:
+                return True
+            start, position = position + _RECORD.size, position + _RECORD.size + length
+            if position > self._size and opcode != Opcode.CHUNK:
+                return False
+            self._visit(opcode, start, min(position, self._size))
+        return False
+
+    def _visit(self, opcode: int, start: int, end: int) -> None:
+        if opcode == Opcode.CHUNK:
+            self._visit_chunk(start, end)
+        elif opcode == Opcode.MESSAGE_INDEX:
+            self._file.seek(start)
+            number, size = _MESSAGE_INDEX.unpack(self._file.read(_MESSAGE_INDEX.size))
+            if size:
+                self._chunk_indexes[number] = (start - _RECORD.size, size // 16)
+        elif opcode == Opcode.MESSAGE:
+            self._file.seek(start)
+            number, _, log_ns, _ = _MESSAGE.unpack(self._file.read(_MESSAGE.size))
+            self._visit_loose(number, log_ns, start - _RECORD.size, end)
+        elif opcode in {Opcode.SCHEMA, Opcode.CHANNEL}:
+            self._file.seek(start)
+            self._learn(opcode, self._file.read(end - start))
+
+    def _visit_chunk(self, start: int, end: int) -> None:
+        self._close_chunk()
+        self._file.seek(start)
+        head = self._file.read(_CHUNK.size)
+        if len(head) < _CHUNK.size:
+            return
+        start_ns, end_ns, _, _, name_length = _CHUNK.unpack(head)
+        compression = self._file.read(name_length).decode(errors="replace")
+        offset = start + _CHUNK.size + name_length + 8
+        if end > offset:
+            self._chunk = _Block(offset, end - offset, compression, start_ns, end_ns, None)
+
+    def _close_chunk(self) -> None:
+        """Take the chunk in; without a message index behind it, or with unknown channels in it, it has to be read."""
+        if (block := self._chunk) is None:
+            return
+        found, self._chunk, self._chunk_indexes = self._chunk_indexes, None, {}
+        counts = Counter({number: count for number, (_, count) in found.items()})
+        if not counts or not counts.keys() <= self.channels.keys():
+            counts = self._read_chunk(block)
+        if counts:
+            indexes = tuple((number, offset) for number, (offset, _) in found.items())
+            self.counts.update(counts)
+            self.blocks.append(replace(block, channel_ids=frozenset(counts), indexes=indexes))
+
+    def _read_chunk(self, block: _Block) -> Counter[int]:
+        counts: Counter[int] = Counter()
+        try:
+            records = _content(self._file, block)
+        except (zstandard.ZstdError, RuntimeError, ValueError):
+            return counts
+        for opcode, start, end in _walk(records):
+            if opcode == Opcode.MESSAGE:
+                counts[_MESSAGE.unpack_from(records, start)[0]] += 1
+            elif opcode in {Opcode.SCHEMA, Opcode.CHANNEL}:
+                self._learn(opcode, records[start:end])
+        return counts
+
+    def _visit_loose(self, number: int, log_ns: int, start: int, end: int) -> None:
+        self.counts[number] += 1
+        self._loose.append((start, end, log_ns, number))
+        if end - self._loose[0][0] > _LOOSE_BLOCK_BYTES:
+            self._close_loose()
+
+    def _close_loose(self) -> None:
+        if not self._loose:
+            return
+        first, last = self._loose[0][0], self._loose[-1][1]
+        times = [each[2] for each in self._loose]
+        numbers = frozenset(each[3] for each in self._loose)
+        self.blocks.append(_Block(first, last - first, "", min(times), max(times), numbers))
+        self._loose.clear()
+
+    def _learn(self, opcode: int, content: bytes) -> None:
+        stream = ReadDataStream(io.BytesIO(content))
+        if opcode == Opcode.SCHEMA:
+            schema = Schema.read(stream)
+            self.schemas[schema.id] = schema
+        else:
+            channel = McapChannel.read(stream)
+            self.channels[channel.id] = channel

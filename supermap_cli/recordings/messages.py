@@ -1,0 +1,229 @@
+"""Messages of all dialects (ROS 1, ROS 2, Foxglove) as plain values, by what they are and not where they come from."""
+
+from __future__ import annotations
+
+import base64
+import struct
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from supermap_cli.geometry.arrays import FloatArray
+from supermap_cli.geometry.se3 import make_transform, rotation_from_quaternion_xyzw
+from supermap_cli.recordings.decoding import message_fields
+from supermap_cli.recordings.definitions import LIVOX_PACKAGES
+from supermap_cli.recordings.storage import Channel, RawMessage
+
+Kind = Literal["image", "camera_info", "points", "imu", "pose", "transforms", "detections"]
+
+KINDS: dict[str, Kind] = {
+    "sensor_msgs/msg/Image": "image",
+    "sensor_msgs/msg/CompressedImage": "image",
+    "foxglove.RawImage": "image",
+    "foxglove.CompressedImage": "image",
+    "foxglove_msgs/msg/RawImage": "image",
+    "foxglove_msgs/msg/CompressedImage": "image",
+    "sensor_msgs/msg/CameraInfo": "camera_info",
+    "foxglove.CameraCalibration": "camera_info",
+    "foxglove_msgs/msg/CameraCalibration": "camera_info",
+    "sensor_msgs/msg/PointCloud2": "points",
+    "foxglove.PointCloud": "points",
+    "foxglove_msgs/msg/PointCloud": "points",
+    **{f"{package}/msg/CustomMsg": "points" for package in LIVOX_PACKAGES},
+    "sensor_msgs/msg/Imu": "imu",
+    "nav_msgs/msg/Odometry": "pose",
+    "geometry_msgs/msg/PoseStamped": "pose",
+    "geometry_msgs/msg/PoseWithCovarianceStamped": "pose",
+    "foxglove.PoseInFrame": "pose",
+    "foxglove_msgs/msg/PoseInFrame": "pose",
+    "tf2_msgs/msg/TFMessage": "transforms",
+    "tf/msg/tfMessage": "transforms",
+    "foxglove.FrameTransform": "transforms",
+    "foxglove.FrameTransforms": "transforms",
+    "foxglove_msgs/msg/FrameTransform": "transforms",
+    "foxglove_msgs/msg/FrameTransforms": "transforms",
+    "vision_msgs/msg/Detection2DArray": "detections",
+}
+"""What a message type is used for. All others are ignored."""
+
+
+@dataclass(frozen=True)
+class ImageMessage:
+    """An image before decoding. `step` is bytes a row (0: unpadded); compressed images do not say their size."""
+
+    stamp_ns: int
+    frame_id: str
+    encoding: str
+    data: bytes | memoryview
+    width: int = 0
+    height: int = 0
+    step: int = 0
+    big_endian: bool = False
+    compressed: bool = False
+
+
+@dataclass(frozen=True)
+class CalibrationMessage:
+    """A `sensor_msgs/CameraInfo`: K and R (3, 3), P (3, 4), the region of interest as (x, y, width, height)."""
+
+    stamp_ns: int
+    frame_id: str
+    width: int
+    height: int
+    model: str
+    D: tuple[float, ...]
+    K: FloatArray
+    P: FloatArray
+    binning: tuple[int, int]
+    roi: tuple[int, int, int, int]
+
+
+@dataclass(frozen=True)
+class PoseMessage:
+    """Where something is: `child_frame_id` is "" where the message does not say what. May be non-finite."""
+
+    stamp_ns: int
+    frame_id: str
+    child_frame_id: str
+    position: FloatArray
+    orientation_xyzw: FloatArray
+
+    def transform(self) -> FloatArray | None:
+        """`T_frame_child`; `None` for a pose that is not finite or has a zero quaternion."""
+        if not np.isfinite(self.position).all():
+            return None
+        try:
+            return make_transform(rotation_from_quaternion_xyzw(self.orientation_xyzw), self.position)
+        except ValueError:
+            return None
+
+
+@dataclass(frozen=True)
+class ImuMessage:
+    """Angular rate (rad/s) and specific force (m/s^2), (3,) each, in the sensor's own frame."""
+
+    stamp_ns: int
+    frame_id: str
+    angular_rate: FloatArray
+    specific_force: FloatArray
+
+
+def kind_of(channel: Channel) -> Kind | None:
+    """What a channel is used for; `None` for types nobody here reads."""
+    if channel.serialization in {"protobuf", "json"}:
+        return KINDS.get(channel.msgtype) if channel.msgtype.startswith("foxglove.") else None
+    return KINDS.get(channel.msgtype)
+
+
+def stamp_ns_of(time: Any) -> int:
+    """Nanoseconds of a ROS time (sec, nanosec), a Foxglove JSON time (sec, nsec) or a protobuf Timestamp."""
+    seconds = message_fields(time, "sec", "secs", "seconds")
+    return int(seconds) * 1_000_000_000 + int(message_fields(time, "nanosec", "nsec", "nsecs", "nanos"))
+
+
+def peek_stamp_ns(raw: RawMessage, decode: Callable[[RawMessage], Any]) -> int:
+    """The header's stamp, without decoding ROS messages (their header comes first); the log time where it is unset."""
+    channel, data = raw.channel, raw.data
+    if channel.serialization == "ros1":
+        seconds, nanoseconds = struct.unpack_from("<II", data, 4)
+    elif channel.serialization == "cdr" and not channel.msgtype.startswith("foxglove"):
+        seconds, nanoseconds = struct.unpack_from("<iI" if data[1] & 1 else ">iI", data, 4)
+    else:
+        return stamp_ns_of(decode(raw).timestamp) or raw.log_ns
+    return int(seconds) * 1_000_000_000 + int(nanoseconds) or raw.log_ns
+
+
+def header_of(message: Any, log_ns: int) -> tuple[int, str]:
+    """(stamp_ns, frame_id) of a ROS or Foxglove message; the log time where the stamp is unset."""
+    if hasattr(message, "header"):
+        return stamp_ns_of(message.header.stamp) or log_ns, str(message.header.frame_id).lstrip("/")
+    return stamp_ns_of(message.timestamp) or log_ns, str(getattr(message, "frame_id", "")).lstrip("/")
+
+
+def bytes_of(data: Any) -> bytes | memoryview:
+    """A message's byte array: numpy, bytes, or base64 in JSON."""
+    if isinstance(data, str):
+        return base64.b64decode(data)
+    if isinstance(data, np.ndarray):
+        return np.ascontiguousarray(data).data.cast("B")
+    return bytes(data)
+
+
+def read_image(message: Any, log_ns: int) -> ImageMessage:
+    """Of an Image, a CompressedImage, or Foxglove's RawImage and CompressedImage."""
+    stamp_ns, frame_id = header_of(message, log_ns)
+    data = bytes_of(message.data)
+    if not hasattr(message, "encoding"):
+        return ImageMessage(stamp_ns, frame_id, str(message.format), data, compressed=True)
+    return ImageMessage(
+        stamp_ns,
+        frame_id,
+        str(message.encoding),
+        data,
+        int(message.width),
+        int(message.height),
+        int(message.step),
+        bool(getattr(message, "is_bigendian", False)),
+    )
+
+
+def read_calibration(message: Any, log_ns: int) -> CalibrationMessage:
+    """Of a CameraInfo or Foxglove's CameraCalibration."""
+    stamp_ns, frame_id = header_of(message, log_ns)
+    region = getattr(message, "roi", None)
+    projection = np.array(message_fields(message, "p", "P"), np.float64)
+    intrinsics = np.array(message_fields(message, "k", "K"), np.float64)
+    return CalibrationMessage(
+        stamp_ns,
+        frame_id,
+        int(message.width),
+        int(message.height),
+        str(message.distortion_model),
+        tuple(float(each) for each in message_fields(message, "d", "D")),
+        intrinsics.reshape(3, 3) if intrinsics.size == 9 else np.zeros((3, 3)),
+        projection.reshape(3, 4) if projection.size == 12 else np.zeros((3, 4)),
+        (max(1, int(getattr(message, "binning_x", 1))), max(1, int(getattr(message, "binning_y", 1)))),
+        (int(region.x_offset), int(region.y_offset), int(region.width), int(region.height)) if region else (0, 0, 0, 0),
+    )
+
+
+def _xyz(vector: Any) -> FloatArray:
+    return np.array([float(vector.x), float(vector.y), float(vector.z)])
+
+
+def _xyzw(quaternion: Any) -> FloatArray:
+    return np.array([float(quaternion.x), float(quaternion.y), float(quaternion.z), float(quaternion.w)])
+
+
+def read_pose(message: Any, log_ns: int) -> PoseMessage:
+    """Of an Odometry, PoseStamped, PoseWithCovarianceStamped or Foxglove's PoseInFrame."""
+    stamp_ns, frame_id = header_of(message, log_ns)
+    pose = message.pose.pose if hasattr(message.pose, "pose") else message.pose
+    child = str(getattr(message, "child_frame_id", "")).lstrip("/")
+    return PoseMessage(stamp_ns, frame_id, child, _xyz(pose.position), _xyzw(pose.orientation))
+
+
+def read_transforms(message: Any, log_ns: int) -> Iterator[PoseMessage]:
+    """Of a TFMessage or Foxglove's FrameTransform and FrameTransforms."""
+    for each in getattr(message, "transforms", None) or ([message] if hasattr(message, "parent_frame_id") else []):
+        if hasattr(each, "parent_frame_id"):
+            yield PoseMessage(
+                stamp_ns_of(each.timestamp) or log_ns,
+                str(each.parent_frame_id).lstrip("/"),
+                str(each.child_frame_id).lstrip("/"),
+                _xyz(each.translation),
+                _xyzw(each.rotation),
+            )
+        else:
+            stamp_ns, frame_id = header_of(each, log_ns)
+            child = str(each.child_frame_id).lstrip("/")
+            motion = each.transform
+            yield PoseMessage(stamp_ns, frame_id, child, _xyz(motion.translation), _xyzw(motion.rotation))
+
+
+def read_imu(message: Any, log_ns: int) -> ImuMessage:
+    """Of a `sensor_msgs/Imu`."""
+    stamp_ns, frame_id = header_of(message, log_ns)
+    return ImuMessage(stamp_ns, frame_id, _xyz(message.angular_velocity), _xyz(message.linear_acceleration))

@@ -1,0 +1,198 @@
+"""Opening a recording: what is in it, which topic serves what, the TF tree, the rig, the window of time."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+
+from supermap_cli.errors import CalibrationError, ConfigError, RecordingError
+from supermap_cli.hookspecs import RecordingRequest
+from supermap_cli.recordings import messages
+from supermap_cli.recordings.decoding import Decoder
+from supermap_cli.recordings.messages import PoseMessage
+from supermap_cli.recordings.motion import PoseSource, find_base_frame, find_pose_source
+from supermap_cli.recordings.notes import Notes
+from supermap_cli.recordings.probing import Topic, probe_topics
+from supermap_cli.recordings.rig import Rig, RigBuilder, camera_frame
+from supermap_cli.recordings.storage import Storage, open_storage
+from supermap_cli.recordings.topics import TopicPlan, plan_topics
+from supermap_cli.recordings.transforms import MovingTransforms, TransformTree
+
+MARGIN_NS = 2_000_000_000
+"""How far poses, sweeps and IMU reach beyond the window."""
+
+_SKEWED_CLOCK_NS = 5_000_000_000
+_FIRST_TRANSFORMS = 2000
+
+
+@dataclass(frozen=True)
+class Window:
+    """The part of the recording to read, in sensor time [start_ns, end_ns]; sides the user did not set are `open`.
+
+    `offset_ns` is sensor time minus log time where the two clocks differ by seconds, else 0.
+    """
+
+    start_ns: int
+    end_ns: int
+    start_open: bool
+    end_open: bool
+    offset_ns: int
+
+    def log_range(self, margin_ns: int) -> tuple[int | None, int | None]:
+        """[start, end) in log time, widened by a margin on both sides; `None` on an open side."""
+        start_ns = None if self.start_open else self.start_ns - self.offset_ns - margin_ns
+        end_ns = None if self.end_open else self.end_ns - self.offset_ns + margin_ns + 1
+        return start_ns, end_ns
+
+    def holds(self, stamp_ns: int, margin_ns: int = 0) -> bool:
+        """Whether a stamp lies in the window, widened by a margin."""
+        return (self.start_open or stamp_ns >= self.start_ns - margin_ns) and (
+            self.end_open or stamp_ns <= self.end_ns + margin_ns
+        )
+
+
+@dataclass(frozen=True)
+class OpenedRecording:
+    """What is known once a recording is open, before any stream is read.
+
+    `problems` stand in the way of any build, the gravest first; `rig` is `None` where one of them concerns the cameras.
+    `motion_problem` says why there is no motion to be had from it.
+    """
+
+    path: Path
+    request: RecordingRequest
+    storage: Storage
+    decoder: Decoder
+    notes: Notes
+    topics: tuple[Topic, ...]
+    plan: TopicPlan
+    tree: TransformTree
+    pose_source: PoseSource | None
+    base_frame: str
+    rig: Rig | None
+    window: Window
+    problems: tuple[RecordingError, ...]
+    motion_problem: RecordingError | None
+
+    def place(self, topic: str, stamp_ns: int) -> str:
+        """File, topic and time (seconds from the first message, as --start counts) for errors and warnings."""
+        seconds = (stamp_ns - self.window.offset_ns - self.storage.start_ns) / 1e9
+        return f"{self.path}, {topic} at {seconds:.3f} s"
+
+    def transforms(self, base: str, sensors: Collection[str]) -> MovingTransforms:
+        """A fresh tree that moves along; the moving topics are left unread where base and sensors do not move."""
+        rigid = all(
+            base == sensor or (self.tree.connects(base, sensor) and self.tree.is_static(base, sensor))
+            for sensor in sensors
+        )
+        statics = _static_transforms(self.storage, self.decoder, self.topics)
+        return MovingTransforms(statics, (lambda: iter(())) if rigid else (lambda: self.moving_transforms(MARGIN_NS)))
+
+    def moving_transforms(self, margin_ns: int) -> Iterator[tuple[int, PoseMessage]]:
+        """(sensor time of arrival, transform) of the moving transforms in the window, in the order of log time."""
+        names = [topic.name for topic in self.topics if topic.kind == "transforms" and not _is_static(topic)]
+        start_ns, end_ns = self.window.log_range(margin_ns)
+        for raw in self.storage.messages(names, start_ns, end_ns):
+            for each in messages.read_transforms(self.decoder.decode(raw), raw.log_ns):
+                yield raw.log_ns + self.window.offset_ns, each
+
+
+def open_recording(path: Path, request: RecordingRequest) -> OpenedRecording:
+    """Open and understand a recording. Raises `RecordingError` only where not even `inspect` could say anything."""
+    notes = Notes()
+    storage = open_storage(path, notes)
+    where = str(path)
+    decoder = Decoder(where)
+    topics = probe_topics(storage, decoder)
+    if not any(channel.count for channel in storage.channels):
+        raise RecordingError("no messages in the recording", where=where, cure="record again")
+    if request.camera not in {None, "equirectangular"}:
+        raise ConfigError(f"unknown camera model {request.camera!r}", cure="only 'equirectangular' can be forced")
+    plan = plan_topics(topics, request.topics, where)
+    tree = _first_tree(storage, decoder, topics)
+    problems = list(plan.problems)
+    source, rig, base_frame = None, None, ""
+    try:
+        source = find_pose_source(plan, topics, tree, request.frames)
+        base_frame = find_base_frame(source, tree, _sensor_frame(plan), request.frames, notes)
+        if (color := plan.topic("color")) is not None and not problems:
+            rig = RigBuilder(plan, tree, request.camera, where=where).build(color, base_frame, source, notes)
+    except CalibrationError as error:
+        problems.append(CalibrationError(error.what, where=error.where or where, cure=error.cure))
+    return OpenedRecording(
+        path=path,
+        request=request,
+        storage=storage,
+        decoder=decoder,
+        notes=notes,
+        topics=topics,
+        plan=plan,
+        tree=tree,
+        pose_source=source,
+        base_frame=base_frame,
+        rig=rig,
+        window=_window(storage, plan, request, where, notes),
+        problems=tuple(problems),
+        motion_problem=no_poses(where) if source is None and not plan.serves("lidar") else None,
+    )
+
+
+def no_poses(where: str) -> RecordingError:
+    """The error for a recording that holds no motion."""
+    return RecordingError(
+        "no poses (no odometry, no odom -> base in TF, no pose topic)",
+        where=where,
+        cure="record an odometry topic or TF, name it with --topic odometry=/..., or record a LiDAR for LiDAR odometry",
+    )
+
+
+def _sensor_frame(plan: TopicPlan) -> str:
+    lidar = plan.topic("lidar")
+    return camera_frame(plan) or (lidar.frame_id if lidar else "")
+
+
+def _is_static(topic: Topic) -> bool:
+    return "static" in topic.name
+
+
+def _static_transforms(storage: Storage, decoder: Decoder, topics: tuple[Topic, ...]) -> Iterator[PoseMessage]:
+    names = [topic.name for topic in topics if topic.kind == "transforms" and _is_static(topic)]
+    for raw in storage.messages(names):
+        yield from messages.read_transforms(decoder.decode(raw), raw.log_ns)
+
+
+def _first_tree(storage: Storage, decoder: Decoder, topics: tuple[Topic, ...]) -> TransformTree:
+    """The tree's structure: all static transforms and the first of the moving ones."""
+    tree = TransformTree()
+    for each in _static_transforms(storage, decoder, topics):
+        tree.add(each, static=True)
+    names = [topic.name for topic in topics if topic.kind == "transforms" and not _is_static(topic)]
+    for raw in islice(storage.messages(names), _FIRST_TRANSFORMS):
+        for each in messages.read_transforms(decoder.decode(raw), raw.log_ns):
+            tree.add(each, static=False)
+    return tree
+
+
+def _window(storage: Storage, plan: TopicPlan, request: RecordingRequest, where: str, notes: Notes) -> Window:
+    """Seconds of `--start` and `--end` count from the first message, in log time; streams follow the sensors' clock."""
+    leading = next((topic for role in ("color", "lidar", "odometry") if (topic := plan.topic(role))), None)
+    offset_ns = leading.clock_offset_ns if leading else 0
+    if abs(offset_ns) < _SKEWED_CLOCK_NS:
+        offset_ns = 0
+    else:
+        notes.note(
+            "clock", f"{where}: sensor stamps are {offset_ns / 1e9:+.1f} s off the time of recording, stamps count"
+        )
+    first, last = storage.start_ns + offset_ns, storage.end_ns + offset_ns
+    start_ns = first if request.start_s is None else first + round(request.start_s * 1e9)
+    end_ns = last if request.end_s is None else first + round(request.end_s * 1e9) - 1
+    if start_ns > last or end_ns < max(first, start_ns):
+        raise RecordingError(
+            f"nothing between --start {request.start_s or 0:g} and --end "
+            f"{'the end' if request.end_s is None else f'{request.end_s:g}'}",
+            where=where,
+            cure=f"the recording lasts {(last - first) / 1e9:.1f} s",
+        )
+    return Window(start_ns, min(end_ns, last), request.start_s is None, request.end_s is None, offset_ns)

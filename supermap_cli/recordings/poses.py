@@ -1,0 +1,94 @@
+"""Recorded motion as `T_odom_base`: from an odometry or pose topic, or from the TF tree."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from supermap_cli.errors import RecordingError
+from supermap_cli.recordings import messages
+from supermap_cli.recordings.motion import PoseSource
+from supermap_cli.recordings.opening import MARGIN_NS, OpenedRecording
+from supermap_cli.recordings.probing import Topic
+from supermap_cli.types.sensing import StampedPose
+
+
+def recorded_poses(opened: OpenedRecording, source: PoseSource) -> Iterator[StampedPose]:
+    """Poses in the window and a little beyond it, in the order they were recorded.
+
+    Poses that are not finite are left out with a note. Raises `RecordingError` with the reasons if none is left.
+    """
+    losses = _Losses(opened, source.topic.name if source.topic else "TF")
+    if source.topic is None:
+        poses = _from_tree(opened, source, losses)
+    else:
+        poses = _from_topic(opened, source, source.topic, losses)
+    count = 0
+    for pose in poses:
+        if opened.window.holds(pose.stamp_ns, MARGIN_NS):
+            count += 1
+            yield pose
+    if not count:
+        raise RecordingError(
+            f"no usable poses in the window{losses.summary}",
+            where=f"{opened.path}, {source.description}",
+            cure="widen --start/--end, name another source with --topic odometry=/..., or record again",
+        )
+
+
+class _Losses:
+    """Counts poses that had to be left out and keeps the note on them."""
+
+    def __init__(self, opened: OpenedRecording, topic: str) -> None:
+        self._opened = opened
+        self._topic = topic
+        self._counts: dict[str, int] = {}
+        self._first_ns: dict[str, int] = {}
+
+    def add(self, why: str, stamp_ns: int) -> None:
+        """One more pose left out."""
+        self._counts[why] = self._counts.get(why, 0) + 1
+        place = self._opened.place(self._topic, self._first_ns.setdefault(why, stamp_ns))
+        self._opened.notes.note(f"poses {why}", f"{place}: {why}, {self._counts[why]} pose(s) left out")
+
+    @property
+    def summary(self) -> str:
+        """What was left out and why, to end an error's sentence; "" for nothing."""
+        counts = ", ".join(f"{count} left out ({why})" for why, count in self._counts.items())
+        return f": {'all ' if len(self._counts) == 1 else ''}{counts}" if counts else ""
+
+
+def _from_topic(opened: OpenedRecording, source: PoseSource, topic: Topic, losses: _Losses) -> Iterator[StampedPose]:
+    moved = source.child_frame or opened.base_frame
+    transforms = opened.transforms(moved, {opened.base_frame})
+    for raw in opened.storage.messages([topic.name], *opened.window.log_range(MARGIN_NS)):
+        message = messages.read_pose(opened.decoder.decode(raw), raw.log_ns)
+        T_odom_moved = message.transform()
+        if T_odom_moved is None:
+            losses.add("a pose that is not finite", message.stamp_ns)
+            continue
+        T_moved_base = transforms.lookup(moved, opened.base_frame, message.stamp_ns)
+        if T_moved_base is None:
+            losses.add(f"TF does not place {opened.base_frame!r} on {moved!r}", message.stamp_ns)
+            continue
+        yield StampedPose(message.stamp_ns, T_odom_moved @ T_moved_base)
+
+
+def _from_tree(opened: OpenedRecording, source: PoseSource, losses: _Losses) -> Iterator[StampedPose]:
+    """The chain odom -> base at every stamp of its moving link next to odom."""
+    _, chain = opened.tree.path(source.odom_frame, opened.base_frame)
+    moving = [edge for edge in chain if not edge.static]
+    if not moving:
+        return
+    leading = moving[-1].child
+    transforms = opened.transforms(source.odom_frame, {opened.base_frame})
+    for _, message in opened.moving_transforms(MARGIN_NS):
+        if message.child_frame_id != leading:
+            continue
+        if message.transform() is None:
+            losses.add(f"{leading!r} is at a place that is not finite", message.stamp_ns)
+            continue
+        T_odom_base = transforms.lookup(source.odom_frame, opened.base_frame, message.stamp_ns)
+        if T_odom_base is None:
+            losses.add(f"TF does not connect {source.odom_frame!r} and {opened.base_frame!r}", message.stamp_ns)
+            continue
+        yield StampedPose(message.stamp_ns, T_odom_base)

@@ -1,0 +1,125 @@
+"""The rig: the colour camera, the depth camera, and where the sensors sit on the robot."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from supermap_cli.errors import CalibrationError
+from supermap_cli.geometry.arrays import FloatArray
+from supermap_cli.geometry.cameras import Camera, EquirectangularCamera
+from supermap_cli.recordings.calibration import camera_from_calibration
+from supermap_cli.recordings.motion import PoseSource
+from supermap_cli.recordings.notes import Notes
+from supermap_cli.recordings.probing import Topic
+from supermap_cli.recordings.topics import TopicPlan, is_rectified
+from supermap_cli.recordings.transforms import TransformTree
+
+
+@dataclass(frozen=True)
+class DepthRig:
+    """How depth images relate to colour: `aligned` ones lie on the colour camera's own pixels.
+
+    Where `T_color_depth` (4, 4) is given, it and not TF places the depth camera; TF's frame is then the depth camera's.
+    """
+
+    camera: Camera
+    frame_id: str
+    aligned: bool
+    T_color_depth: FloatArray | None = None
+
+
+@dataclass(frozen=True)
+class Rig:
+    """Frames and cameras. `depth` is `None` where the rig has a LiDAR instead."""
+
+    base_frame: str
+    color_frame: str
+    camera: Camera
+    depth: DepthRig | None
+
+
+class RigBuilder:
+    """Puts the rig together from what was found. Every `CalibrationError` names file, topic and cure."""
+
+    def __init__(self, plan: TopicPlan, tree: TransformTree, forced_model: str | None, *, where: str) -> None:
+        self._plan = plan
+        self._tree = tree
+        self._forced_model = forced_model
+        self._where = where
+
+    def build(self, color: Topic, base_frame: str, source: PoseSource | None, notes: Notes) -> Rig:
+        """The rig around a colour topic. Raises `CalibrationError`."""
+        camera = self._camera(color, self._plan.topic("camera_info"))
+        color_frame = camera_frame(self._plan)
+        _note_optical(color, color_frame, self._tree, notes)
+        check_mounting(self._tree, base_frame, color_frame, source, where=f"{self._where}, {color.name}")
+        depth, lidar = self._plan.topic("depth"), self._plan.topic("lidar")
+        if depth is None and lidar is not None:
+            check_mounting(self._tree, base_frame, lidar.frame_id, source, where=f"{self._where}, {lidar.name}")
+        depth_rig = None if depth is None else self._depth_rig(depth, color, camera, color_frame)
+        return Rig(base_frame, color_frame, camera, depth_rig)
+
+    def _camera(self, image: Topic, info: Topic | None) -> Camera:
+        if image.size is None or min(image.size) <= 0:
+            raise CalibrationError(
+                "the images have no size", where=f"{self._where}, {image.name}", cure="name another topic with --topic"
+            )
+        if self._forced_model == "equirectangular":
+            return EquirectangularCamera(*image.size)
+        place = f"{self._where}, {info.name if info else image.name}"
+        if info is None or info.calibration is None:
+            raise CalibrationError(
+                "no calibration for the camera",
+                where=place,
+                cure="record its camera_info, name it with --topic camera_info=/..., or force --camera equirectangular",
+            )
+        try:
+            return camera_from_calibration(info.calibration, image.size, is_rectified(image.name))
+        except CalibrationError as error:
+            raise CalibrationError(error.what, where=place, cure=error.cure) from error
+
+    def _depth_rig(self, depth: Topic, color: Topic, camera: Camera, color_frame: str) -> DepthRig:
+        """Depth is aligned when named so, or in the colour's frame with its intrinsics; both at the same size."""
+        info = self._plan.topic("depth_camera_info")
+        frame_id = depth.frame_id or (info.frame_id if info else "")
+        named_aligned = any(word in depth.name for word in ("aligned", "registered"))
+        same_frame = named_aligned or not frame_id or frame_id == color_frame
+        if same_frame and depth.size == color.size and (named_aligned or info is None or self._forced_model):
+            return DepthRig(camera, color_frame, aligned=True)
+        depth_camera = self._camera(depth, info or (self._plan.topic("camera_info") if same_frame else None))
+        if same_frame:
+            return DepthRig(depth_camera, color_frame, aligned=depth_camera == camera)
+        check_mounting(self._tree, color_frame, frame_id, None, where=f"{self._where}, {depth.name}")
+        return DepthRig(depth_camera, frame_id, aligned=False)
+
+
+def camera_frame(plan: TopicPlan) -> str:
+    """The colour images' frame: their own, else their camera_info's; "" where neither says."""
+    for role in ("color", "camera_info"):
+        topic = plan.topic(role)
+        if topic is not None and topic.frame_id:
+            return topic.frame_id
+    return ""
+
+
+def check_mounting(tree: TransformTree, base: str, sensor: str, source: PoseSource | None, *, where: str) -> None:
+    """Raise `CalibrationError` unless TF says where the sensor sits on the base (or it is the base itself)."""
+    if base == sensor:
+        return
+    try:
+        tree.path(base, sensor)
+    except CalibrationError as error:
+        of_what = f"; {source.description} moves {base!r}" if source else ""
+        raise CalibrationError(f"{error.what}{of_what}", where=where, cure=error.cure) from error
+
+
+def _note_optical(color: Topic, color_frame: str, tree: TransformTree, notes: Notes) -> None:
+    """An image's frame should be the optical one (z forward); a body frame (x forward) is not corrected by guess."""
+    if "optical" in color_frame or not color_frame:
+        return
+    optical = sorted(frame for frame in tree.frames if "optical" in frame)
+    hint = f" (TF also has {', '.join(optical)})" if optical else ""
+    notes.note(
+        "optical",
+        f"{color.name}: its frame {color_frame!r} is not named an optical frame; it is taken as one, z forward{hint}",
+    )

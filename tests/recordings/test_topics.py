@@ -1,0 +1,121 @@
+"""Which topic serves which role."""
+
+import numpy as np
+import pytest
+
+import bags
+from supermap_cli.errors import ConfigError, RecordingError
+from supermap_cli.recordings.decoding import Decoder
+from supermap_cli.recordings.notes import Notes
+from supermap_cli.recordings.probing import probe_topics
+from supermap_cli.recordings.storage import open_storage
+from supermap_cli.recordings.topics import is_rectified, namespace_of, plan_topics
+
+SIZE, K = (8, 6), (8.0, 8.0, 3.5, 2.5)
+RGB, DEPTH = np.zeros((6, 8, 3), np.uint8), np.ones((6, 8), np.uint16)
+
+
+def plan_of(path, named=None):
+    storage = open_storage(path, Notes())
+    return plan_topics(probe_topics(storage, Decoder("run")), named or {}, "run")
+
+
+def chosen(plan):
+    return {role: choice.topic.name for role, choice in plan.choices.items()}
+
+
+def test_a_recording_of_nothing_useful_says_what_is_missing(tmp_path):
+    with bags.BagWriter(tmp_path / "a.mcap") as bag:
+        bag.imu("/imu", bags.START_NS, "imu", (0, 0, 0), (0, 0, 9.8))
+    plan = plan_of(tmp_path / "a.mcap")
+    assert chosen(plan) == {"imu": "/imu"}
+    assert ["no camera images" in str(problem) for problem in plan.problems] == [True]
+    assert "/imu" in str(plan.problems[0])
+    assert "--topic color=" in str(plan.problems[0])
+
+
+def test_a_whole_recording_is_told_apart_by_type_and_name(tmp_path):
+    plan = plan_of(bags.write_recording(tmp_path / "a.mcap", frames=1, lidar=True))
+    assert chosen(plan) == {
+        "color": "/camera/color/image_raw",
+        "depth": "/camera/depth/image_raw",
+        "camera_info": "/camera/color/camera_info",
+        "depth_camera_info": "/camera/depth/camera_info",
+        "lidar": "/points",
+        "odometry": "/odom",
+        "detections": "/detections",
+        "masks": "/masks",
+    }
+    assert plan.problems == ()
+
+
+def write_realsense(path):
+    """All the images a RealSense publishes."""
+    with bags.BagWriter(path) as bag:
+        at, color, depth = bags.START_NS, "camera_color_optical_frame", "camera_depth_optical_frame"
+        bag.image("/camera/infra1/image_rect_raw", at, "camera_infra1_optical_frame", DEPTH.astype(np.uint8), "mono8")
+        bag.image("/camera/color/image_raw", at, color, RGB, "rgb8")
+        bag.image("/camera/depth/image_rect_raw", at, depth, DEPTH, "16UC1")
+        bag.image("/camera/aligned_depth_to_color/image_raw", at, color, DEPTH, "16UC1")
+        for name, frame in (("infra1", "camera_infra1_optical_frame"), ("color", color), ("depth", depth)):
+            bag.camera_info(f"/camera/{name}/camera_info", at, frame, SIZE, K)
+        bag.camera_info("/camera/aligned_depth_to_color/camera_info", at, color, SIZE, K)
+
+
+def test_aligned_depth_and_colour_are_preferred(tmp_path):
+    write_realsense(tmp_path / "a.mcap")
+    plan = chosen(plan_of(tmp_path / "a.mcap"))
+    assert plan["color"] == "/camera/color/image_raw"
+    assert plan["depth"] == "/camera/aligned_depth_to_color/image_raw"
+    assert plan["camera_info"] == "/camera/color/camera_info"
+    assert plan["depth_camera_info"] == "/camera/aligned_depth_to_color/camera_info"
+
+
+def test_the_user_may_name_any_topic(tmp_path):
+    write_realsense(tmp_path / "a.mcap")
+    plan = plan_of(tmp_path / "a.mcap", {"depth": "/camera/depth/image_rect_raw"})
+    assert chosen(plan)["depth"] == "/camera/depth/image_rect_raw"
+    assert chosen(plan)["depth_camera_info"] == "/camera/depth/camera_info"
+    assert plan.choices["depth"].reason == "named by the user"
+
+
+@pytest.mark.parametrize(
+    ("named", "what"),
+    [
+        ({"depth": "/nowhere"}, "no messages on topic /nowhere, named for depth.*/camera/depth/image_rect_raw"),
+        ({"depth": "/camera/color/camera_info"}, "cannot serve as depth"),
+    ],
+)
+def test_a_name_that_is_not_there_is_an_error_that_lists_what_is(tmp_path, named, what):
+    write_realsense(tmp_path / "a.mcap")
+    with pytest.raises(RecordingError, match=what):
+        plan_of(tmp_path / "a.mcap", named)
+
+
+def test_an_unknown_role_is_an_error_that_lists_the_roles(tmp_path):
+    write_realsense(tmp_path / "a.mcap")
+    with pytest.raises(ConfigError, match=r"'colour'.*color, depth"):
+        plan_of(tmp_path / "a.mcap", {"colour": "/camera/color/image_raw"})
+
+
+def test_of_several_clouds_the_raw_scan_is_the_lidar(tmp_path):
+    records = np.ones(3, np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4")]))
+    with bags.BagWriter(tmp_path / "a.mcap") as bag:
+        for topic, frame in (("/cloud_map", "map"), ("/ground_points", "lidar"), ("/velodyne_points", "lidar")):
+            bag.points(topic, bags.START_NS, frame, records)
+    assert chosen(plan_of(tmp_path / "a.mcap"))["lidar"] == "/velodyne_points"
+
+
+@pytest.mark.parametrize(
+    ("topic", "namespace", "rectified"),
+    [
+        ("/camera/color/image_raw", "/camera/color", False),
+        ("/camera/color/image_raw/compressed", "/camera/color", False),
+        ("/camera/depth/image_rect/compressedDepth", "/camera/depth", True),
+        ("/direct/image", "/direct", False),
+        ("/image", "", False),
+    ],
+)
+def test_names_are_taken_apart(topic, namespace, rectified):
+    assert namespace_of(topic) == namespace
+    assert is_rectified(topic) == rectified
