@@ -1,0 +1,139 @@
+"""Runs an ONNX detector on camera images."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import onnxruntime
+
+from supermap_cli.errors import DetectorError
+from supermap_cli.geometry.arrays import Float32Array
+from supermap_cli.types.detections import Detections, Hypothesis
+from supermap_cli.types.sensing import CameraFrame
+from supermap_onnx import OnnxOptions
+from supermap_onnx.layouts import Layout, recognise
+from supermap_onnx.letterbox import GREY, fit
+from supermap_onnx.masks import decode_masks
+from supermap_onnx.suppression import suppress
+from supermap_onnx.weights import class_names, find_model
+
+_PROVIDERS = ("CUDAExecutionProvider", "CPUExecutionProvider")
+_DEFAULT_INPUT_SIZE = (640, 640)
+_SMALLEST_BOX_PX = 2.0
+_MOST_HYPOTHESES = 3
+_HYPOTHESIS_SHARE = 0.2
+"""A label counts as a hypothesis from this share of the best one's score."""
+
+
+class OnnxDetector:
+    """A YOLOX or YOLOv8/11 model; which of them is seen from its tensors. Raises `DetectorError` for anything else."""
+
+    def __init__(self, options: OnnxOptions) -> None:
+        self._options = options
+        path = find_model(options.model)
+        self._session = _open_session(path, options.threads)
+        metadata = self._session.get_modelmeta().custom_metadata_map
+        self._input, self._input_type, self._input_size = _image_input(self._session, path)
+        grey = np.full((1, 3, *self._input_size), GREY, np.float32)
+        outputs = self._run_first(grey, path)
+        layout = recognise(outputs, self._input_size)
+        if layout is None:
+            shapes = ", ".join(str(list(output.shape)) for output in outputs)
+            raise DetectorError(
+                f"the model's outputs are not understood: {shapes}",
+                where=str(path),
+                cure="export a YOLOX or a YOLOv8/11 detection or segmentation model, batch 1",
+            )
+        self._layout: Layout = layout
+        self._names = class_names(options.labels, metadata, layout.classes, path)
+
+    def image_stamps_ns(self) -> None:
+        """It can look at any image."""
+
+    def detect(self, frame: CameraFrame) -> Detections:
+        """Detections down to the score floor, best first, with masks if the model makes them."""
+        letterbox = fit(frame.rgb.shape[:2], self._input_size, centred=self._layout.centred)
+        outputs = self._run(self._layout.feed(letterbox.paste(frame.rgb)))
+        candidates = self._layout.read(outputs, self._options.score_floor)
+        if candidates.class_scores.shape[1] > len(self._names):
+            raise DetectorError(
+                f"the model found class {candidates.class_scores.shape[1] - 1} of {len(self._names)} that have a name",
+                cure="say --option onnx.labels=FILE with a name on each line",
+            )
+        kept = suppress(candidates.boxes_xyxy, candidates.class_scores, self._options.iou, self._options.max_detections)
+        boxes = letterbox.to_image(candidates.boxes_xyxy[kept.index])
+        real = ((boxes[:, 2:] - boxes[:, :2]) >= _SMALLEST_BOX_PX).all(axis=1)
+        boxes, class_scores = boxes[real], kept.class_scores[real]
+        coefficients = candidates.coefficients[kept.index[real]]
+        hypotheses = tuple(self._hypotheses(row) for row in class_scores)
+        scores = np.array([each[0].score for each in hypotheses], np.float32)
+        masks = decode_masks(boxes, coefficients, candidates.prototypes, letterbox)
+        return Detections(frame.stamp_ns, boxes, scores, hypotheses, masks)
+
+    def _hypotheses(self, class_scores: Float32Array) -> tuple[Hypothesis, ...]:
+        """The likeliest labels, best first."""
+        best = np.argsort(-class_scores, kind="stable")[:_MOST_HYPOTHESES]
+        least = class_scores[best[0]] * _HYPOTHESIS_SHARE
+        return tuple(
+            Hypothesis(self._names[i], min(float(class_scores[i]), 1.0)) for i in best if class_scores[i] >= least
+        )
+
+    def _run(self, tensor: Float32Array) -> list[Float32Array]:
+        outputs = self._session.run(None, {self._input: tensor.astype(self._input_type, copy=False)})
+        return [np.asarray(output, np.float32) for output in outputs]
+
+    def _run_first(self, tensor: Float32Array, path: Path) -> list[Float32Array]:
+        """The first run, in which a model that cannot be run shows itself."""
+        try:
+            return self._run(tensor)
+        except Exception as error:  # onnxruntime's errors share no base class
+            raise DetectorError(
+                f"the model does not run: {_first_line(error)}",
+                where=str(path),
+                cure=f"export it for one image of {self._input_size[1]}x{self._input_size[0]}",
+            ) from error
+
+
+def _open_session(path: Path, threads: int) -> Any:
+    settings = onnxruntime.SessionOptions()
+    settings.intra_op_num_threads = threads
+    settings.add_session_config_entry("session.intra_op.allow_spinning", "0")  # mapping runs beside it
+    settings.log_severity_level = 4
+    available = onnxruntime.get_available_providers()
+    providers = [provider for provider in _PROVIDERS if provider in available]
+    try:
+        return onnxruntime.InferenceSession(str(path), settings, providers=providers)
+    except Exception as error:  # onnxruntime's errors share no base class
+        raise DetectorError(
+            f"the model cannot be loaded: {_first_line(error)}",
+            where=str(path),
+            cure="it is damaged or no ONNX model; get or export it anew",
+        ) from error
+
+
+def _image_input(session: Any, path: Path) -> tuple[str, type[np.floating[Any]], tuple[int, int]]:
+    """The input's name, type and (height, width); sizes that the model leaves open become 640."""
+    inputs: Sequence[Any] = session.get_inputs()
+    types: dict[str, type[np.floating[Any]]] = {"tensor(float)": np.float32, "tensor(float16)": np.float16}
+    only = inputs[0]
+    shape = only.shape
+    one_image = len(inputs) == 1 and len(shape) == 4 and (shape[1] == 3 or not isinstance(shape[1], int))
+    if not one_image or only.type not in types:
+        described = ", ".join(f"{each.name} {each.shape} {each.type}" for each in inputs)
+        raise DetectorError(
+            f"the model's input is not understood: {described}",
+            where=str(path),
+            cure="a detector takes one image, [1, 3, height, width] of floats",
+        )
+    size = tuple(
+        given if isinstance(given, int) else default
+        for given, default in zip(shape[2:], _DEFAULT_INPUT_SIZE, strict=True)
+    )
+    return only.name, types[only.type], (size[0], size[1])
+
+
+def _first_line(error: Exception) -> str:
+    return str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__

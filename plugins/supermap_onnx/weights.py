@@ -1,0 +1,108 @@
+"""Where the weights and the class names come from. Weights are never part of SuperMap."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Mapping
+from importlib.resources import files
+from pathlib import Path
+
+from platformdirs import user_data_dir
+
+from supermap_cli.errors import DetectorError
+
+_GREATEST_NAMES_TEXT = 1_000_000
+
+
+def find_model(given: Path | None) -> Path:
+    """The model file: the one given, else `detector.onnx` or the only .onnx in the user's models folder.
+
+    Raises `DetectorError` that says where to put one.
+    """
+    if given is not None:
+        path = given.expanduser()
+        if not path.is_file():
+            raise DetectorError("there is no model file", where=str(path), cure="check --option onnx.model=PATH")
+        return path
+    folder = Path(user_data_dir("supermap")) / "models"
+    preferred = folder / "detector.onnx"
+    found = [preferred] if preferred.is_file() else sorted(folder.glob("*.onnx"))
+    if not found:
+        raise DetectorError(
+            "the detector has no weights, and SuperMap ships none",
+            cure=f"say --option onnx.model=PATH, or put a YOLOX or YOLOv8/11 export at {preferred}",
+        )
+    if len(found) > 1:
+        names = ", ".join(path.name for path in found)
+        raise DetectorError(
+            f"several models to choose from: {names}",
+            where=str(folder),
+            cure="say --option onnx.model=PATH, or call one of them detector.onnx",
+        )
+    return found[0]
+
+
+def class_names(labels: Path | None, metadata: Mapping[str, str], classes: int | None, model: Path) -> tuple[str, ...]:
+    """The names of a model's classes: of the labels file, else of the model's metadata, else COCO's if there are 80.
+
+    `classes` is `None` where the tensors do not tell how many there are.
+    Raises `DetectorError` where there are none or their number is wrong.
+    """
+    if labels is not None:
+        names, source = _read_labels(labels), str(labels)
+    elif "names" in metadata:
+        names, source = parse_names(metadata["names"], model), f"{model}, metadata 'names'"
+    elif classes == len(_coco_names()):
+        return _coco_names()
+    else:
+        raise DetectorError(
+            f"the model does not name its {classes or ''} classes",
+            where=str(model),
+            cure="say --option onnx.labels=FILE with a name on each line",
+        )
+    if classes is not None and len(names) != classes:
+        raise DetectorError(
+            f"{len(names)} class names for a model of {classes} classes",
+            where=source,
+            cure="say --option onnx.labels=FILE with a name on each line",
+        )
+    return names
+
+
+def parse_names(text: str, model: Path) -> tuple[str, ...]:
+    """Class names as Ultralytics writes them, `{0: 'person', ...}` or `['person', ...]`. Nothing is evaluated."""
+    try:
+        return _names_of_literal(text)
+    except (ValueError, TypeError, KeyError, SyntaxError, RecursionError, MemoryError) as error:
+        raise DetectorError(
+            "the class names in the model's metadata are not understood",
+            where=str(model),
+            cure="say --option onnx.labels=FILE with a name on each line",
+        ) from error
+
+
+def _names_of_literal(text: str) -> tuple[str, ...]:
+    if len(text) > _GREATEST_NAMES_TEXT:
+        raise ValueError("too long")
+    value = ast.literal_eval(text)
+    if isinstance(value, dict):
+        by_index = {int(index): str(name) for index, name in value.items()}
+        return tuple(by_index[index] for index in range(len(by_index)))
+    if isinstance(value, list | tuple):
+        return tuple(str(name) for name in value)
+    raise ValueError("neither a list nor a mapping")
+
+
+def _read_labels(path: Path) -> tuple[str, ...]:
+    try:
+        lines = path.expanduser().read_text(encoding="utf-8").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise DetectorError(
+            f"the labels file cannot be read: {error}", where=str(path), cure="check --option onnx.labels=FILE"
+        ) from error
+    return tuple(line.strip() for line in lines if line.strip())
+
+
+def _coco_names() -> tuple[str, ...]:
+    """The 80 classes of COCO (Lin et al. 2014), in the order in which detectors number them."""
+    return tuple(files("supermap_onnx").joinpath("coco80.txt").read_text(encoding="utf-8").splitlines())

@@ -1,0 +1,80 @@
+"""What plugins add to the command line: commands, and functions for `supermap db sql`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+import typer
+from typer.core import TyperGroup
+
+if TYPE_CHECKING:
+    import sqlite3
+
+    from supermap_cli.plugin_manager import Plugin
+
+
+class CommandGroup(TyperGroup):
+    """The built-in commands, and those of plugins: these are loaded only for help and for a name that is not built in.
+
+    Contexts and commands are `Any`, because some versions of typer have Click's classes and others a copy of them.
+    """
+
+    _has_those_of_plugins = False
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """The names of all commands, the built-in ones first."""
+        self._add_those_of_plugins()
+        return super().list_commands(ctx)
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        """The command of that name, or `None`."""
+        if cmd_name not in self.commands:
+            self._add_those_of_plugins()
+        return super().get_command(ctx, cmd_name)
+
+    def _add_those_of_plugins(self) -> None:
+        if self._has_those_of_plugins:
+            return
+        self._has_those_of_plugins = True
+        for plugin in _implementing("register_commands"):
+            with _told_if_it_fails(plugin, "its commands are left out"):
+                for name, command in _commands_of(plugin).items():
+                    if name in self.commands:
+                        _warn(plugin, f"its command {name!r} is left out: there is one of that name already")
+                    else:
+                        self.commands[name] = command
+
+
+def add_sql_functions(connection: sqlite3.Connection) -> None:
+    """Let all plugins prepare a connection; those that fail are told on stderr."""
+    for plugin in _implementing("prepare_connection"):
+        with _told_if_it_fails(plugin, "not all its SQL functions are there"):
+            plugin.hook.prepare_connection(connection=connection)
+
+
+def _implementing(hook: str) -> Iterator[Plugin]:
+    from supermap_cli.plugin_manager import load_plugins  # noqa: PLC0415 - keeps start-up light
+
+    return (plugin for plugin in load_plugins().working if hook in plugin.hooks)
+
+
+def _commands_of(plugin: Plugin) -> dict[str, Any]:
+    """A plugin's commands by name, collected in an app of its own, so that a failure leaves no trace."""
+    app = typer.Typer(rich_markup_mode="markdown")
+    plugin.hook.register_commands(app=app)
+    return dict(typer.main.get_group(app).commands)
+
+
+@contextmanager
+def _told_if_it_fails(plugin: Plugin, consequence: str) -> Iterator[None]:
+    try:
+        yield
+    except (Exception, SystemExit) as error:  # whatever a plugin does wrong is its own affair
+        _warn(plugin, f"{consequence}: {type(error).__name__}: {error}")
+
+
+def _warn(plugin: Plugin, message: str) -> None:
+    line = " ".join(f"warning: plugin {plugin.name} of {plugin.distribution}: {message}".split())
+    typer.echo(line, err=True)

@@ -1,0 +1,349 @@
+"""Finds the plugins (entry-point group `supermap`), keeps the broken ones out, and makes backends by name."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cache
+from importlib.metadata import EntryPoint, entry_points
+from typing import Any, Generic, TypeVar
+
+import pluggy
+from pydantic import ValidationError
+
+from supermap_cli import hookspecs
+from supermap_cli.errors import ConfigError, PluginError, SupermapError
+from supermap_cli.hookspecs import Options
+from supermap_cli.protocols import (
+    Detector,
+    ImageEncoder,
+    LanguageModel,
+    Odometry,
+    Segmenter,
+    TextEncoder,
+    Tracker,
+)
+
+GROUP = "supermap"
+KINDS = {
+    "odometry": "register_odometry",
+    "detector": "register_detectors",
+    "segmenter": "register_segmenters",
+    "tracker": "register_trackers",
+    "encoder": "register_encoders",
+    "language model": "register_language_models",
+}
+"""What a backend is -> the hook that registers it."""
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Backend:
+    """One registered backend: `kind` is a key of `KINDS`, `origin` says which distribution it came from.
+
+    Where the user names none, the most preferred one is taken whose `needs` the recording's streams meet.
+    """
+
+    kind: str
+    name: str
+    factory: Callable[..., Any]
+    options: type[Options]
+    origin: str
+    needs: frozenset[str] = frozenset()
+    preference: int = 0
+
+
+@dataclass(frozen=True)
+class Plugin:
+    """A plugin that works: what it is called, where it came from, what it implements and registers.
+
+    `hook` calls the hooks of this plugin alone, so that one that fails leaves the others working.
+    """
+
+    name: str
+    distribution: str
+    version: str
+    hooks: tuple[str, ...]
+    backends: tuple[Backend, ...]
+    hook: pluggy.HookRelay = field(repr=False, compare=False)
+
+
+@dataclass(frozen=True)
+class BrokenPlugin:
+    """A plugin that was left out, and why, in one line."""
+
+    name: str
+    distribution: str
+    version: str
+    error: str
+
+
+class Registry(Generic[T]):
+    """The backends of one kind."""
+
+    def __init__(self, kind: str, backends: Iterable[Backend]) -> None:
+        self.kind = kind
+        self._by_name: dict[str, list[Backend]] = {}
+        self._namesakes_options: dict[str, set[str]] = {}
+        for backend in backends:
+            if backend.kind == kind:
+                self._by_name.setdefault(backend.name, []).append(backend)
+            else:
+                self._namesakes_options.setdefault(backend.name, set()).update(backend.options.model_fields)
+
+    def names(self) -> tuple[str, ...]:
+        """All registered names, sorted."""
+        return tuple(sorted(self._by_name))
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._by_name
+
+    def get(self, name: str) -> Backend:
+        """The backend of that name. Raises `PluginError` for an unknown name and for one that two plugins claim."""
+        claims = self._by_name.get(name, [])
+        if not claims:
+            known = ", ".join(self.names()) or "none is installed"
+            raise PluginError(f"no {self.kind} is called {name!r}", cure=f"known: {known}; see `supermap plugins`")
+        if len(claims) > 1:
+            raise PluginError(conflict_message(claims), cure="uninstall one of them")
+        return claims[0]
+
+    def choose(self, streams: Collection[str]) -> str:
+        """The name of the most preferred backend that needs no more than these streams of a recording.
+
+        Raises `PluginError` naming what the others would need.
+        """
+        able = [b for claims in self._by_name.values() for b in claims if b.needs <= set(streams)]
+        if not able:
+            wants = "; ".join(f"{b.name} needs {', '.join(sorted(b.needs))}" for c in self._by_name.values() for b in c)
+            raise PluginError(
+                f"no {self.kind} can work on this recording",
+                where=wants,
+                cure="see `supermap inspect` and `supermap plugins`",
+            )
+        return max(able, key=lambda b: (b.preference, b.name)).name
+
+    def make(self, name: str, options: Mapping[str, object] | None = None, *args: object) -> T:
+        """Make the backend: `factory(checked options, *args)`.
+
+        Where backends of several kinds share a name (`recorded`), options that only the others know are passed over.
+        Raises `PluginError` as `get` does, and `ConfigError` for a wrong option, naming the valid ones.
+        """
+        backend = self.get(name)
+        for_others = self._namesakes_options.get(name, set()) - backend.options.model_fields.keys()
+        own = {option: value for option, value in (options or {}).items() if option not in for_others}
+        made: T = backend.factory(check_options(backend, own), *args)
+        return made
+
+    def conflicts(self) -> Iterator[tuple[Backend, ...]]:
+        """Backends that share a name."""
+        for name in self.names():
+            if len(self._by_name[name]) > 1:
+                yield tuple(self._by_name[name])
+
+
+class Plugins:
+    """All plugins of a run.
+
+    `hook` calls the hooks that are no registration, e.g. `plugins.hook.keyframe_mapped(keyframe=..., changes=...)`.
+    """
+
+    def __init__(
+        self, manager: pluggy.PluginManager, working: Sequence[Plugin], broken: Sequence[BrokenPlugin]
+    ) -> None:
+        self.hook = manager.hook
+        self.working = tuple(working)
+        self.broken = tuple(broken)
+        backends = [backend for plugin in working for backend in plugin.backends]
+        self.odometry: Registry[Odometry] = Registry("odometry", backends)
+        self.detectors: Registry[Detector] = Registry("detector", backends)
+        self.segmenters: Registry[Segmenter] = Registry("segmenter", backends)
+        self.trackers: Registry[Tracker] = Registry("tracker", backends)
+        self.encoders: Registry[TextEncoder | ImageEncoder] = Registry("encoder", backends)
+        self.language_models: Registry[LanguageModel] = Registry("language model", backends)
+
+    @property
+    def registries(self) -> tuple[Registry[Any], ...]:
+        """The registries of all kinds."""
+        return (
+            self.odometry,
+            self.detectors,
+            self.segmenters,
+            self.trackers,
+            self.encoders,
+            self.language_models,
+        )
+
+    def check_options(self, options: Mapping[str, Mapping[str, object]]) -> None:
+        """Check the options of all backends (name -> option -> value), used or not; raises `ConfigError`."""
+        for name, values in options.items():
+            backends = [registry.get(name) for registry in self.registries if name in registry]
+            if not backends:
+                known = ", ".join(sorted({known for registry in self.registries for known in registry.names()}))
+                raise ConfigError(f"options for {name!r}, which is no backend", cure=f"known: {known}")
+            fields = {field for backend in backends for field in backend.options.model_fields}
+            for option in values:
+                if option not in fields:
+                    raise _unknown_option(name, option, fields)
+
+
+def load_plugins(extra: Iterable[object] = ()) -> Plugins:
+    """Load all installed plugins one by one, then the `extra` plugin objects; the broken ones are kept apart.
+
+    Without `extra` the plugins are loaded once a process.
+    """
+    given = [_given(plugin_object) for plugin_object in extra]
+    return _load([*_installed(), *given]) if given else _load_installed()
+
+
+@cache
+def _load_installed() -> Plugins:
+    return _load(_installed())
+
+
+def _load(candidates: Iterable[_Candidate]) -> Plugins:
+    manager = _new_manager()
+    working: list[Plugin] = []
+    broken: list[BrokenPlugin] = []
+    for candidate in candidates:
+        try:
+            plugin_object = candidate.load()
+            _check_is_new(plugin_object, manager)
+            working.append(_try_out(plugin_object, candidate))
+        except (Exception, SystemExit) as error:  # whatever a plugin does wrong is its own affair
+            message = " ".join(f"{type(error).__name__}: {error}".split())
+            broken.append(BrokenPlugin(candidate.name, candidate.distribution, candidate.version, message))
+        else:
+            manager.register(plugin_object, f"{candidate.distribution}:{candidate.name}:{len(working)}")
+    return Plugins(manager, working, broken)
+
+
+def check_options(backend: Backend, given: Mapping[str, object]) -> Options:
+    """The options as the backend's model. Raises `ConfigError` naming the wrong option and the valid ones."""
+    try:
+        return backend.options.model_validate(dict(given))
+    except ValidationError as error:
+        first = error.errors()[0]
+        option = ".".join(str(part) for part in first["loc"])
+        if first["type"] == "extra_forbidden":
+            raise _unknown_option(backend.name, option, backend.options.model_fields) from error
+        where = f"{backend.name}.{option}" if option else backend.name
+        raise ConfigError(
+            f"option {where}: {first['msg']}", cure=f"see {backend.name} in `supermap plugins`"
+        ) from error
+
+
+def parse_option_arguments(arguments: Iterable[str]) -> dict[str, dict[str, object]]:
+    """`["onnx.model=a.onnx", "onnx.score=0.3"]` -> `{"onnx": {"model": "a.onnx", "score": "0.3"}}`.
+
+    Values stay text; the backend's option model turns them into what it needs. The last of two for one option counts.
+    Raises `ConfigError` for what has not the form `backend.name=value`.
+    """
+    options: dict[str, dict[str, object]] = {}
+    for argument in arguments:
+        key, equals, value = argument.partition("=")
+        backend, dot, name = key.strip().partition(".")
+        if not (equals and dot and backend and name):
+            raise ConfigError(
+                f"option {argument!r} is not understood",
+                cure="write --option BACKEND.NAME=VALUE, e.g. onnx.model=yolox.onnx",
+            )
+        options.setdefault(backend, {})[name.replace("-", "_")] = value
+    return options
+
+
+def conflict_message(claims: Sequence[Backend]) -> str:
+    """Who claims one and the same name."""
+    origins = " and ".join(claim.origin for claim in claims)
+    return f"the {claims[0].kind} {claims[0].name!r} is claimed by {origins}"
+
+
+@dataclass(frozen=True)
+class _Candidate:
+    """A plugin that has not been loaded yet."""
+
+    name: str
+    distribution: str
+    version: str
+    load: Callable[[], object]
+
+    @property
+    def origin(self) -> str:
+        """How messages call it."""
+        return f"{self.distribution} (plugin {self.name})"
+
+
+def _installed() -> list[_Candidate]:
+    found = [_behind(entry) for entry in entry_points(group=GROUP)]
+    return sorted(found, key=lambda each: (each.distribution, each.name))
+
+
+def _behind(entry: EntryPoint) -> _Candidate:
+    name, version = (entry.dist.name, entry.dist.version) if entry.dist else ("unknown", "unknown")
+    return _Candidate(entry.name, name, version, entry.load)
+
+
+def _given(plugin_object: object) -> _Candidate:
+    name = str(getattr(plugin_object, "__name__", type(plugin_object).__name__))
+    return _Candidate(name, "given by the caller", "", lambda: plugin_object)
+
+
+def _new_manager() -> pluggy.PluginManager:
+    manager = pluggy.PluginManager(GROUP)
+    manager.add_hookspecs(hookspecs)
+    return manager
+
+
+def _check_is_new(plugin_object: object, manager: pluggy.PluginManager) -> None:
+    if manager.is_registered(plugin_object):
+        raise PluginError("it is loaded already, under another name")
+
+
+def _try_out(plugin_object: object, candidate: _Candidate) -> Plugin:
+    """Validate a plugin and collect its backends in a manager of its own, so that a failure leaves no trace."""
+    manager = _new_manager()
+    manager.register(plugin_object, candidate.name)
+    callers = manager.get_hookcallers(plugin_object) or []
+    hooks = tuple(sorted(caller.name for caller in callers))
+    known_hooks = ", ".join(sorted(name for name in vars(hookspecs) if _is_hook(name)))
+    if not hooks:
+        raise PluginError("it implements no hook", cure=f"mark functions with @hookimpl; known hooks: {known_hooks}")
+    try:
+        manager.check_pending()
+    except pluggy.PluginValidationError as error:
+        raise PluginError(str(error), cure=f"known hooks: {known_hooks}") from error
+    backends: list[Backend] = []
+    for kind, hook in KINDS.items():
+        getattr(manager.hook, hook)(register=_collector(kind, candidate.origin, backends))
+    return Plugin(candidate.name, candidate.distribution, candidate.version, hooks, tuple(backends), manager.hook)
+
+
+def _is_hook(name: str) -> bool:
+    return inspect.isfunction(getattr(hookspecs, name)) and hasattr(getattr(hookspecs, name), f"{GROUP}_spec")
+
+
+def _collector(kind: str, origin: str, backends: list[Backend]) -> hookspecs.Register:
+    def register(
+        name: str,
+        factory: Callable[..., Any],
+        options: type[Options] = Options,
+        *,
+        needs: Collection[str] = (),
+        preference: int = 0,
+    ) -> None:
+        if not (inspect.isclass(options) and issubclass(options, Options)):
+            raise PluginError(f"{kind} {name!r}: its options are no subclass of supermap_cli.Options")
+        if not callable(factory):
+            raise PluginError(f"{kind} {name!r}: its factory cannot be called")
+        if not name or "." in name or "=" in name:
+            raise PluginError(f"{name!r} is no name for a {kind}", cure="use letters, digits, '-' and '_'")
+        backends.append(Backend(kind, name, factory, options, origin, frozenset(needs), preference))
+
+    return register
+
+
+def _unknown_option(backend: str, option: str, fields: Iterable[str]) -> SupermapError:
+    valid = ", ".join(sorted(fields)) or "it has none"
+    return ConfigError(f"{backend} has no option {option!r}", cure=f"valid options: {valid}")
