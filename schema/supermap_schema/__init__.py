@@ -1,0 +1,12 @@
+"""The map database: SQLAlchemy models, Alembic migrations, JSON Schemas of what leaves the program.
+
+- `models`: the tables, portable SQL.
+- `sqlite`: all that holds for SQLite only: pragmas, triggers, views, R*Tree and full-text index.
+- `upgrading`: runs the migrations from Python; imports Alembic.
+- `json_schemas`: `load_schema(name)`.
+
+Importing this package imports none of them.
+"""
+
+SCHEMA_VERSION = 1
+"""The version this program reads and writes: the number of the newest migration, and SQLite's `PRAGMA user_version`."""

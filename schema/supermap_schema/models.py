@@ -1,0 +1,318 @@
+"""The tables of the 4D memory (SQLAlchemy 2, portable SQL; what holds for SQLite only stands in `sqlite`).
+
+Times are sensor time, int nanoseconds since the epoch (`_ns`). Places are metres in the map frame (z up, level): a
+centroid is `x, y, z`; a box is `center_*`, `size_*` along its own axes and `yaw` in radians about z. Transforms are
+JSON, four rows of four numbers. `traversal_id` of an instance, state or edge is the traversal that wrote it first.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from sqlalchemy import (
+    CheckConstraint,
+    ForeignKey,
+    ForeignKeyConstraint,
+    Index,
+    MetaData,
+    UniqueConstraint,
+)
+from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
+
+from supermap_schema.columns import Blob, Int64, Json, Label, Real
+
+PRESENCES = ("present", "absent", "doubted")
+TRAVERSAL_STATUSES = ("building", "complete")
+TEMPORAL_KINDS = ("appeared", "persisted", "moved", "disappeared", "reappeared", "merged", "split", "candidate")
+
+
+def _one_of(column: str, values: tuple[str, ...]) -> str:
+    return f"{column} IN ({', '.join(repr(value) for value in values)})"
+
+
+class Base(DeclarativeBase):
+    """All tables; constraints have names, so that migrations can speak of them."""
+
+    metadata = MetaData(
+        naming_convention={
+            "ix": "ix_%(table_name)s_%(column_0_N_name)s",
+            "uq": "uq_%(table_name)s_%(column_0_N_name)s",
+            "ck": "ck_%(table_name)s_%(constraint_name)s",
+            "fk": "fk_%(table_name)s_%(column_0_N_name)s",
+            "pk": "pk_%(table_name)s",
+        }
+    )
+
+
+STRICT: dict[str, Any] = {"sqlite_strict": True}
+
+
+class Traversal(Base):
+    """One recording (or a part of it) that went into the map.
+
+    `fingerprint` tells recordings apart; `config` and `versions` say how it was built; `timings` holds seconds per
+    stage and is the only volatile column of the database; `status` is "building" while a build runs (or was killed);
+    `mapped_ns` is the stamp of the newest keyframe committed.
+    """
+
+    __tablename__ = "traversal"
+
+    id: Mapped[int] = mapped_column(Int64, primary_key=True)
+    number: Mapped[int] = mapped_column(Int64, unique=True)
+    name: Mapped[str] = mapped_column(Label, unique=True)
+    recording: Mapped[str] = mapped_column(Label)
+    fingerprint: Mapped[str] = mapped_column(Label, index=True)
+    start_ns: Mapped[int] = mapped_column(Int64)
+    end_ns: Mapped[int] = mapped_column(Int64)
+    T_map_odom: Mapped[str] = mapped_column(Json)
+    config: Mapped[str] = mapped_column(Json)
+    versions: Mapped[str] = mapped_column(Json)
+    status: Mapped[str] = mapped_column(Label)
+    mapped_ns: Mapped[int | None] = mapped_column(Int64)
+    timings: Mapped[str | None] = mapped_column(Json)
+
+    __table_args__ = (
+        CheckConstraint("end_ns >= start_ns", name="span"),
+        CheckConstraint(_one_of("status", TRAVERSAL_STATUSES), name="status"),
+        STRICT,
+    )
+
+
+class Keyframe(Base):
+    """One mapped image: where the robot and the camera were, and a small depth image of what was seen empty.
+
+    `depth_png` is a 16-bit PNG in millimetres, 0 = no return, one pixel for every `depth_step` pixels of the camera.
+    """
+
+    __tablename__ = "keyframe"
+
+    id: Mapped[int] = mapped_column(Int64, primary_key=True)
+    traversal_id: Mapped[int] = mapped_column(Int64, ForeignKey("traversal.id"))
+    stamp_ns: Mapped[int] = mapped_column(Int64)
+    detected: Mapped[int] = mapped_column(Int64)
+    T_map_base: Mapped[str] = mapped_column(Json)
+    T_map_camera: Mapped[str] = mapped_column(Json)
+    camera: Mapped[str] = mapped_column(Json)
+    depth_step: Mapped[int] = mapped_column(Int64)
+    depth_png: Mapped[bytes] = mapped_column(Blob)
+    thumbnail_jpeg: Mapped[bytes | None] = mapped_column(Blob)
+
+    __table_args__ = (
+        UniqueConstraint("traversal_id", "stamp_ns"),
+        CheckConstraint("detected IN (0, 1)", name="detected"),
+        CheckConstraint("depth_step >= 1", name="depth_step"),
+        STRICT,
+    )
+
+
+class Instance(Base):
+    """One object. `number` is its identity in the map, `id` its name for people ("chair-7"); neither ever changes."""
+
+    __tablename__ = "instance"
+
+    number: Mapped[int] = mapped_column(Int64, primary_key=True, autoincrement=False)
+    id: Mapped[str] = mapped_column(Label, unique=True)
+    label: Mapped[str] = mapped_column(Label, index=True)
+    presence: Mapped[str] = mapped_column(Label)
+    existence_log_odds: Mapped[float] = mapped_column(Real)
+    first_seen_ns: Mapped[int] = mapped_column(Int64)
+    last_seen_ns: Mapped[int] = mapped_column(Int64)
+    x: Mapped[float] = mapped_column(Real)
+    y: Mapped[float] = mapped_column(Real)
+    z: Mapped[float] = mapped_column(Real)
+    center_x: Mapped[float] = mapped_column(Real)
+    center_y: Mapped[float] = mapped_column(Real)
+    center_z: Mapped[float] = mapped_column(Real)
+    size_x: Mapped[float] = mapped_column(Real)
+    size_y: Mapped[float] = mapped_column(Real)
+    size_z: Mapped[float] = mapped_column(Real)
+    yaw: Mapped[float] = mapped_column(Real)
+    observations: Mapped[int] = mapped_column(Int64)
+    merged_into: Mapped[int | None] = mapped_column(
+        Int64, ForeignKey("instance.number", deferrable=True, initially="DEFERRED")
+    )
+    traversal_id: Mapped[int] = mapped_column(Int64, ForeignKey("traversal.id"))
+    label_belief: Mapped[str] = mapped_column(Json)
+    engine_state: Mapped[str] = mapped_column(Json)
+    voxels: Mapped[bytes] = mapped_column(Blob)
+    embedding: Mapped[bytes | None] = mapped_column(Blob)
+
+    __table_args__ = (
+        CheckConstraint(_one_of("presence", PRESENCES), name="presence"),
+        CheckConstraint("last_seen_ns >= first_seen_ns", name="span"),
+        CheckConstraint("size_x >= 0 AND size_y >= 0 AND size_z >= 0", name="size"),
+        CheckConstraint("observations >= 0", name="observations"),
+        CheckConstraint("merged_into <> number", name="merged_into"),
+        STRICT,
+    )
+
+
+class Observation(Base):
+    """What one detection said of one instance: immutable. `hypotheses` is a JSON list of [label, score], best first."""
+
+    __tablename__ = "observation"
+
+    id: Mapped[int] = mapped_column(Int64, primary_key=True)
+    keyframe_id: Mapped[int] = mapped_column(Int64, ForeignKey("keyframe.id"), index=True)
+    instance_number: Mapped[int] = mapped_column(Int64, ForeignKey("instance.number"), index=True)
+    track_id: Mapped[int] = mapped_column(Int64)
+    label: Mapped[str] = mapped_column(Label)
+    score: Mapped[float] = mapped_column(Real)
+    u_min: Mapped[float] = mapped_column(Real)
+    v_min: Mapped[float] = mapped_column(Real)
+    u_max: Mapped[float] = mapped_column(Real)
+    v_max: Mapped[float] = mapped_column(Real)
+    x: Mapped[float] = mapped_column(Real)
+    y: Mapped[float] = mapped_column(Real)
+    z: Mapped[float] = mapped_column(Real)
+    evidence_for: Mapped[int] = mapped_column(Int64)
+    evidence_against: Mapped[int] = mapped_column(Int64)
+    hypotheses: Mapped[str] = mapped_column(Json)
+    crop_jpeg: Mapped[bytes | None] = mapped_column(Blob)
+
+    __table_args__ = (
+        CheckConstraint("score >= 0 AND score <= 1", name="score"),
+        CheckConstraint("evidence_for >= 0 AND evidence_against >= 0", name="evidence"),
+        STRICT,
+    )
+
+
+class State(Base):
+    """The half-open interval in which an instance stood in one place.
+
+    It was supported from `first_seen_ns` to `last_seen_ns`; `gone_ns` is the first contradiction after that,
+    `empty_before_ns` the last time its place was seen empty before: what is between is unknown.
+    """
+
+    __tablename__ = "state"
+
+    id: Mapped[int] = mapped_column(Int64, primary_key=True)
+    instance_number: Mapped[int] = mapped_column(Int64, ForeignKey("instance.number"))
+    state_index: Mapped[int] = mapped_column(Int64)
+    first_seen_ns: Mapped[int] = mapped_column(Int64)
+    last_seen_ns: Mapped[int] = mapped_column(Int64)
+    gone_ns: Mapped[int | None] = mapped_column(Int64)
+    empty_before_ns: Mapped[int | None] = mapped_column(Int64)
+    label: Mapped[str] = mapped_column(Label)
+    confidence: Mapped[float] = mapped_column(Real)
+    x: Mapped[float] = mapped_column(Real)
+    y: Mapped[float] = mapped_column(Real)
+    z: Mapped[float] = mapped_column(Real)
+    center_x: Mapped[float] = mapped_column(Real)
+    center_y: Mapped[float] = mapped_column(Real)
+    center_z: Mapped[float] = mapped_column(Real)
+    size_x: Mapped[float] = mapped_column(Real)
+    size_y: Mapped[float] = mapped_column(Real)
+    size_z: Mapped[float] = mapped_column(Real)
+    yaw: Mapped[float] = mapped_column(Real)
+    traversal_id: Mapped[int] = mapped_column(Int64, ForeignKey("traversal.id"))
+
+    __table_args__ = (
+        UniqueConstraint("instance_number", "state_index"),
+        CheckConstraint("state_index >= 0", name="state_index"),
+        CheckConstraint("last_seen_ns >= first_seen_ns", name="support"),
+        CheckConstraint("gone_ns > last_seen_ns", name="gone"),
+        CheckConstraint("empty_before_ns < first_seen_ns", name="empty_before"),
+        CheckConstraint("confidence >= 0 AND confidence <= 1", name="confidence"),
+        CheckConstraint("size_x >= 0 AND size_y >= 0 AND size_z >= 0", name="size"),
+        STRICT,
+    )
+
+
+class Visit(Base):
+    """How often one traversal looked at one instance's place, in keyframes."""
+
+    __tablename__ = "visit"
+
+    traversal_id: Mapped[int] = mapped_column(Int64, ForeignKey("traversal.id"), primary_key=True)
+    instance_number: Mapped[int] = mapped_column(Int64, ForeignKey("instance.number"), primary_key=True)
+    supported: Mapped[int] = mapped_column(Int64)
+    in_view: Mapped[int] = mapped_column(Int64)
+    contradicted: Mapped[int] = mapped_column(Int64)
+    first_support_ns: Mapped[int | None] = mapped_column(Int64)
+    last_support_ns: Mapped[int | None] = mapped_column(Int64)
+
+    __table_args__ = (
+        CheckConstraint("supported >= 0 AND in_view >= 0 AND contradicted >= 0", name="counts"),
+        CheckConstraint("last_support_ns >= first_support_ns", name="support"),
+        STRICT,
+    )
+
+
+class SpatialEdge(Base):
+    """`subject` stood in `relation` to `object` during [since_ns, until_ns), open while `until_ns` is NULL."""
+
+    __tablename__ = "spatial_edge"
+
+    id: Mapped[int] = mapped_column(Int64, primary_key=True)
+    subject_number: Mapped[int] = mapped_column(Int64, ForeignKey("instance.number"))
+    relation: Mapped[str] = mapped_column(Label)
+    object_number: Mapped[int] = mapped_column(Int64, ForeignKey("instance.number"), index=True)
+    since_ns: Mapped[int] = mapped_column(Int64)
+    until_ns: Mapped[int | None] = mapped_column(Int64)
+    confidence: Mapped[float] = mapped_column(Real)
+    traversal_id: Mapped[int] = mapped_column(Int64, ForeignKey("traversal.id"))
+
+    __table_args__ = (
+        UniqueConstraint("subject_number", "relation", "object_number", "since_ns"),
+        CheckConstraint("subject_number <> object_number", name="two_ends"),
+        CheckConstraint("until_ns > since_ns", name="interval"),
+        CheckConstraint("confidence >= 0 AND confidence <= 1", name="confidence"),
+        STRICT,
+    )
+
+
+class TemporalEdge(Base):
+    """What happened between two states, within the bounds [not_before_ns, not_after_ns]."""
+
+    __tablename__ = "temporal_edge"
+
+    id: Mapped[int] = mapped_column(Int64, primary_key=True)
+    kind: Mapped[str] = mapped_column(Label)
+    from_number: Mapped[int] = mapped_column(Int64, ForeignKey("instance.number"))
+    from_state: Mapped[int | None] = mapped_column(Int64)
+    to_number: Mapped[int] = mapped_column(Int64, ForeignKey("instance.number"))
+    to_state: Mapped[int | None] = mapped_column(Int64)
+    not_before_ns: Mapped[int | None] = mapped_column(Int64)
+    not_after_ns: Mapped[int] = mapped_column(Int64)
+    probability: Mapped[float] = mapped_column(Real)
+    distance_m: Mapped[float | None] = mapped_column(Real)
+    traversal_id: Mapped[int] = mapped_column(Int64, ForeignKey("traversal.id"))
+
+    __table_args__ = (
+        ForeignKeyConstraint(
+            ["from_number", "from_state"],
+            ["state.instance_number", "state.state_index"],
+            deferrable=True,
+            initially="DEFERRED",
+        ),
+        ForeignKeyConstraint(
+            ["to_number", "to_state"],
+            ["state.instance_number", "state.state_index"],
+            deferrable=True,
+            initially="DEFERRED",
+        ),
+        Index(None, "from_number", "from_state"),
+        Index(None, "to_number", "to_state"),
+        CheckConstraint(_one_of("kind", TEMPORAL_KINDS), name="kind"),
+        CheckConstraint("not_before_ns <= not_after_ns", name="bounds"),
+        CheckConstraint("probability >= 0 AND probability <= 1", name="probability"),
+        CheckConstraint("distance_m >= 0", name="distance"),
+        STRICT,
+    )
+
+
+class BeforeImage(Base):
+    """A row as it was before the traversal that is being built changed it, so that this can be undone.
+
+    `content` is the row as JSON (blobs as {"hex": ...}). A traversal's are dropped when its build is complete.
+    """
+
+    __tablename__ = "before_image"
+
+    traversal_id: Mapped[int] = mapped_column(Int64, ForeignKey("traversal.id"), primary_key=True)
+    table_name: Mapped[str] = mapped_column(Label, primary_key=True)
+    row_key: Mapped[int] = mapped_column(Int64, primary_key=True)
+    content: Mapped[str] = mapped_column(Json)
+
+    __table_args__ = (STRICT,)

@@ -1,0 +1,143 @@
+"""All that holds for SQLite only: the file's mark, pragmas, triggers, views, R*Tree and full-text index.
+
+A migration creates the objects of its own version (`OBJECTS_0001`, ...); once released, such a tuple is never edited.
+"""
+
+from __future__ import annotations
+
+APPLICATION_ID = 0x534D4150
+"""`PRAGMA application_id` of a SuperMap database, "SMAP": tells it from any other SQLite file."""
+
+CONNECTION_PRAGMAS = ("PRAGMA foreign_keys = ON", "PRAGMA busy_timeout = 5000")
+"""For every connection."""
+
+WRITER_PRAGMAS = ("PRAGMA journal_mode = WAL", "PRAGMA synchronous = NORMAL")
+"""For the connection of a build: readers are never blocked, and a killed process loses no committed keyframe."""
+
+READER_PRAGMAS = ("PRAGMA query_only = ON",)
+"""For everybody else."""
+
+_IMMUTABLE_OBSERVATIONS = (
+    """
+    CREATE TRIGGER observation_is_immutable BEFORE UPDATE ON observation
+    BEGIN SELECT RAISE(ABORT, 'observations are never changed'); END
+    """,
+    """
+    CREATE TRIGGER observation_is_kept BEFORE DELETE ON observation
+    WHEN (SELECT traversal.status FROM keyframe JOIN traversal ON traversal.id = keyframe.traversal_id
+          WHERE keyframe.id = OLD.keyframe_id) = 'complete'
+    BEGIN SELECT RAISE(ABORT, 'observations of a complete traversal are never deleted'); END
+    """,
+)
+
+_DISJOINT_STATES = (
+    """
+    CREATE TRIGGER state_is_disjoint_on_insert BEFORE INSERT ON state
+    WHEN EXISTS (SELECT 1 FROM state AS other
+                 WHERE other.instance_number = NEW.instance_number AND other.state_index <> NEW.state_index
+                 AND other.first_seen_ns <= NEW.last_seen_ns AND NEW.first_seen_ns <= other.last_seen_ns)
+    BEGIN SELECT RAISE(ABORT, 'states of one instance overlap'); END
+    """,
+    """
+    CREATE TRIGGER state_is_disjoint_on_update BEFORE UPDATE OF first_seen_ns, last_seen_ns ON state
+    WHEN EXISTS (SELECT 1 FROM state AS other
+                 WHERE other.instance_number = NEW.instance_number AND other.state_index <> NEW.state_index
+                 AND other.first_seen_ns <= NEW.last_seen_ns AND NEW.first_seen_ns <= other.last_seen_ns)
+    BEGIN SELECT RAISE(ABORT, 'states of one instance overlap'); END
+    """,
+)
+
+# A rectangle of sides a, b turned by any yaw reaches at most (a + b) / 2 from its centre.
+_STATE_BOXES = (
+    "CREATE VIRTUAL TABLE state_box USING rtree(state_id, min_x, max_x, min_y, max_y, min_z, max_z)",
+    """
+    CREATE TRIGGER state_box_insert AFTER INSERT ON state
+    BEGIN
+      INSERT INTO state_box VALUES (
+        NEW.id, NEW.center_x - (NEW.size_x + NEW.size_y) / 2, NEW.center_x + (NEW.size_x + NEW.size_y) / 2,
+        NEW.center_y - (NEW.size_x + NEW.size_y) / 2, NEW.center_y + (NEW.size_x + NEW.size_y) / 2,
+        NEW.center_z - NEW.size_z / 2, NEW.center_z + NEW.size_z / 2);
+    END
+    """,
+    """
+    CREATE TRIGGER state_box_update AFTER UPDATE ON state
+    BEGIN
+      DELETE FROM state_box WHERE state_id = OLD.id;
+      INSERT INTO state_box VALUES (
+        NEW.id, NEW.center_x - (NEW.size_x + NEW.size_y) / 2, NEW.center_x + (NEW.size_x + NEW.size_y) / 2,
+        NEW.center_y - (NEW.size_x + NEW.size_y) / 2, NEW.center_y + (NEW.size_x + NEW.size_y) / 2,
+        NEW.center_z - NEW.size_z / 2, NEW.center_z + NEW.size_z / 2);
+    END
+    """,
+    """
+    CREATE TRIGGER state_box_delete AFTER DELETE ON state
+    BEGIN
+      DELETE FROM state_box WHERE state_id = OLD.id;
+    END
+    """,
+)
+
+_LABEL_SEARCH = (
+    "CREATE VIRTUAL TABLE instance_label USING fts5(id, label, labels, tokenize = 'porter unicode61')",
+    """
+    CREATE TRIGGER instance_label_insert AFTER INSERT ON instance
+    BEGIN
+      INSERT INTO instance_label (rowid, id, label, labels) VALUES (
+        NEW.number, NEW.id, NEW.label, (SELECT group_concat(key, ', ') FROM json_each(NEW.label_belief)));
+    END
+    """,
+    """
+    CREATE TRIGGER instance_label_update AFTER UPDATE OF label, label_belief ON instance
+    WHEN OLD.label <> NEW.label OR OLD.label_belief <> NEW.label_belief
+    BEGIN
+      DELETE FROM instance_label WHERE rowid = OLD.number;
+      INSERT INTO instance_label (rowid, id, label, labels) VALUES (
+        NEW.number, NEW.id, NEW.label, (SELECT group_concat(key, ', ') FROM json_each(NEW.label_belief)));
+    END
+    """,
+    """
+    CREATE TRIGGER instance_label_delete AFTER DELETE ON instance
+    BEGIN
+      DELETE FROM instance_label WHERE rowid = OLD.number;
+    END
+    """,
+)
+
+_VIEWS = (
+    """
+    CREATE VIEW current_objects AS
+    SELECT id, label, x, y, z, size_x, size_y, size_z, yaw, first_seen_ns, last_seen_ns, observations
+    FROM instance WHERE presence = 'present' AND merged_into IS NULL
+    """,
+    """
+    CREATE VIEW object_history AS
+    SELECT instance.id, state.state_index, state.label, state.confidence, state.x, state.y, state.z,
+           state.empty_before_ns, state.first_seen_ns, state.last_seen_ns, state.gone_ns,
+           traversal.name AS first_traversal
+    FROM state JOIN instance ON instance.number = state.instance_number
+    JOIN traversal ON traversal.id = state.traversal_id
+    ORDER BY instance.number, state.state_index
+    """,
+    """
+    CREATE VIEW changes AS
+    SELECT temporal_edge.kind, source.id AS from_id, temporal_edge.from_state, target.id AS to_id,
+           temporal_edge.to_state, temporal_edge.not_before_ns, temporal_edge.not_after_ns,
+           temporal_edge.distance_m, temporal_edge.probability, traversal.name AS traversal
+    FROM temporal_edge JOIN instance AS source ON source.number = temporal_edge.from_number
+    JOIN instance AS target ON target.number = temporal_edge.to_number
+    JOIN traversal ON traversal.id = temporal_edge.traversal_id
+    WHERE temporal_edge.kind <> 'persisted'
+    ORDER BY temporal_edge.not_after_ns, temporal_edge.id
+    """,
+    """
+    CREATE VIEW trajectory AS
+    SELECT traversal.name AS traversal, keyframe.stamp_ns,
+           json_extract(keyframe.T_map_base, '$[0][3]') AS x,
+           json_extract(keyframe.T_map_base, '$[1][3]') AS y,
+           json_extract(keyframe.T_map_base, '$[2][3]') AS z
+    FROM keyframe JOIN traversal ON traversal.id = keyframe.traversal_id
+    ORDER BY keyframe.stamp_ns
+    """,
+)
+
+OBJECTS_0001 = _IMMUTABLE_OBSERVATIONS + _DISJOINT_STATES + _STATE_BOXES + _LABEL_SEARCH + _VIEWS

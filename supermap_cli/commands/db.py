@@ -1,0 +1,107 @@
+"""`supermap db`: check, upgrade, info, sql."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from supermap_cli.commands import db_sql
+from supermap_cli.commands.common import DbOption, JsonOption, database_url, err, out, print_json
+from supermap_cli.commands.show import print_traversals
+from supermap_cli.commands.tables import print_table
+
+if TYPE_CHECKING:
+    from supermap_cli.query.clock import Clock
+    from supermap_cli.query.inventory import Inventory
+
+
+EXAMPLES = """
+Examples:
+
+    supermap db info --db office.db
+
+    supermap db check --json
+
+    supermap db sql "SELECT id, label, x, y, z FROM current_objects"
+"""
+EXAMPLE = "\nExample:\n\n    supermap db {}\n"
+
+
+def register(app: typer.Typer) -> None:
+    """Add the group to the app."""
+    group = typer.Typer(no_args_is_help=True, help="Look after the map database, or ask it in SQL.", epilog=EXAMPLES)
+    group.command(epilog=EXAMPLE.format("check --json"))(check)
+    group.command(epilog=EXAMPLE.format("upgrade --db office.db"))(upgrade)
+    group.command(epilog=EXAMPLE.format("info --db office.db"))(info)
+    group.command(epilog=db_sql.EXAMPLES)(db_sql.sql)
+    app.add_typer(group, name="db")
+
+
+def check(db: DbOption = None, json: JsonOption = False) -> None:
+    """Verify the map's invariants; exit code 1 if any is broken."""
+    from supermap_cli.memory import open_store  # noqa: PLC0415 - keeps start-up light
+    from supermap_cli.memory.checking import check as problems_of  # noqa: PLC0415
+    from supermap_cli.query.views import to_document  # noqa: PLC0415
+
+    with open_store(database_url(db), read_only=True) as store, store.reader() as reader:
+        problems = problems_of(reader)
+    if json:
+        print_json({"path": str(store.path), "sound": not problems, "problems": to_document(problems)})
+    elif problems:
+        rows = ((each.table, each.row, each.what) for each in problems)
+        print_table(out(), f"{len(problems)} problems in {store.path}", ("table", "row", "what is wrong"), rows)
+    else:
+        out().print(f"{store.path}: sound", markup=False)
+    if problems:
+        raise typer.Exit(1)
+
+
+def upgrade(db: DbOption = None, json: JsonOption = False) -> None:
+    """Bring the database to this program's version."""
+    from supermap_cli.memory.opening import database_path, upgrade_database  # noqa: PLC0415 - keeps start-up light
+
+    url = database_url(db)
+    before, after = upgrade_database(url)
+    path = database_path(url)
+    if json:
+        print_json({"path": str(path), "before": before, "after": after})
+    elif before == after:
+        err().print(f"{path}: has version {after} already", markup=False)
+    else:
+        err().print(f"{path}: version {before} is now {after}", markup=False)
+
+
+def info(
+    db: DbOption = None,
+    json: JsonOption = False,
+    timings: Annotated[bool, typer.Option("--timings/--no-timings", help="Show how long each stage took.")] = True,
+) -> None:
+    """Show what is in the database, from where, how it was built, and how long that took."""
+    from supermap_cli.memory import open_store  # noqa: PLC0415 - keeps start-up light
+    from supermap_cli.query.clock import clock_of  # noqa: PLC0415
+    from supermap_cli.query.inventory import inventory  # noqa: PLC0415
+    from supermap_cli.query.views import to_document  # noqa: PLC0415
+
+    with open_store(database_url(db), read_only=True) as store, store.reader() as reader:
+        found, clock = inventory(reader), clock_of(reader)
+    if json:
+        print_json(to_document(found))
+    else:
+        _print(found, clock, timings=timings)
+
+
+def _print(found: Inventory, clock: Clock, *, timings: bool) -> None:
+    console = out()
+    size = f"{found.size_bytes / 1e6:.1f} MB"
+    console.print(f"{Path(found.path)}: version {found.version} (migration {found.revision}), {size}", markup=False)
+    rows = ((name.replace("_", " "), str(count)) for name, count in found.counts.items())
+    print_table(console, "", ("rows", "count#"), rows)
+    print_traversals(found.traversals, clock)
+    for each in found.traversals if timings else ():
+        span_s = (each.end_ns - each.start_ns) / 1e9
+        total_s = each.timings_s.get("total", sum(each.timings_s.values()))
+        factor = f", {span_s / total_s:.1f} x real time" if total_s > 0 else ""
+        stages = ((stage, f"{seconds:.2f}") for stage, seconds in each.timings_s.items())
+        print_table(console, f"{each.name}: {span_s:.1f} s recorded{factor}", ("stage", "seconds#"), stages)

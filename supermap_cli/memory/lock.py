@@ -1,0 +1,67 @@
+"""One build at a time: an advisory lock beside the database, which the system releases when its process dies."""
+
+from __future__ import annotations
+
+import atexit
+import fcntl
+import os
+from pathlib import Path
+
+from supermap_cli.errors import MemoryStoreError
+
+
+class BuildLock:
+    """Holds ``<database>.lock`` (flock) from `acquire` to `release`; the file holds the builder's process id.
+
+    SQLite's own locks are of another kind (POSIX record locks on the database), so that readers never notice this one.
+    """
+
+    def __init__(self, database: Path) -> None:
+        self._database = database
+        self._path = database.with_name(database.name + ".lock")
+        self._descriptor: int | None = None
+
+    def acquire(self) -> None:
+        """Take the lock. Raises `MemoryStoreError` if another build holds it or the folder is not writable."""
+        while self._descriptor is None:
+            try:
+                descriptor = os.open(self._path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+            except OSError as error:
+                raise MemoryStoreError(
+                    f"the map database cannot be written: {error.strerror}",
+                    where=str(self._database),
+                    cure="choose a writable folder with --db",
+                ) from error
+            try:
+                fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except OSError as error:
+                owner = os.pread(descriptor, 32, 0).decode("ascii", "replace").strip()
+                os.close(descriptor)
+                raise MemoryStoreError(
+                    f"another build is writing this map (process {owner or 'unknown'})",
+                    where=str(self._database),
+                    cure="wait for it, or give another --db",
+                ) from error
+            if self._is_current(descriptor):
+                self._descriptor = descriptor
+            else:
+                os.close(descriptor)
+        os.ftruncate(self._descriptor, 0)
+        os.pwrite(self._descriptor, f"{os.getpid()}\n".encode("ascii"), 0)
+        atexit.register(self.release)
+
+    def release(self) -> None:
+        """Give the lock back and remove its file; does nothing where it is not held."""
+        if self._descriptor is None:
+            return
+        self._path.unlink(missing_ok=True)
+        os.close(self._descriptor)
+        self._descriptor = None
+        atexit.unregister(self.release)
+
+    def _is_current(self, descriptor: int) -> bool:
+        """Whether the locked file still is the one under that name: the holder before may have removed it."""
+        try:
+            return os.path.samestat(os.fstat(descriptor), self._path.stat())
+        except FileNotFoundError:
+            return False

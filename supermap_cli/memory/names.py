@@ -1,0 +1,39 @@
+"""Names people use: an instance's text id ("dining-table-1") and a traversal's name ("monday")."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Collection, Iterable
+from pathlib import Path
+
+
+def label_slug(label: str) -> str:
+    """A label as the first part of an id: lower case, words joined by hyphens."""
+    return "-".join(re.findall(r"[^\W_]+", label.lower())) or "object"
+
+
+class InstanceIds:
+    """Gives out text ids: the label at the time an instance is first written, and a counter per label."""
+
+    def __init__(self, taken: Iterable[str]) -> None:
+        self._last: Counter[str] = Counter()
+        for text_id in taken:
+            slug, _, counter = text_id.rpartition("-")
+            self._last[slug] = max(self._last[slug], int(counter))
+
+    def next_id(self, label: str) -> str:
+        """The next free id of a label."""
+        slug = label_slug(label)
+        self._last[slug] += 1
+        return f"{slug}-{self._last[slug]}"
+
+
+def traversal_name(recording: str, taken: Collection[str]) -> str:
+    """A recording's name without folder and suffix, made unique by a counter ("monday", "monday-2")."""
+    stem = Path(recording).stem or "traversal"
+    name, counter = stem, 1
+    while name in taken:
+        counter += 1
+        name = f"{stem}-{counter}"
+    return name

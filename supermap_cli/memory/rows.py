@@ -1,0 +1,333 @@
+"""Values to rows and rows to values: the one place that knows both."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from supermap_cli.geometry.arrays import FloatArray
+from supermap_cli.geometry.boxes import Box3D
+from supermap_cli.memory import blobs
+from supermap_cli.memory.values import ObservationRef, StoredInstance, StoredTraversal, StoredVisit, TraversalStart
+from supermap_cli.types.memory import (
+    InstanceRecord,
+    KeyframeRecord,
+    Observation,
+    SpatialEdge,
+    StateRecord,
+    TemporalEdge,
+    Visit,
+)
+from supermap_schema.models import Instance
+
+if TYPE_CHECKING:
+    from sqlalchemy import Row as SqlRow
+
+    Row = SqlRow[*tuple[Any, ...]]
+
+Values = dict[str, Any]
+
+INSTANCE_WITHOUT_GEOMETRY = tuple(
+    column for column in Instance.__table__.columns if column.name not in {"voxels", "embedding", "engine_state"}
+)
+
+
+def to_json(value: object) -> str:
+    """Compact JSON; NaN and infinity are bugs."""
+    return json.dumps(value, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+
+
+def _transform(text: str) -> FloatArray:
+    return np.array(json.loads(text), dtype=np.float64)
+
+
+def _place_values(centroid_map: FloatArray, box: Box3D) -> Values:
+    x, y, z = centroid_map.tolist()
+    center_x, center_y, center_z = box.center.tolist()
+    size_x, size_y, size_z = box.size.tolist()
+    return {
+        "x": x,
+        "y": y,
+        "z": z,
+        "center_x": center_x,
+        "center_y": center_y,
+        "center_z": center_z,
+        "size_x": size_x,
+        "size_y": size_y,
+        "size_z": size_z,
+        "yaw": float(box.yaw),
+    }
+
+
+def _centroid(row: Row) -> FloatArray:
+    return np.array([row.x, row.y, row.z], dtype=np.float64)
+
+
+def _box(row: Row) -> Box3D:
+    center = np.array([row.center_x, row.center_y, row.center_z], dtype=np.float64)
+    return Box3D(center, np.array([row.size_x, row.size_y, row.size_z], dtype=np.float64), row.yaw)
+
+
+def traversal_values(start: TraversalStart, number: int, name: str) -> Values:
+    """The row of a traversal whose build begins."""
+    return {
+        "number": number,
+        "name": name,
+        "recording": start.recording,
+        "fingerprint": start.fingerprint,
+        "start_ns": int(start.start_ns),
+        "end_ns": int(start.end_ns),
+        "T_map_odom": to_json(start.T_map_odom.tolist()),
+        "config": to_json(start.config),
+        "versions": to_json(start.versions),
+        "status": "building",
+    }
+
+
+def stored_traversal(row: Row) -> StoredTraversal:
+    """A traversal's row with the count of its `keyframes`."""
+    return StoredTraversal(
+        id=row.id,
+        number=row.number,
+        name=row.name,
+        recording=row.recording,
+        fingerprint=row.fingerprint,
+        start_ns=row.start_ns,
+        end_ns=row.end_ns,
+        T_map_odom=_transform(row.T_map_odom),
+        config=json.loads(row.config),
+        versions=json.loads(row.versions),
+        status=row.status,
+        mapped_ns=row.mapped_ns,
+        timings=json.loads(row.timings or "{}"),
+        keyframes=row.keyframes,
+    )
+
+
+def keyframe_values(keyframe: KeyframeRecord, traversal_id: int) -> Values:
+    """The row of a keyframe."""
+    return {
+        "traversal_id": traversal_id,
+        "stamp_ns": int(keyframe.stamp_ns),
+        "detected": int(keyframe.detected),
+        "T_map_base": to_json(keyframe.T_map_base.tolist()),
+        "T_map_camera": to_json(keyframe.T_map_camera.tolist()),
+        "camera": keyframe.camera,
+        "depth_step": int(keyframe.depth_step),
+        "depth_png": keyframe.depth_png,
+        "thumbnail_jpeg": keyframe.thumbnail_jpeg,
+    }
+
+
+def keyframe_record(row: Row) -> KeyframeRecord:
+    """A keyframe's row, without its thumbnail."""
+    return KeyframeRecord(
+        stamp_ns=row.stamp_ns,
+        T_map_base=_transform(row.T_map_base),
+        T_map_camera=_transform(row.T_map_camera),
+        camera=row.camera,
+        depth_png=row.depth_png,
+        depth_step=row.depth_step,
+        thumbnail_jpeg=None,
+        detected=bool(row.detected),
+    )
+
+
+def instance_values(record: InstanceRecord, traversal_id: int, text_id: str) -> Values:
+    """The row of an instance."""
+    return {
+        "number": int(record.number),
+        "id": text_id,
+        "label": record.label,
+        "presence": record.presence,
+        "existence_log_odds": float(record.existence_log_odds),
+        "first_seen_ns": int(record.first_seen_ns),
+        "last_seen_ns": int(record.last_seen_ns),
+        **_place_values(record.centroid_map, record.box),
+        "observations": int(record.observations),
+        "merged_into": None if record.merged_into is None else int(record.merged_into),
+        "traversal_id": traversal_id,
+        "label_belief": to_json({label: float(share) for label, share in record.label_belief.items()}),
+        "engine_state": to_json(record.engine_state),
+        "voxels": blobs.encode_voxels(record.voxels),
+        "embedding": None if record.embedding is None else blobs.encode_embedding(record.embedding),
+    }
+
+
+def instance_record(row: Row) -> InstanceRecord:
+    """An instance's whole row."""
+    return InstanceRecord(
+        number=row.number,
+        label=row.label,
+        label_belief=json.loads(row.label_belief),
+        existence_log_odds=row.existence_log_odds,
+        presence=row.presence,
+        first_seen_ns=row.first_seen_ns,
+        last_seen_ns=row.last_seen_ns,
+        centroid_map=_centroid(row),
+        box=_box(row),
+        voxels=blobs.decode_voxels(row.voxels),
+        observations=row.observations,
+        embedding=None if row.embedding is None else blobs.decode_embedding(row.embedding),
+        merged_into=row.merged_into,
+        engine_state=json.loads(row.engine_state),
+    )
+
+
+def stored_instance(
+    row: Row, numbers: tuple[int, ...], states: tuple[StateRecord, ...], visits: tuple[StoredVisit, ...]
+) -> StoredInstance:
+    """An instance's row without its geometry, with what belongs to it."""
+    return StoredInstance(
+        number=row.number,
+        id=row.id,
+        label=row.label,
+        label_belief=json.loads(row.label_belief),
+        presence=row.presence,
+        existence_log_odds=row.existence_log_odds,
+        first_seen_ns=row.first_seen_ns,
+        last_seen_ns=row.last_seen_ns,
+        centroid_map=_centroid(row),
+        box=_box(row),
+        observations=row.observations,
+        traversal_id=row.traversal_id,
+        numbers=numbers,
+        states=states,
+        visits=visits,
+    )
+
+
+def observation_values(observation: Observation, keyframe_id: int) -> Values:
+    """The row of an observation."""
+    u_min, v_min, u_max, v_max = observation.box_xyxy.tolist()
+    x, y, z = observation.centroid_map.tolist()
+    return {
+        "keyframe_id": keyframe_id,
+        "instance_number": int(observation.object_number),
+        "track_id": int(observation.track_id),
+        "label": observation.hypotheses[0].label,
+        "score": float(observation.score),
+        "u_min": u_min,
+        "v_min": v_min,
+        "u_max": u_max,
+        "v_max": v_max,
+        "x": x,
+        "y": y,
+        "z": z,
+        "evidence_for": int(observation.evidence_for),
+        "evidence_against": int(observation.evidence_against),
+        "hypotheses": to_json([[each.label, float(each.score)] for each in observation.hypotheses]),
+        "crop_jpeg": observation.crop_jpeg,
+    }
+
+
+def observation_ref(row: Row, survivors: Mapping[int, int]) -> ObservationRef:
+    """An observation's row joined with its keyframe; `survivors` maps merged numbers to those they are part of."""
+    return ObservationRef(
+        id=row.id,
+        traversal_id=row.traversal_id,
+        keyframe_id=row.keyframe_id,
+        stamp_ns=row.stamp_ns,
+        instance_number=survivors.get(row.instance_number, row.instance_number),
+        label=row.label,
+        score=row.score,
+        evidence_for=row.evidence_for,
+        evidence_against=row.evidence_against,
+    )
+
+
+def state_values(state: StateRecord, traversal_id: int) -> Values:
+    """The row of a state."""
+    return {
+        "instance_number": int(state.object_number),
+        "state_index": int(state.index),
+        "first_seen_ns": int(state.first_seen_ns),
+        "last_seen_ns": int(state.last_seen_ns),
+        "gone_ns": None if state.gone_ns is None else int(state.gone_ns),
+        "empty_before_ns": None if state.empty_before_ns is None else int(state.empty_before_ns),
+        "label": state.label,
+        "confidence": float(state.confidence),
+        **_place_values(state.centroid_map, state.box),
+        "traversal_id": traversal_id,
+    }
+
+
+def state_record(row: Row) -> StateRecord:
+    """A state's row."""
+    return StateRecord(
+        object_number=row.instance_number,
+        index=row.state_index,
+        first_seen_ns=row.first_seen_ns,
+        last_seen_ns=row.last_seen_ns,
+        gone_ns=row.gone_ns,
+        empty_before_ns=row.empty_before_ns,
+        centroid_map=_centroid(row),
+        box=_box(row),
+        label=row.label,
+        confidence=row.confidence,
+    )
+
+
+def visit_values(visit: Visit, traversal_id: int) -> Values:
+    """The row of a visit."""
+    return {
+        "traversal_id": traversal_id,
+        "instance_number": int(visit.object_number),
+        "supported": int(visit.supported),
+        "in_view": int(visit.in_view),
+        "contradicted": int(visit.contradicted),
+        "first_support_ns": None if visit.first_support_ns is None else int(visit.first_support_ns),
+        "last_support_ns": None if visit.last_support_ns is None else int(visit.last_support_ns),
+    }
+
+
+def spatial_edge_values(edge: SpatialEdge, traversal_id: int) -> Values:
+    """The row of a spatial edge."""
+    return {
+        "subject_number": int(edge.subject),
+        "relation": edge.relation,
+        "object_number": int(edge.object),
+        "since_ns": int(edge.since_ns),
+        "until_ns": None if edge.until_ns is None else int(edge.until_ns),
+        "confidence": float(edge.confidence),
+        "traversal_id": traversal_id,
+    }
+
+
+def spatial_edge(row: Row) -> SpatialEdge:
+    """A spatial edge's row."""
+    return SpatialEdge(row.subject_number, row.relation, row.object_number, row.since_ns, row.until_ns, row.confidence)
+
+
+def temporal_edge_values(edge: TemporalEdge, traversal_id: int) -> Values:
+    """The row of a temporal edge."""
+    return {
+        "kind": edge.kind,
+        "from_number": int(edge.from_number),
+        "from_state": None if edge.from_state is None else int(edge.from_state),
+        "to_number": int(edge.to_number),
+        "to_state": None if edge.to_state is None else int(edge.to_state),
+        "not_before_ns": None if edge.not_before_ns is None else int(edge.not_before_ns),
+        "not_after_ns": int(edge.not_after_ns),
+        "probability": float(edge.probability),
+        "distance_m": None if edge.distance_m is None else float(edge.distance_m),
+        "traversal_id": traversal_id,
+    }
+
+
+def temporal_edge(row: Row) -> TemporalEdge:
+    """A temporal edge's row."""
+    return TemporalEdge(
+        kind=row.kind,
+        from_number=row.from_number,
+        from_state=row.from_state,
+        to_number=row.to_number,
+        to_state=row.to_state,
+        not_before_ns=row.not_before_ns,
+        not_after_ns=row.not_after_ns,
+        probability=row.probability,
+        distance_m=row.distance_m,
+    )

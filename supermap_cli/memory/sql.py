@@ -1,0 +1,96 @@
+"""Plain SQL on the map database, strictly for reading."""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Callable, Generator, Iterator
+from contextlib import closing, contextmanager
+from dataclasses import dataclass
+
+from supermap_cli.errors import QueryError
+from supermap_cli.memory.opening import connect_read_only, current_database
+
+SqlValue = int | float | str | bytes | None
+
+_READING_PRAGMAS = frozenset(
+    (
+        *("table_list", "table_info", "table_xinfo", "index_list", "index_info", "index_xinfo", "foreign_key_list"),
+        *("function_list", "collation_list", "compile_options", "application_id", "user_version"),
+        "data_version",  # FTS5 asks for it in every search
+    )
+)
+_CURES = {
+    "no such column": "`PRAGMA table_info(NAME)` lists the columns of a table or view",
+    "no such function": "plugins may add SQL functions, see `supermap plugins`",
+    "readonly": "this command only reads: give one SELECT",
+    "not authorized": "this command only reads: give one SELECT",
+    "one statement": "give one SELECT",
+    "disk image": "see `supermap db check`",
+}
+"""Part of SQLite's message -> cure."""
+
+
+@dataclass(frozen=True)
+class SqlRows:
+    """The answer to one statement; its rows are read from the database while they are taken."""
+
+    columns: tuple[str, ...]
+    rows: Iterator[tuple[SqlValue, ...]]
+
+
+@contextmanager
+def read_sql(
+    url: str, statement: str, prepare: Callable[[sqlite3.Connection], None] | None = None
+) -> Iterator[SqlRows]:
+    """Run one statement that only reads; `prepare` may add SQL functions to the connection before.
+
+    Raises `MemoryStoreError` for a database that cannot be opened, and `QueryError`, with SQLite's message, for a
+    statement that is wrong, that would write, or that is more than one; while rows are taken, too.
+    """
+    with closing(connect_read_only(current_database(url))) as connection:
+        if prepare is not None:
+            prepare(connection)
+        connection.set_authorizer(_authorize)
+        connection.set_progress_handler(lambda: None, 100_000)  # lets Ctrl-C through to a long statement
+        with _refusals_as_query_errors(connection):
+            cursor = connection.execute(statement)
+        if cursor.description is None:
+            raise QueryError("the SQL statement returns no rows", cure="give one SELECT")
+        with closing(_rows(cursor)) as rows:
+            yield SqlRows(tuple(column[0] for column in cursor.description), rows)
+
+
+def _authorize(action: int, first: str | None, *_: str | None) -> int:
+    """Refuse what `query_only` lets through: other files (ATTACH, VACUUM INTO), and pragmas that change something."""
+    if action in {sqlite3.SQLITE_ATTACH, sqlite3.SQLITE_DETACH}:
+        return sqlite3.SQLITE_DENY
+    if action == sqlite3.SQLITE_PRAGMA and str(first).lower() not in _READING_PRAGMAS:
+        return sqlite3.SQLITE_DENY
+    return sqlite3.SQLITE_OK
+
+
+def _rows(cursor: sqlite3.Cursor) -> Generator[tuple[SqlValue, ...], None, None]:
+    with _refusals_as_query_errors(cursor.connection):
+        yield from cursor
+
+
+@contextmanager
+def _refusals_as_query_errors(connection: sqlite3.Connection) -> Iterator[None]:
+    try:
+        yield
+    except (sqlite3.Error, sqlite3.Warning) as error:
+        message = str(error)
+        if message == "interrupted":
+            raise KeyboardInterrupt from error
+        cures = (cure for part, cure in _CURES.items() if part in message)
+        cure = _names(connection) if "no such table" in message else next(cures, "see `supermap db sql --help`")
+        raise QueryError(f"SQLite says: {message}", cure=cure) from error
+
+
+def _names(connection: sqlite3.Connection) -> str:
+    """The tables and views there are; not those that SQLite keeps for itself."""
+    found = connection.execute(
+        "SELECT name FROM pragma_table_list WHERE schema = 'main' AND type <> 'shadow' AND name NOT LIKE 'sqlite%' "
+        "ORDER BY type = 'view' DESC, name"
+    )
+    return "there are " + ", ".join(name for (name,) in found)

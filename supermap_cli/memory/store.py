@@ -1,0 +1,283 @@
+"""`MapStore`: the map database as values. It is the only user of database sessions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Self
+
+from sqlalchemy import Connection, Engine, Row, Select, func, insert, select, update
+from sqlalchemy.exc import DatabaseError, IntegrityError
+
+from supermap_cli.errors import MemoryStoreError
+from supermap_cli.memory import rows
+from supermap_cli.memory.names import traversal_name
+from supermap_cli.memory.reading import MapReader, select_traversals
+from supermap_cli.memory.undo import drop_before_images, take_out
+from supermap_cli.memory.values import StoredTraversal, TraversalStart
+from supermap_cli.memory.writing import write_delta
+from supermap_cli.types.memory import InstanceRecord, KeyframeRecord, MapDelta, SpatialEdge, StateRecord
+from supermap_schema import models
+
+if TYPE_CHECKING:
+    from supermap_cli.geometry.arrays import FloatArray
+    from supermap_cli.memory.lock import BuildLock
+
+
+class MapStore:
+    """An open map database; `opening.open_store` makes one, `close` (or `with`) ends it.
+
+    A build calls `begin_traversal`, then `commit` for every batch of keyframes, then `finish_traversal`, or
+    `discard_traversal` when it fails. Questions use `reader`.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        engine: Engine | None,
+        make_engine: Callable[[], Engine] | None,
+        lock: BuildLock | None,
+    ) -> None:
+        """`engine` is `None` while the file does not exist; `make_engine` and `lock` are `None` for readers."""
+        self.path = path
+        self._engine = engine
+        self._make_engine = make_engine
+        self._lock = lock
+        self._created = False
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close all connections and give the build lock back."""
+        if self._engine is not None:
+            self._engine.dispose()
+        if self._lock is not None:
+            self._lock.release()
+
+    # Building
+
+    def take_out_unfinished(self) -> tuple[str, ...]:
+        """Take out what killed builds left, and return their names. Whatever is not complete was killed: the build lock
+        is ours.
+        """
+        if self._engine is None:
+            return ()
+        with self._writing() as connection:
+            building = models.Traversal.status == "building"
+            unfinished = connection.execute(select(models.Traversal.id, models.Traversal.name).where(building)).all()
+            for row in unfinished:
+                take_out(connection, row.id)
+        return tuple(row.name for row in unfinished)
+
+    def check_is_new(self, recording: str, fingerprint: str, name: str | None) -> None:
+        """Raise `MemoryStoreError` if a recording is in the map already, or the name is taken."""
+        known = self.traversals()
+        same = next((each.name for each in known if each.fingerprint == fingerprint), None)
+        if same is not None:
+            raise MemoryStoreError(
+                f"this recording is in the map already, as traversal {same!r}",
+                where=recording,
+                cure="build another recording, or this one into a database of its own (--db)",
+            )
+        if name is not None and name in {each.name for each in known}:
+            raise MemoryStoreError(
+                f"there is a traversal named {name!r} already", where=str(self.path), cure="choose another name"
+            )
+
+    def begin_traversal(self, start: TraversalStart) -> int:
+        """Enter a new traversal and return its id; a missing database file is made now.
+
+        What killed builds left is taken out first.
+        Raises `MemoryStoreError` if the recording is in the map already or its name is taken.
+        """
+        self._create_if_missing()
+        self.take_out_unfinished()
+        self.check_is_new(start.recording, start.fingerprint, start.name)
+        names = {each.name for each in self.traversals()}
+        with self._writing() as connection:
+            number = connection.execute(select(func.coalesce(func.max(models.Traversal.number), 0))).scalar_one() + 1
+            values = rows.traversal_values(start, number, start.name or traversal_name(start.recording, names))
+            return connection.execute(insert(models.Traversal).returning(models.Traversal.id), values).scalar_one()
+
+    def place_traversal(self, traversal_id: int, T_map_odom: FloatArray) -> None:
+        """Change where a traversal's odometry stands in the map."""
+        with self._writing() as connection:
+            _update_traversal(connection, traversal_id, T_map_odom=rows.to_json(T_map_odom.tolist()))
+
+    def commit(self, traversal_id: int, delta: MapDelta) -> None:
+        """Write all that a batch of whole keyframes changed, in one transaction."""
+        with self._writing() as connection:
+            write_delta(connection, traversal_id, delta)
+
+    def finish_traversal(
+        self, traversal_id: int, timings: Mapping[str, float] | None = None, *, end_ns: int | None = None
+    ) -> None:
+        """The build is complete. `timings` is seconds per stage; `end_ns` corrects the span's end."""
+        with self._writing() as connection:
+            drop_before_images(connection, traversal_id)
+            changes: dict[str, Any] = {"status": "complete", "timings": rows.to_json(dict(timings or {}))}
+            if end_ns is not None:
+                changes["end_ns"] = int(end_ns)
+            _update_traversal(connection, traversal_id, **changes)
+
+    def discard_traversal(self, traversal_id: int) -> None:
+        """Take an unfinished traversal out again: the map is as it was before.
+
+        Raises `MemoryStoreError` for a finished one.
+        """
+        with self._writing() as connection:
+            status = connection.execute(
+                select(models.Traversal.status).where(models.Traversal.id == traversal_id)
+            ).scalar_one_or_none()
+            if status not in {None, "building"}:
+                raise MemoryStoreError(f"traversal {traversal_id} is {status} and stays", where=str(self.path))
+            take_out(connection, traversal_id)
+
+    def discard_if_created(self) -> bool:
+        """Remove the database if this store made it and no complete traversal is in it; says whether it did."""
+        if not self._created or any(each.status == "complete" for each in self.traversals()):
+            return False
+        if self._engine is not None:
+            self._engine.dispose()
+        self._engine, self._created = None, False
+        for suffix in ("", "-wal", "-shm", "-journal"):
+            self.path.with_name(self.path.name + suffix).unlink(missing_ok=True)
+        return True
+
+    # What the mapping engine goes on from
+
+    def traversals(self) -> tuple[StoredTraversal, ...]:
+        """All traversals in the order of building."""
+        return tuple(map(rows.stored_traversal, self._rows(select_traversals())))
+
+    def load_instances(self, *, merged: bool = False) -> tuple[InstanceRecord, ...]:
+        """All instances in the order of their numbers; those merged into others only if `merged`."""
+        statement = select(models.Instance.__table__).order_by(models.Instance.number)
+        if not merged:
+            statement = statement.where(models.Instance.merged_into.is_(None))
+        return tuple(map(rows.instance_record, self._rows(statement)))
+
+    def instance_ids(self) -> dict[int, str]:
+        """The text id of every instance by its number."""
+        return {row.number: row.id for row in self._rows(select(models.Instance.number, models.Instance.id))}
+
+    def next_object_number(self) -> int:
+        """The smallest number that no instance has and none had that is stored."""
+        largest = self._rows(select(func.max(models.Instance.number).label("number")))
+        return (largest[0].number or 0) + 1 if largest else 1
+
+    def load_states(self, numbers: Collection[int] | None = None) -> tuple[StateRecord, ...]:
+        """The states of all (or the given) instances, ordered by instance and index."""
+        statement = select(models.State.__table__).order_by(models.State.instance_number, models.State.state_index)
+        if numbers is not None:
+            statement = statement.where(models.State.instance_number.in_(numbers))
+        return tuple(map(rows.state_record, self._rows(statement)))
+
+    def load_open_states(self) -> tuple[StateRecord, ...]:
+        """The newest state of every instance that is not merged away, where nothing contradicted it yet."""
+        later = models.State.__table__.alias("later")
+        statement = (
+            select(models.State.__table__)
+            .join(models.Instance, models.Instance.number == models.State.instance_number)
+            .where(
+                models.Instance.merged_into.is_(None),
+                models.State.gone_ns.is_(None),
+                ~select(later.c.id)
+                .where(
+                    later.c.instance_number == models.State.instance_number,
+                    later.c.state_index > models.State.state_index,
+                )
+                .exists(),
+            )
+            .order_by(models.State.instance_number)
+        )
+        return tuple(map(rows.state_record, self._rows(statement)))
+
+    def load_spatial_edges(self, *, open_only: bool = True) -> tuple[SpatialEdge, ...]:
+        """Spatial edges, those that still hold or all of them."""
+        statement = select(models.SpatialEdge.__table__).order_by(models.SpatialEdge.id)
+        if open_only:
+            statement = statement.where(models.SpatialEdge.until_ns.is_(None))
+        return tuple(map(rows.spatial_edge, self._rows(statement)))
+
+    def keyframe_depths(self, traversal_ids: Collection[int] | None = None) -> Iterator[KeyframeRecord]:
+        """The keyframes of all (or the given) traversals in the order of time, one by one, without thumbnails."""
+        if self._engine is None:
+            return
+        columns = [column for column in models.Keyframe.__table__.columns if column.name != "thumbnail_jpeg"]
+        statement = select(*columns).order_by(models.Keyframe.stamp_ns, models.Keyframe.id)
+        if traversal_ids is not None:
+            statement = statement.where(models.Keyframe.traversal_id.in_(traversal_ids))
+        with self._reading() as connection:
+            for row in connection.execute(statement.execution_options(yield_per=50)):
+                yield rows.keyframe_record(row)
+
+    # Questions
+
+    @contextmanager
+    def reader(self) -> Iterator[MapReader]:
+        """Reads of one moment: whatever a running build commits meanwhile is not seen."""
+        with self._reading() as connection:
+            yield MapReader(connection, self.path)
+
+    # Sessions
+
+    @contextmanager
+    def _reading(self) -> Iterator[Connection]:
+        if self._engine is None:
+            raise MemoryStoreError("there is no map database", where=str(self.path), cure="run `supermap build`")
+        with self._translated(), self._engine.connect() as connection, connection.begin():
+            yield connection
+
+    @contextmanager
+    def _writing(self) -> Iterator[Connection]:
+        if self._engine is None or self._lock is None:
+            raise MemoryStoreError("the map database is not open for writing", where=str(self.path))
+        with (
+            self._translated(),
+            self._engine.connect().execution_options(writes=True) as connection,
+            connection.begin(),
+        ):
+            yield connection
+
+    @contextmanager
+    def _translated(self) -> Iterator[None]:
+        """What a user can mend (full disk, damaged file) becomes a `MemoryStoreError`; a broken invariant is a bug."""
+        try:
+            yield
+        except IntegrityError:
+            raise
+        except DatabaseError as error:
+            raise MemoryStoreError(
+                f"the map database failed: {error.orig}", where=str(self.path), cure="free space or restore the file"
+            ) from error
+
+    def _rows(self, statement: Select[*tuple[Any, ...]]) -> list[Row[*tuple[Any, ...]]]:
+        """All rows; none while the file does not exist."""
+        if self._engine is None:
+            return []
+        with self._reading() as connection:
+            return list(connection.execute(statement))
+
+    def _create_if_missing(self) -> None:
+        if self._engine is not None or self._make_engine is None:
+            return
+        from supermap_schema.upgrading import upgrade  # noqa: PLC0415 - Alembic is needed only here
+
+        self._created = True
+        self._engine = self._make_engine()
+        with self._writing() as connection:
+            upgrade(connection)
+
+
+def _update_traversal(connection: Connection, traversal_id: int, **values: Any) -> None:
+    changed = connection.execute(
+        update(models.Traversal).where(models.Traversal.id == traversal_id).values(**values)
+    ).rowcount
+    if changed != 1:
+        raise ValueError(f"there is no traversal {traversal_id}")

@@ -1,0 +1,90 @@
+"""Takes an unfinished traversal out of the map: new rows go, changed rows get their before-image back."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Collection
+from typing import Any
+
+from sqlalchemy import Connection, Table, delete, insert, select
+
+from supermap_cli.memory.rows import to_json
+from supermap_schema.models import (
+    Base,
+    BeforeImage,
+    Instance,
+    Keyframe,
+    Observation,
+    SpatialEdge,
+    State,
+    TemporalEdge,
+    Traversal,
+    Visit,
+)
+
+_CHANGING = ("instance", "state", "spatial_edge")
+
+
+def keep_before_images(connection: Connection, traversal_id: int, table_name: str, keys: Collection[int]) -> None:
+    """Before rows that other traversals wrote are changed: keep each as it is, once a traversal."""
+    table = Base.metadata.tables[table_name]
+    key = _key(table)
+    kept = select(BeforeImage.row_key).where(
+        BeforeImage.traversal_id == traversal_id, BeforeImage.table_name == table_name
+    )
+    rows = connection.execute(
+        select(table).where(key.in_(keys), table.c.traversal_id != traversal_id, key.not_in(kept))
+    )
+    images = [
+        {
+            "traversal_id": traversal_id,
+            "table_name": table_name,
+            "row_key": row._mapping[key],
+            "content": to_json({name: _shown(value) for name, value in row._mapping.items()}),
+        }
+        for row in rows
+    ]
+    if images:
+        connection.execute(insert(BeforeImage), images)
+
+
+def drop_before_images(connection: Connection, traversal_id: int) -> None:
+    """The traversal is in the map for good."""
+    connection.execute(delete(BeforeImage).where(BeforeImage.traversal_id == traversal_id))
+
+
+def take_out(connection: Connection, traversal_id: int) -> None:
+    """Undo everything an unfinished traversal wrote, and delete it."""
+    connection.exec_driver_sql("PRAGMA defer_foreign_keys = ON")
+    keyframes = select(Keyframe.id).where(Keyframe.traversal_id == traversal_id)
+    connection.execute(delete(Observation).where(Observation.keyframe_id.in_(keyframes)))
+    for model in (Keyframe, TemporalEdge, SpatialEdge, Visit, State, Instance):
+        connection.execute(delete(model).where(model.traversal_id == traversal_id))
+    for table_name in _CHANGING:
+        _restore(connection, traversal_id, Base.metadata.tables[table_name])
+    drop_before_images(connection, traversal_id)
+    connection.execute(delete(Traversal).where(Traversal.id == traversal_id))
+
+
+def _restore(connection: Connection, traversal_id: int, table: Table) -> None:
+    images = connection.execute(
+        select(BeforeImage.row_key, BeforeImage.content).where(
+            BeforeImage.traversal_id == traversal_id, BeforeImage.table_name == table.name
+        )
+    ).all()
+    if images:
+        connection.execute(delete(table).where(_key(table).in_([image.row_key for image in images])))
+        rows = [{name: _stored(value) for name, value in json.loads(image.content).items()} for image in images]
+        connection.execute(insert(table), rows)
+
+
+def _key(table: Table) -> Any:
+    return next(iter(table.primary_key.columns))
+
+
+def _shown(value: object) -> object:
+    return {"hex": value.hex()} if isinstance(value, bytes) else value
+
+
+def _stored(value: object) -> object:
+    return bytes.fromhex(value["hex"]) if isinstance(value, dict) else value

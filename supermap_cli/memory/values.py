@@ -1,0 +1,125 @@
+"""What the store hands out beyond `types.memory`: traversals, and instances as questions need them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+from supermap_cli.geometry.arrays import FloatArray
+from supermap_cli.geometry.boxes import Box3D
+from supermap_cli.geometry.se3 import check_transform
+from supermap_cli.types.memory import Presence, StateRecord
+
+TraversalStatus = Literal["building", "complete"]
+
+
+@dataclass(frozen=True)
+class TraversalStart:
+    """What is known of a traversal when its build begins.
+
+    `recording` is its path, `fingerprint` tells it from others, `T_map_odom` (4, 4) places its odometry in the map.
+    `config` and `versions` are stored as JSON. Without a `name` it gets the recording's, made unique.
+    """
+
+    recording: str
+    fingerprint: str
+    start_ns: int
+    end_ns: int
+    T_map_odom: FloatArray
+    config: Mapping[str, object] = field(default_factory=dict)
+    versions: Mapping[str, str] = field(default_factory=dict)
+    name: str | None = None
+
+    def __post_init__(self) -> None:
+        check_transform("T_map_odom", self.T_map_odom)
+        if self.end_ns < self.start_ns:
+            raise ValueError(f"a traversal ends before it starts: {self.start_ns} .. {self.end_ns}")
+
+
+@dataclass(frozen=True)
+class StoredTraversal:
+    """A traversal in the map. `number` counts from 1 in the order of building; `timings` is seconds per stage."""
+
+    id: int
+    number: int
+    name: str
+    recording: str
+    fingerprint: str
+    start_ns: int
+    end_ns: int
+    T_map_odom: FloatArray
+    config: Mapping[str, object]
+    versions: Mapping[str, str]
+    status: TraversalStatus
+    mapped_ns: int | None
+    timings: Mapping[str, float]
+    keyframes: int
+
+
+@dataclass(frozen=True)
+class StoredVisit:
+    """How often one traversal looked at one instance's place (see `types.memory.Visit`)."""
+
+    traversal_id: int
+    instance_number: int
+    supported: int
+    in_view: int
+    contradicted: int
+    first_support_ns: int | None
+    last_support_ns: int | None
+
+
+@dataclass(frozen=True)
+class StoredInstance:
+    """An instance without its geometry, with all its states and visits.
+
+    Those merged into it are part of it: `numbers` holds its own number and theirs, visits are summed over them.
+    """
+
+    number: int
+    id: str
+    label: str
+    label_belief: Mapping[str, float]
+    presence: Presence
+    existence_log_odds: float
+    first_seen_ns: int
+    last_seen_ns: int
+    centroid_map: FloatArray
+    box: Box3D
+    observations: int
+    traversal_id: int
+    numbers: tuple[int, ...]
+    states: tuple[StateRecord, ...]
+    visits: tuple[StoredVisit, ...]
+
+    def visit(self, traversal_id: int) -> StoredVisit:
+        """How one traversal looked at it; all zero where it never did."""
+        for visit in self.visits:
+            if visit.traversal_id == traversal_id:
+                return visit
+        return StoredVisit(traversal_id, self.number, 0, 0, 0, None, None)
+
+
+@dataclass(frozen=True)
+class ObservationRef:
+    """Where to find one observation, and what it said. `instance_number` is the instance it counts for today."""
+
+    id: int
+    traversal_id: int
+    keyframe_id: int
+    stamp_ns: int
+    instance_number: int
+    label: str
+    score: float
+    evidence_for: int
+    evidence_against: int
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One broken invariant: in which table, at which row, and what is wrong."""
+
+    table: str
+    row: str
+    what: str

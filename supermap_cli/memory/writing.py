@@ -1,0 +1,151 @@
+"""Writes one `MapDelta` within a transaction."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from sqlalchemy import Connection, delete, insert, select, tuple_, update
+from sqlalchemy.dialects.sqlite import insert as upsert
+
+from supermap_cli.memory import rows
+from supermap_cli.memory.names import InstanceIds
+from supermap_cli.memory.undo import keep_before_images
+from supermap_cli.types.memory import (
+    InstanceRecord,
+    KeyframeRecord,
+    MapDelta,
+    Observation,
+    SpatialEdge,
+    StateRecord,
+    TemporalEdge,
+    Visit,
+)
+from supermap_schema import models
+
+
+def write_delta(connection: Connection, traversal_id: int, delta: MapDelta) -> None:
+    """Write all that a batch of keyframes changed (which key replaces what: see `MapDelta`)."""
+    _add_keyframes(connection, traversal_id, delta.keyframes)
+    _replace_instances(connection, traversal_id, delta.instances)
+    _add_observations(connection, traversal_id, delta.observations)
+    _replace_states(connection, traversal_id, delta.states)
+    _replace_visits(connection, traversal_id, delta.visits)
+    _replace_spatial_edges(connection, traversal_id, delta.spatial_edges)
+    _add_temporal_edges(connection, traversal_id, delta.temporal_edges)
+
+
+def _add_keyframes(connection: Connection, traversal_id: int, keyframes: Sequence[KeyframeRecord]) -> None:
+    if not keyframes:
+        return
+    connection.execute(insert(models.Keyframe), [rows.keyframe_values(each, traversal_id) for each in keyframes])
+    newest_ns = max(int(each.stamp_ns) for each in keyframes)
+    connection.execute(update(models.Traversal).where(models.Traversal.id == traversal_id).values(mapped_ns=newest_ns))
+
+
+def _replace_instances(connection: Connection, traversal_id: int, instances: Sequence[InstanceRecord]) -> None:
+    if not instances:
+        return
+    newest = {record.number: record for record in instances}
+    keep_before_images(connection, traversal_id, "instance", newest.keys())
+    stored = {row.number: row.id for row in connection.execute(select(models.Instance.number, models.Instance.id))}
+    ids = InstanceIds(stored.values())
+    for number in sorted(newest.keys() - stored.keys()):
+        stored[number] = ids.next_id(newest[number].label)
+    statement = upsert(models.Instance)
+    kept = {"number", "id", "traversal_id"}
+    changed = {column.name: column for column in statement.excluded if column.name not in kept}
+    connection.execute(
+        statement.on_conflict_do_update(index_elements=["number"], set_=changed),
+        [rows.instance_values(record, traversal_id, stored[number]) for number, record in sorted(newest.items())],
+    )
+
+
+def _add_observations(connection: Connection, traversal_id: int, observations: Sequence[Observation]) -> None:
+    if not observations:
+        return
+    stamps_ns = sorted({int(each.stamp_ns) for each in observations})
+    found = connection.execute(
+        select(models.Keyframe.stamp_ns, models.Keyframe.id).where(
+            models.Keyframe.traversal_id == traversal_id, models.Keyframe.stamp_ns.in_(stamps_ns)
+        )
+    )
+    keyframe_ids = {row.stamp_ns: row.id for row in found}
+    missing = [stamp_ns for stamp_ns in stamps_ns if stamp_ns not in keyframe_ids]
+    if missing:
+        raise ValueError(f"observations at stamps that have no keyframe: {missing}")
+    connection.execute(
+        insert(models.Observation),
+        [rows.observation_values(each, keyframe_ids[each.stamp_ns]) for each in observations],
+    )
+
+
+def _replace_states(connection: Connection, traversal_id: int, states: Sequence[StateRecord]) -> None:
+    """All touched states go before any comes back, so that none overlaps a state that is about to change."""
+    if not states:
+        return
+    newest = {(state.object_number, state.index): state for state in states}
+    table = models.State
+    found = connection.execute(
+        select(table.id, table.instance_number, table.state_index, table.traversal_id).where(
+            tuple_(table.instance_number, table.state_index).in_(newest.keys())
+        )
+    )
+    known = {(row.instance_number, row.state_index): row for row in found}
+    keep_before_images(connection, traversal_id, "state", [row.id for row in known.values()])
+    connection.execute(delete(table).where(table.id.in_([row.id for row in known.values()])))
+    returning, new = [], []
+    for key, state in sorted(newest.items(), key=lambda item: item[0]):
+        if key in known:
+            returning.append(rows.state_values(state, known[key].traversal_id) | {"id": known[key].id})
+        else:
+            new.append(rows.state_values(state, traversal_id))
+    for values in (returning, new):
+        if values:
+            connection.execute(insert(table), values)
+
+
+def _replace_visits(connection: Connection, traversal_id: int, visits: Sequence[Visit]) -> None:
+    if not visits:
+        return
+    newest = {visit.object_number: visit for visit in visits}
+    statement = upsert(models.Visit)
+    changed = {name: statement.excluded[name] for name in ("supported", "in_view", "contradicted")}
+    changed |= {name: statement.excluded[name] for name in ("first_support_ns", "last_support_ns")}
+    connection.execute(
+        statement.on_conflict_do_update(index_elements=["traversal_id", "instance_number"], set_=changed),
+        [rows.visit_values(visit, traversal_id) for visit in newest.values()],
+    )
+
+
+def _replace_spatial_edges(connection: Connection, traversal_id: int, edges: Sequence[SpatialEdge]) -> None:
+    """An edge whose interval turned out empty never held, and is not kept."""
+    if not edges:
+        return
+    newest = {(edge.subject, edge.relation, edge.object, edge.since_ns): edge for edge in edges}
+    table = models.SpatialEdge
+    found = connection.execute(
+        select(table.id, table.subject_number, table.relation, table.object_number, table.since_ns).where(
+            table.subject_number.in_({edge.subject for edge in edges})
+        )
+    )
+    known = {(row.subject_number, row.relation, row.object_number, row.since_ns): row.id for row in found}
+    keep_before_images(connection, traversal_id, "spatial_edge", [known[key] for key in newest if key in known])
+    empty = [key for key, edge in newest.items() if edge.until_ns is not None and edge.until_ns <= edge.since_ns]
+    connection.execute(delete(table).where(table.id.in_([known[key] for key in empty if key in known])))
+    values = [rows.spatial_edge_values(edge, traversal_id) for key, edge in newest.items() if key not in empty]
+    if values:
+        statement = upsert(table)
+        connection.execute(
+            statement.on_conflict_do_update(
+                index_elements=["subject_number", "relation", "object_number", "since_ns"],
+                set_={"until_ns": statement.excluded.until_ns, "confidence": statement.excluded.confidence},
+            ),
+            values,
+        )
+
+
+def _add_temporal_edges(connection: Connection, traversal_id: int, edges: Sequence[TemporalEdge]) -> None:
+    if edges:
+        connection.execute(
+            insert(models.TemporalEdge), [rows.temporal_edge_values(each, traversal_id) for each in edges]
+        )

@@ -1,0 +1,90 @@
+"""The models and the migrations make the same database."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+from alembic.script import ScriptDirectory
+from sqlalchemy import Connection, create_engine, text
+
+import memories as m
+from supermap_cli.memory import open_store
+from supermap_cli.types.memory import MapDelta
+from supermap_schema import SCHEMA_VERSION, sqlite
+from supermap_schema.models import Base
+from supermap_schema.upgrading import alembic_config, upgrade
+
+
+def tables(connection: Connection) -> dict[str, set[str]]:
+    """Every table and index that a model stands for, as the set of its clauses."""
+    found = connection.execute(text("SELECT type || ' ' || name, sql FROM sqlite_master WHERE sql IS NOT NULL"))
+    names = {f"table {table.name}" for table in Base.metadata.sorted_tables}
+    names |= {f"index {index.name}" for table in Base.metadata.sorted_tables for index in table.indexes}
+    return {
+        name: {re.sub(r"\s+", " ", line).strip(" ,") for line in sql.splitlines()}
+        for name, sql in found
+        if name in names
+    }
+
+
+def test_models_and_migrations_agree() -> None:
+    with create_engine("sqlite://").connect() as connection:
+        Base.metadata.create_all(connection)
+        by_models = tables(connection)
+    with create_engine("sqlite://").connect() as connection:
+        upgrade(connection)
+        by_migrations = tables(connection)
+    assert len(by_models) > len(Base.metadata.tables)
+    assert by_migrations == by_models
+
+
+def test_the_newest_migration_is_the_version_of_the_schema() -> None:
+    with create_engine("sqlite://").connect() as connection:
+        head = ScriptDirectory.from_config(alembic_config(connection)).get_current_head()
+        assert head is not None
+        assert int(head) == SCHEMA_VERSION
+        upgrade(connection)
+        assert connection.execute(text("PRAGMA user_version")).scalar_one() == SCHEMA_VERSION
+        assert connection.execute(text("PRAGMA application_id")).scalar_one() == sqlite.APPLICATION_ID
+
+
+def test_upgrading_twice_changes_nothing() -> None:
+    with create_engine("sqlite://").connect() as connection:
+        upgrade(connection)
+        upgrade(connection)
+
+
+@pytest.fixture
+def memory(tmp_path: Path) -> Path:
+    delta = MapDelta(
+        keyframes=(m.keyframe(1, x=2.5),),
+        instances=(
+            m.instance(1, "chair", (1, 2, 0.5)),
+            m.instance(2, "dining table"),
+            m.instance(3, "cup", merged_into=2),
+        ),
+        states=(m.state(1, 0, (1, 1), (1, 2, 0.5), gone=5), m.state(2, 0, (1, 1), (5, 5, 0.5), label="dining table")),
+        temporal_edges=(
+            m.temporal("disappeared", (1, 0), (1, None), 1, 5),
+            m.temporal("persisted", (2, 0), (2, 0), 1, 5),
+        ),
+    )
+    return m.make_memory(tmp_path / "map.db", ("monday", (0, 10), delta))
+
+
+@pytest.mark.parametrize(
+    ("sql", "expected"),
+    [
+        ("SELECT id FROM current_objects ORDER BY id", ["chair-1", "dining-table-1"]),
+        ("SELECT id || ' ' || first_traversal FROM object_history", ["chair-1 monday", "dining-table-1 monday"]),
+        ("SELECT kind || ' ' || from_id FROM changes", ["disappeared chair-1"]),
+        ("SELECT traversal || ' ' || x FROM trajectory", ["monday 2.5"]),
+        ("SELECT id FROM instance_label WHERE instance_label MATCH 'tables'", ["dining-table-1"]),
+        ("SELECT state_id FROM state_box WHERE min_x <= 1 AND max_x >= 1 AND min_y <= 2 AND max_y >= 2", [1]),
+    ],
+)
+def test_the_database_answers_in_plain_sql(memory: Path, sql: str, expected: list[object]) -> None:
+    with open_store(str(memory), read_only=True) as store, store.reader() as reader:
+        assert list(reader.connection.execute(text(sql)).scalars()) == expected
