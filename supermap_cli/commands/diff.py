@@ -1,0 +1,86 @@
+"""`supermap diff`."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from supermap_cli.commands.common import DbOption, JsonOption, database_url, out, print_json
+from supermap_cli.commands.tables import evidence_text, print_table
+
+if TYPE_CHECKING:
+    from supermap_cli.query.clock import Clock
+    from supermap_cli.query.diff import Change, Diff
+
+
+EXAMPLES = """
+Examples:
+
+    supermap diff
+
+    supermap diff monday tuesday --json
+"""
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command to the app."""
+    app.command(epilog=EXAMPLES)(diff)
+
+
+def diff(
+    before: Annotated[
+        str | None, typer.Argument(metavar="A", help="a traversal's name or number [default: the last but one]")
+    ] = None,
+    after: Annotated[str | None, typer.Argument(metavar="B", help="the other one [default: the last]")] = None,
+    db: DbOption = None,
+    json: JsonOption = False,
+) -> None:
+    """Say what changed between two traversals, and what nobody can say.
+
+    "Not observed again" is not "gone": a thing has disappeared only where its place was seen empty.
+    """
+    from supermap_cli.memory import open_store  # noqa: PLC0415 - keeps start-up light
+    from supermap_cli.query.clock import clock_of  # noqa: PLC0415
+    from supermap_cli.query.diff import diff as compare  # noqa: PLC0415
+    from supermap_cli.query.moments import find_traversal  # noqa: PLC0415
+    from supermap_cli.query.views import to_document  # noqa: PLC0415
+
+    with open_store(database_url(db), read_only=True) as store, store.reader() as reader:
+        found, clock = compare(reader, before, after), clock_of(reader)
+        turned = before is not None and find_traversal(reader.traversals, before).number != found.before.number
+    if json:
+        print_json(to_document(found))
+    else:
+        _print(found, clock, turned=turned)
+
+
+def _print(found: Diff, clock: Clock, *, turned: bool) -> None:
+    console = out()
+    counts = ", ".join(f"{count} {kind}" for kind, count in found.counts.items())
+    console.print(f"from {found.before.name} to {found.after.name}: {counts}", markup=False)
+    if turned:
+        console.print("note: the two traversals were put in the order of time", markup=False)
+    columns = ("what", "id", "why", "when", "distance (m)#", "confidence#", "seen before", "seen after")
+    rows = [_row(change, clock) for change in found.changes if change.kind != "unchanged"]
+    if rows:
+        print_table(console, "", columns, rows)
+    unchanged = [change.id for change in found.changes if change.kind == "unchanged"]
+    if unchanged:
+        console.print(f"unchanged: {', '.join(unchanged)}", markup=False)
+
+
+def _row(change: Change, clock: Clock) -> tuple[str, ...]:
+    when = clock.span(change.not_before_ns, change.not_after_ns)
+    may_be = "".join(f"; may be {each.id} ({each.probability:.0%})" for each in change.may_be)
+    moved = change.kind == "moved" and change.distance_m is not None
+    return (
+        change.kind,
+        change.id,
+        change.reason + may_be,
+        when,
+        f"{change.distance_m:.2f}" if moved else "-",
+        f"{change.confidence:.2f}",
+        evidence_text(change.evidence_before),
+        evidence_text(change.evidence_after),
+    )

@@ -1,0 +1,236 @@
+"""The grammar of questions: words -> a typed question.
+
+    question  := [opener] things [time]   |   time things
+    things    := noun phrase [relation things]
+    opener    := "how many" | "count" | "where is" | "which" | "is there" | "find" | ...
+    relation  := "near" | "next to" | "on" | "on top of" | "under" | "inside" | "above" | "attached to" | ...
+    time      := "now" | "earlier" | "before" | "first" | "last" | "in" TRAVERSAL | "at" TIME
+
+What the words stand for is decided later, in `resolution`.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection
+from dataclasses import dataclass
+from typing import Literal
+
+from supermap_cli.errors import QueryError
+from supermap_cli.query.relations import RELATION_WORDS, RelationName
+
+Intent = Literal["find", "count", "exists"]
+TimeKind = Literal["now", "earlier", "first", "last", "traversal", "at"]
+Words = tuple[str, ...]
+
+UNDERSTOOD = (
+    "ask for things like 'cup', 'chair-1', 'chair near tv', 'how many chairs', 'cup on the table earlier', "
+    "'chairs in monday'; relations are near, beside, on, under, inside, above, attached to; "
+    "times are now, earlier, first, last, in TRAVERSAL, at 10:21"
+)
+
+
+@dataclass(frozen=True)
+class Things:
+    """A noun phrase without its articles (`None`: anything at all), and how the things stand to others."""
+
+    noun: str | None
+    relation: RelatedTo | None = None
+
+
+@dataclass(frozen=True)
+class RelatedTo:
+    """The relation asked for, and to what."""
+
+    name: RelationName
+    reference: Things
+
+
+@dataclass(frozen=True)
+class TimePhrase:
+    """When: `argument` is the traversal's name, or the time as it was written."""
+
+    kind: TimeKind = "now"
+    argument: str | None = None
+
+
+@dataclass(frozen=True)
+class Question:
+    """A question as understood."""
+
+    text: str
+    intent: Intent
+    things: Things
+    time: TimePhrase
+
+
+_OPENERS: tuple[tuple[str, Intent], ...] = (
+    ("how many", "count"),
+    ("count", "count"),
+    ("number of", "count"),
+    ("is there", "exists"),
+    ("are there", "exists"),
+    ("was there", "exists"),
+    ("were there", "exists"),
+    ("do you see", "exists"),
+    ("do we have", "exists"),
+    ("is", "exists"),
+    ("are", "exists"),
+    ("was", "exists"),
+    ("were", "exists"),
+    ("where", "find"),
+    ("what", "find"),
+    ("which", "find"),
+    ("find", "find"),
+    ("locate", "find"),
+    ("show", "find"),
+    ("list", "find"),
+    ("give", "find"),
+)
+
+
+def _set_of(words: str) -> frozenset[str]:
+    return frozenset(words.split())
+
+
+_FILLERS = _set_of(
+    """the a an any some all every each me my our your this that those these there of please is are was were be been do
+    does did can could you we i have has see seen which who's it its currently located placed sitting standing lying
+    resting hanging mounted found kept"""
+)
+_PAST = _set_of("was were did been had")
+_ANYTHING = _set_of("thing things object objects everything anything something stuff item items")
+_NOT_UNDERSTOOD = _set_of(
+    """who whom whose why when how and or not no without except than between delete remove move go bring"""
+)
+_SUPERLATIVES = _set_of(
+    """closest nearest farthest furthest biggest largest smallest tallest highest lowest shortest longest widest
+    narrowest thickest thinnest heaviest lightest newest oldest latest earliest most least best worst"""
+)
+_TIMES: tuple[tuple[str, TimeKind], ...] = (
+    ("right now", "now"),
+    ("at the moment", "now"),
+    ("at present", "now"),
+    ("now", "now"),
+    ("today", "now"),
+    ("in the past", "earlier"),
+    ("earlier", "earlier"),
+    ("before", "earlier"),
+    ("previously", "earlier"),
+    ("formerly", "earlier"),
+    ("at first", "first"),
+    ("the first time", "first"),
+    ("first", "first"),
+    ("originally", "first"),
+    ("initially", "first"),
+    ("the last time", "last"),
+    ("last time", "last"),
+    ("last seen", "last"),
+    ("last", "last"),
+    ("lastly", "last"),
+)
+_TRAVERSAL_NOUNS = frozenset(("traversal", "run", "recording", "visit"))
+_TIME_OF_DAY = re.compile(r"\d{1,2}:\d{2}(:\d{2}(\.\d+)?)?|\d{4}-\d{2}-\d{2}t[\d:.]+z?|\d+(\.\d+)?s?")
+
+
+def parse(text: str, traversals: Collection[str] = ()) -> Question:
+    """Understand a question. `traversals` are the names that "in NAME" may say.
+
+    Raises `QueryError` that says what is understood.
+    """
+    words = _words(text)
+    if not words:
+        raise QueryError("an empty question", cure=UNDERSTOOD)
+    past = bool(_PAST & set(words))
+    intent, words = _take_opener(words)
+    time, words = _take_time(words, traversals)
+    things = _things(words, text)
+    if time is None:
+        time = TimePhrase("last" if past else "now")
+    return Question(text, intent, things, time)
+
+
+def _words(text: str) -> Words:
+    return tuple(word for word in (each.strip("?!.,;:\"'()") for each in text.casefold().split()) if word)
+
+
+def _take_opener(words: Words) -> tuple[Intent, Words]:
+    for opener, intent in _OPENERS:
+        parts = tuple(opener.split())
+        if words[: len(parts)] == parts:
+            return intent, words[len(parts) :]
+    return "find", words
+
+
+def _take_time(words: Words, traversals: Collection[str]) -> tuple[TimePhrase | None, Words]:
+    """The time at the question's end, or at its beginning."""
+    taken = _traversal_at_end(words, traversals) or _clock_at_end(words)
+    if taken is not None:
+        return taken
+    for phrase, kind in _TIMES:
+        parts = tuple(phrase.split())
+        if words[-len(parts) :] == parts:
+            return TimePhrase(kind), words[: -len(parts)]
+        if words[: len(parts)] == parts and len(words) > len(parts):
+            return TimePhrase(kind), words[len(parts) :]
+    return None, words
+
+
+def _traversal_at_end(words: Words, traversals: Collection[str]) -> tuple[TimePhrase, Words] | None:
+    """Take "in monday", "during the monday run", "in the first traversal", "in first", "in traversal 2"."""
+    named = {_words(name): name for name in traversals}
+    for at in range(len(words) - 1, -1, -1):
+        if words[at] not in {"in", "on", "during", "of", "from"}:
+            continue
+        rest = tuple(word for word in words[at + 1 :] if word != "the")
+        bare = tuple(word for word in rest if word not in _TRAVERSAL_NOUNS)
+        for name in (rest, bare):
+            if name in named:
+                return TimePhrase("traversal", named[name]), words[:at]
+        ordinal = len(bare) == 1 and (bare[0] in {"first", "last"} or bare[0].isdecimal())
+        if ordinal and (len(rest) > len(bare) or words[at] in {"in", "during"}):
+            return TimePhrase("traversal", bare[0]), words[:at]
+    return None
+
+
+def _clock_at_end(words: Words) -> tuple[TimePhrase, Words] | None:
+    """Take "at 10:21", "at 2026-01-05T10:21:00Z", "at 12.5 s"."""
+    if words[-1:] in {("s",), ("seconds",), ("utc",)}:
+        words = words[:-1]
+    if len(words) >= 2 and words[-2] == "at" and _TIME_OF_DAY.fullmatch(words[-1]):
+        return TimePhrase("at", words[-1].upper().rstrip("S")), words[:-2]
+    return None
+
+
+def _things(words: Words, text: str) -> Things:
+    for at in range(len(words)):
+        for phrase, name in RELATION_WORDS:
+            parts = tuple(phrase.split())
+            if words[at : at + len(parts)] == parts:
+                reference = _things(words[at + len(parts) :], text)
+                if reference.noun is None:
+                    raise QueryError(f"'{phrase}' what? The question names nothing", where=text, cure=UNDERSTOOD)
+                return Things(_noun(words[:at], text, may_be_empty=True), RelatedTo(name, reference))
+    return Things(_noun(words, text, may_be_empty=False))
+
+
+def _noun(words: Words, text: str, *, may_be_empty: bool) -> str | None:
+    """The words that name something; `None` for "anything"."""
+    if superlatives := [word for word in words if word in _SUPERLATIVES]:
+        problem = f"'{superlatives[0]}' is a superlative; these are not understood yet"
+        raise QueryError(problem, where=text, cure=UNDERSTOOD)
+    if strange := [word for word in words if word in _NOT_UNDERSTOOD]:
+        raise QueryError(f"'{strange[0]}' is not understood here", where=text, cure=UNDERSTOOD)
+    start, end = 0, len(words)
+    while start < end and words[start] in _FILLERS:
+        start += 1
+    while end > start and words[end - 1] in _FILLERS:
+        end -= 1
+    noun = words[start:end]
+    if any(word in _FILLERS and word != "of" for word in noun):
+        raise QueryError(f"'{' '.join(noun)}' is not understood as one thing's name", where=text, cure=UNDERSTOOD)
+    if not noun:
+        if may_be_empty or "all" in words:
+            return None
+        raise QueryError("the question names nothing", where=text, cure=UNDERSTOOD)
+    return None if set(noun) <= _ANYTHING else " ".join(noun)

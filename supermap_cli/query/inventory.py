@@ -1,0 +1,37 @@
+"""What is in a map database, from where, and how long it took (`supermap db info`)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from supermap_cli.memory.reading import MapReader
+from supermap_cli.query.views import TraversalView, traversal_view
+from supermap_schema import SCHEMA_VERSION
+
+
+@dataclass(frozen=True)
+class Inventory:
+    """The database as a whole; `versions` and `config` are each traversal's, by its name."""
+
+    path: str
+    version: int
+    revision: str
+    size_bytes: int
+    counts: dict[str, int]
+    traversals: tuple[TraversalView, ...]
+    versions: dict[str, dict[str, str]]
+    config: dict[str, dict[str, object]]
+
+
+def inventory(reader: MapReader) -> Inventory:
+    """Count everything."""
+    return Inventory(
+        path=str(reader.path),
+        version=SCHEMA_VERSION,
+        revision=reader.revision(),
+        size_bytes=reader.path.stat().st_size,
+        counts=reader.counts(),
+        traversals=tuple(map(traversal_view, reader.traversals)),
+        versions={each.name: dict(each.versions) for each in reader.traversals},
+        config={each.name: dict(each.config) for each in reader.traversals},
+    )

@@ -1,0 +1,129 @@
+"""What a question's time word stands for: which states of an instance, and which span of time relations must touch."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from supermap_cli.errors import QueryError
+from supermap_cli.memory.reading import MapReader
+from supermap_cli.memory.values import StoredInstance, StoredTraversal
+from supermap_cli.query.clock import Clock
+from supermap_cli.query.grammar import TimeKind, TimePhrase
+from supermap_cli.types.memory import StateRecord
+
+
+@dataclass(frozen=True)
+class Moment:
+    """A time word with its meaning.
+
+    - "now": what is present, as it stands. "last": the newest state, present or not. "first": the oldest.
+    - "earlier": states that ended, or held before `high_ns` (the latest traversal's start; with one traversal: now).
+    - "traversal": states that `traversal` supported. "at": states that held at `low_ns` = `high_ns`.
+    """
+
+    kind: TimeKind
+    text: str
+    low_ns: float = -math.inf
+    high_ns: float = math.inf
+    traversal: StoredTraversal | None = None
+
+    def states(self, instance: StoredInstance) -> tuple[StateRecord, ...]:
+        """The states of an instance that the moment speaks of, oldest first."""
+        states = instance.states
+        match self.kind:
+            case "now":
+                return states[-1:] if instance.presence == "present" else ()
+            case "last":
+                return states[-1:]
+            case "first":
+                return states[:1]
+            case "earlier":
+                return tuple(each for each in states if each.first_seen_ns < self.high_ns or each is not states[-1])
+            case "traversal":
+                assert self.traversal is not None  # noqa: S101 - `moment_of` gives one
+                seen = instance.visit(self.traversal.id).supported > 0
+                return tuple(each for each in states if seen and self._touches(each.first_seen_ns, each.last_seen_ns))
+            case "at":
+                return tuple(each for each in states if each.first_seen_ns <= self.low_ns < state_end_ns(each, states))
+
+    def gap(self, instance: StoredInstance) -> tuple[int, int] | None:
+        """The span within which an instance left, if the moment is one time in it; both ends are certain."""
+        for state in self.states(instance) if self.kind == "at" else ():
+            end_ns = state_end_ns(state, instance.states)
+            if state.last_seen_ns < self.low_ns < end_ns < math.inf:
+                return state.last_seen_ns, int(end_ns)
+        return None
+
+    def reference_states(self, instance: StoredInstance) -> tuple[StateRecord, ...]:
+        """The states that what is asked for may stand in relation to; that they hold together is checked later."""
+        return self.states(instance) if self.kind == "now" else instance.states
+
+    def span_of(
+        self, first: tuple[StateRecord, StoredInstance], second: tuple[StateRecord, StoredInstance]
+    ) -> Span | None:
+        """When two states hold together within the moment; `None` if never."""
+        low = max(float(first[0].first_seen_ns), float(second[0].first_seen_ns))
+        high = min(state_end_ns(first[0], first[1].states), state_end_ns(second[0], second[1].states))
+        if self.kind == "now":
+            low = max(low, self.low_ns)
+        elif self.kind == "earlier":
+            high = high if high < math.inf else self.high_ns
+        elif self.kind in {"traversal", "at"}:
+            low, high = max(low, self.low_ns), min(high, self.high_ns + 1)
+        return Span(low, high) if low < high else None
+
+    def _touches(self, first_ns: int, last_ns: int) -> bool:
+        return first_ns <= self.high_ns and last_ns >= self.low_ns
+
+
+@dataclass(frozen=True)
+class Span:
+    """A half-open span of sensor time; infinite where open."""
+
+    low_ns: float
+    high_ns: float
+
+    def touches(self, since_ns: int, until_ns: int | None) -> bool:
+        """Whether a half-open interval has a part in it."""
+        return since_ns < self.high_ns and (until_ns is None or until_ns > self.low_ns)
+
+
+def state_end_ns(state: StateRecord, states: Sequence[StateRecord]) -> float:
+    """When a state ended at the latest: contradicted, or seen elsewhere; infinite while it holds."""
+    later = [float(each.first_seen_ns) for each in states if each.index > state.index]
+    return min([math.inf if state.gone_ns is None else float(state.gone_ns), *later])
+
+
+def moment_of(phrase: TimePhrase, reader: MapReader, clock: Clock) -> Moment:
+    """What a time phrase means in this map. Raises `QueryError` for a traversal or time it does not know."""
+    match phrase.kind:
+        case "now":
+            return Moment("now", "now", low_ns=reader.now_ns)
+        case "earlier":
+            starts = sorted(each.start_ns for each in reader.traversals)
+            return Moment("earlier", "earlier", high_ns=starts[-1] if len(starts) > 1 else reader.now_ns)
+        case "traversal":
+            traversal = find_traversal(reader.traversals, phrase.argument or "")
+            text = f"in {traversal.name}"
+            return Moment("traversal", text, traversal.start_ns, traversal.end_ns, traversal)
+        case "at":
+            stamp_ns = clock.parse(phrase.argument or "")
+            return Moment("at", f"at {clock.text(stamp_ns)}", stamp_ns, stamp_ns)
+        case kind:
+            return Moment(kind, kind)
+
+
+def find_traversal(traversals: Sequence[StoredTraversal], name: str) -> StoredTraversal:
+    """A traversal by its name, its number, or "first" and "last". Raises `QueryError` that names those there are."""
+    for each in traversals:
+        if name.casefold() == each.name.casefold():
+            return each
+    for each in traversals:
+        if name == str(each.number):
+            return each
+    if traversals and name in {"first", "last"}:
+        return traversals[0 if name == "first" else -1]
+    known = ", ".join(f"{each.number} {each.name}" for each in traversals) or "none"
+    raise QueryError(f"there is no traversal {name!r}", cure=f"there are: {known}")

@@ -1,0 +1,123 @@
+"""Spatial relations: their words, which stored edges answer them, and what two boxes say where none is stored."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from supermap_cli.geometry.boxes import Box3D, footprint_gap_m, footprint_overlap_m2
+
+RelationName = Literal["near", "beside", "on", "under", "inside", "above", "attached to"]
+
+_WORDS: dict[RelationName, tuple[str, ...]] = {
+    "near": ("near", "near to", "close to", "nearby", "around", "close by"),
+    "beside": ("beside", "next to", "by", "alongside", "adjacent to", "at the side of"),
+    "on": ("on", "on top of", "upon", "onto"),
+    "under": ("under", "below", "beneath", "underneath"),
+    "inside": ("inside", "inside of", "in", "within", "into"),
+    "above": ("above", "over"),
+    "attached to": ("attached to", "fixed to", "mounted on", "mounted to", "hanging on", "hanging from"),
+}
+
+RELATION_WORDS: tuple[tuple[str, RelationName], ...] = tuple(
+    sorted(((word, name) for name, words in _WORDS.items() for word in words), key=lambda pair: -len(pair[0].split()))
+)
+"""Every phrase for a relation, those of more words first."""
+
+
+@dataclass(frozen=True)
+class EdgeForm:
+    """A stored relation that answers a question; `turned` if its subject is the question's object.
+
+    `checked` asks the boxes, too: under(table, cup) means on(cup, table) only where they touch.
+    """
+
+    relation: str
+    turned: bool = False
+    checked: bool = False
+
+
+def _both_ways(*relations: str) -> tuple[EdgeForm, ...]:
+    return tuple(EdgeForm(relation, turned) for relation in relations for turned in (False, True))
+
+
+STORED_FORMS: dict[RelationName, tuple[EdgeForm, ...]] = {
+    "near": _both_ways("near", "beside", "on", "inside", "attached to"),
+    "beside": _both_ways("beside"),
+    "on": (EdgeForm("on"), EdgeForm("under", turned=True, checked=True)),
+    "under": (EdgeForm("under"), EdgeForm("on", turned=True), EdgeForm("above", turned=True)),
+    "inside": (EdgeForm("inside"),),
+    "above": (EdgeForm("above"), EdgeForm("on"), EdgeForm("under", turned=True)),
+    "attached to": (EdgeForm("attached to"),),
+}
+
+
+def box_distance_m(a: Box3D, b: Box3D) -> float:
+    """The distance between two upright boxes, 0 where they touch or overlap."""
+    vertical = max(a.z_min - b.z_max, b.z_min - a.z_max, 0.0)
+    return float(np.hypot(footprint_gap_m(a, b), vertical))
+
+
+def covered_share(a: Box3D, b: Box3D) -> float:
+    """The share of a's outline on the floor that lies within b's."""
+    area = float(a.size[0] * a.size[1])
+    return footprint_overlap_m2(a, b) / area if area > 0 else 0.0
+
+
+def holds(relation: RelationName, a: Box3D, b: Box3D) -> bool:
+    """Whether a stands in a relation to b, as far as two boxes can say; nearness is scaled by the things' size."""
+    return _PREDICATES[relation](a, b)
+
+
+def _near(a: Box3D, b: Box3D) -> bool:
+    return box_distance_m(a, b) <= float(np.clip(_largest_side(a, b), 0.5, 1.5))
+
+
+def _beside(a: Box3D, b: Box3D) -> bool:
+    level = a.z_min < b.z_max and b.z_min < a.z_max
+    gap = footprint_gap_m(a, b)
+    apart = not any(predicate(*pair) for predicate in (_on, _inside) for pair in ((a, b), (b, a)))
+    return level and apart and gap <= float(np.clip(0.4 * _largest_side(a, b), 0.2, 0.6))
+
+
+def _on(a: Box3D, b: Box3D) -> bool:
+    """On(A, B): z_min of A near z_max of B, and their footprints overlap (SuperMap, scene graph)."""
+    low = b.z_max - min(0.15, 0.5 * float(b.size[2]))
+    return low <= a.z_min <= b.z_max + 0.1 and covered_share(a, b) >= 0.3
+
+
+def _above(a: Box3D, b: Box3D) -> bool:
+    return a.z_min >= b.z_max - 0.1 and covered_share(a, b) >= 0.3
+
+
+def _under(a: Box3D, b: Box3D) -> bool:
+    overlap = max(covered_share(a, b), covered_share(b, a))
+    return overlap >= 0.3 and a.center[2] < b.center[2] and a.z_max <= b.z_max + 0.05 and not _inside(a, b)
+
+
+def _inside(a: Box3D, b: Box3D) -> bool:
+    height = min(a.z_max, b.z_max) - max(a.z_min, b.z_min)
+    share = max(height, 0.0) / float(a.size[2]) if a.size[2] > 0 else 0.0
+    return share * covered_share(a, b) >= 0.7 and a.volume < b.volume
+
+
+def _attached(a: Box3D, b: Box3D) -> bool:
+    return box_distance_m(a, b) <= 0.05 and not _on(a, b)
+
+
+_PREDICATES: dict[RelationName, Callable[[Box3D, Box3D], bool]] = {
+    "near": _near,
+    "beside": _beside,
+    "on": _on,
+    "under": _under,
+    "inside": _inside,
+    "above": _above,
+    "attached to": _attached,
+}
+
+
+def _largest_side(a: Box3D, b: Box3D) -> float:
+    return float(max(a.size.max(), b.size.max()))

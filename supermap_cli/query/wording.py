@@ -1,0 +1,79 @@
+"""The sentence of an answer."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Protocol
+
+from supermap_cli.query.grammar import Question, Things
+from supermap_cli.query.views import InstanceView
+from supermap_cli.query.vocabulary import load_vocabulary
+
+
+class Miss(Protocol):
+    """What a near miss tells."""
+
+    @property
+    def id(self) -> str:
+        """Its text id."""
+        ...
+
+    @property
+    def reason(self) -> str:
+        """Why it does not fit."""
+        ...
+
+
+def found(question: Question, instances: Sequence[InstanceView]) -> str:
+    """The sentence where something fits."""
+    ids = ", ".join(each.id for each in instances)
+    basis = _basis(instances)
+    match question.intent:
+        case "count":
+            return f"{len(instances)} ({ids}){basis}"
+        case "exists":
+            return f"yes: {ids}{basis}"
+        case "find":
+            return f"{described(question.things)}{_when(question)}: {ids}{basis}"
+
+
+def nothing(question: Question, nearest: Sequence[Miss], missing: str | None) -> str:
+    """The sentence where nothing fits; `missing` is the noun that nothing in the map is called."""
+    lead = "0: " if question.intent == "count" else "no: " if question.intent == "exists" else ""
+    if missing is not None:
+        sentence = f"there {'are' if _is_plural(missing) else 'is'} no {missing} in the map"
+    else:
+        nobody = "nothing" if question.things.noun is None else "no"
+        sentence = f"{nobody} {described(question.things, '')}".rstrip() + _when(question)
+    misses = "; ".join(f"{each.id}: {each.reason}" for each in nearest)
+    return f"{lead}{sentence} ({misses})" if misses else f"{lead}{sentence}"
+
+
+def described(things: Things, anything: str = "everything") -> str:
+    """A noun phrase in plain words; `anything` stands where it has no noun."""
+    noun = things.noun or anything
+    if things.relation is None:
+        return noun
+    return f"{noun} {things.relation.name} {described(things.relation.reference)}".lstrip()
+
+
+def _is_plural(noun: str) -> bool:
+    head = noun.split(" of ", maxsplit=1)[0].rsplit(maxsplit=1)[-1]
+    return load_vocabulary().singular(head) != head
+
+
+def _when(question: Question) -> str:
+    match question.time.kind:
+        case "now":
+            return " now"
+        case "traversal":
+            return f" in {question.time.argument}"
+        case "at":
+            return f" at {question.time.argument}"
+        case kind:
+            return f" {kind}"
+
+
+def _basis(instances: Sequence[InstanceView]) -> str:
+    bases = {relation.basis for each in instances for relation in each.relations}
+    return " (judged by their boxes; no such relation is stored)" if bases == {"boxes"} else ""

@@ -1,0 +1,44 @@
+"""`supermap diff`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+import kitchen
+import memories as m
+from cli import document, supermap
+from supermap_cli.errors import QueryError
+from supermap_cli.types.memory import MapDelta
+
+
+@pytest.fixture(scope="module")
+def db(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return kitchen.make_kitchen(tmp_path_factory.mktemp("kitchen") / "map.db")
+
+
+def test_a_diff_follows_the_published_schema(db: Path) -> None:
+    found = document("diff", "diff", "monday", "tuesday", "--db", db)
+    assert found["counts"]["disappeared"] == 1
+    assert {each["id"] for each in found["changes"] if each["kind"] == "moved"} == {"chair-1"}
+
+
+def test_the_table_keeps_not_seen_apart_from_gone(db: Path) -> None:
+    printed = supermap("diff", "--db", db).stdout.splitlines()
+    assert printed[0].startswith("from monday to tuesday: 1 appeared, 1 disappeared, 1 moved")
+    (book,) = (line for line in printed if "book-1" in line)
+    assert book.startswith("not observed again")
+    assert "never in view" in book
+
+
+@pytest.mark.parametrize(("names", "turned"), [(("tuesday", "monday"), True), (("1", "2"), False), ((), False)])
+def test_a_turned_order_is_said(db: Path, names: tuple[str, ...], turned: bool) -> None:
+    printed = supermap("diff", *names, "--db", db).stdout
+    assert printed.startswith("from monday to tuesday: ")
+    assert ("put in the order of time" in printed) is turned
+
+
+def test_one_traversal_is_an_error(tmp_path: Path) -> None:
+    path = m.make_memory(tmp_path / "map.db", ("monday", (0, 10), MapDelta()))
+    assert isinstance(supermap("diff", "--db", path).exception, QueryError)

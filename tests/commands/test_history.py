@@ -1,0 +1,31 @@
+"""`supermap history`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+import kitchen
+import memories as m
+from cli import document, supermap
+from supermap_cli.errors import QueryError
+
+
+@pytest.fixture(scope="module")
+def db(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return kitchen.make_kitchen(tmp_path_factory.mktemp("kitchen") / "map.db")
+
+
+def test_a_life_is_told_in_states_events_and_sightings(db: Path) -> None:
+    told = document("history", "history", "chair-1", "--db", db)
+    assert [(each["state"], each["gone_ns"]) for each in told["intervals"]] == [(0, m.ns(1001)), (1, None)]
+    assert [(each["kind"], each["distance_m"]) for each in told["events"]] == [("moved", 3.61)]
+    assert [(each["traversal"], each["supported"]) for each in told["sightings"]] == [("monday", 3), ("tuesday", 3)]
+    printed = supermap("history", "chair-1", "--db", db).stdout
+    assert "chair-1 state 1" in printed
+    assert "3.61" in printed
+
+
+def test_an_unknown_id_is_an_error(db: Path) -> None:
+    assert isinstance(supermap("history", "piano-1", "--db", db).exception, QueryError)

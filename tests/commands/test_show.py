@@ -1,0 +1,40 @@
+"""`supermap show`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+import kitchen
+from cli import document, supermap
+from supermap_cli.errors import QueryError
+
+
+@pytest.fixture(scope="module")
+def db(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return kitchen.make_kitchen(tmp_path_factory.mktemp("kitchen") / "map.db")
+
+
+def test_the_overview_holds_what_is_there_now(db: Path) -> None:
+    shown = document("show", "show", "--db", db)
+    assert shown["counts"]["chair"] == 2
+    assert "cup-1" not in [each["id"] for each in shown["instances"]]
+    assert shown["absent"] == 1
+    assert [each["name"] for each in shown["traversals"]] == ["monday", "tuesday"]
+    printed = supermap("show", "--db", db).stdout
+    assert "8 objects" in printed
+    assert "dining-table-1" in printed
+
+
+def test_one_object_is_shown_with_its_relations(db: Path) -> None:
+    shown = document("object", "show", "vase-1", "--db", db)
+    assert [each["stored_as"] for each in shown["relations"]] == ["on(vase-1, dining-table-1)"]
+    assert shown["evidence"]["observation_count"] == 3
+    assert "on" in supermap("show", "VASE-1", "--db", db).stdout
+
+
+def test_an_unknown_id_is_an_error(db: Path) -> None:
+    error = supermap("show", "piano-1", "--db", db).exception
+    assert isinstance(error, QueryError)
+    assert "supermap show" in str(error)

@@ -1,0 +1,152 @@
+"""What changed between two traversals, and what is never claimed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import kitchen
+import memories as m
+from supermap_cli.errors import QueryError
+from supermap_cli.memory import open_store
+from supermap_cli.memory.reading import MapReader
+from supermap_cli.query.diff import Change, diff
+from supermap_cli.types.memory import InstanceRecord, MapDelta, StateRecord, Visit
+
+
+@pytest.fixture(scope="module")
+def reader(tmp_path_factory: pytest.TempPathFactory) -> Iterator[MapReader]:
+    path = kitchen.make_kitchen(tmp_path_factory.mktemp("kitchen") / "map.db")
+    with open_store(str(path), read_only=True) as store, store.reader() as reader:
+        yield reader
+
+
+def test_every_instance_has_its_verdict(reader: MapReader) -> None:
+    found = diff(reader)
+    assert {change.id: change.kind for change in found.changes} == {
+        "vase-1": "appeared",
+        "cup-1": "disappeared",
+        "chair-1": "moved",
+        "dining-table-1": "unchanged",
+        "tv-1": "unchanged",
+        "potted-plant-1": "unchanged",
+        "chair-2": "not observed again",
+        "book-1": "not observed again",
+        "lamp-1": "first observed",
+    }
+    assert found.counts["unchanged"] == 3
+
+
+def test_changes_have_bounds_distances_and_evidence(reader: MapReader) -> None:
+    changes = {change.id: change for change in diff(reader).changes}
+    cup, chair, vase = changes["cup-1"], changes["chair-1"], changes["vase-1"]
+    assert (cup.not_before_ns, cup.not_after_ns, cup.confidence) == (m.ns(90), m.ns(1005), 0.95)
+    assert (cup.evidence_before.observation_count, cup.evidence_after.contradicted) == (3, 3)
+    assert (chair.distance_m, chair.position_before) == (pytest.approx(3.6056), (0.0, 1.0, 0.5))
+    assert (vase.not_before_ns, vase.not_after_ns) == (m.ns(90), m.ns(1001))
+    assert [(each.id, each.probability) for each in vase.may_be] == [("cup-1", 0.2)]
+
+
+def test_it_says_whether_the_place_was_in_view(reader: MapReader) -> None:
+    reasons = {change.id: change.reason for change in diff(reader).changes}
+    assert "never in view in tuesday" in reasons["book-1"]
+    assert "in view in 2 keyframes and never seen empty" in reasons["chair-2"]
+    assert "had not been looked at in monday" in reasons["lamp-1"]
+
+
+def test_traversals_are_named_by_name_or_number_and_put_in_order(reader: MapReader) -> None:
+    for names in ((None, None), ("monday", "tuesday"), ("2", "1"), ("Monday", None)):
+        found = diff(reader, *names)
+        assert (found.before.name, found.after.name) == ("monday", "tuesday")
+
+
+@pytest.mark.parametrize("names", [("monday", "monday"), ("sunday", None), ("1", "3")])
+def test_a_diff_needs_two_known_traversals(reader: MapReader, names: tuple[str, str | None]) -> None:
+    with pytest.raises(QueryError):
+        diff(reader, *names)
+
+
+def verdict(
+    path: Path,
+    states: tuple[StateRecord, ...],
+    visits: tuple[Visit | None, Visit | None],
+    instance: InstanceRecord | None = None,
+    deltas: tuple[MapDelta, MapDelta] = (MapDelta(), MapDelta()),
+) -> Change | None:
+    """The verdict on one chair, of whose visits each belongs to one of two traversals (0-10 s and 100-110 s)."""
+    chair = instance or m.instance(1, "chair", seen=(1, 105))
+    with open_store(str(path), create=True) as store:
+        for at, name, visit, delta in zip((0, 100), ("a", "b"), visits, deltas, strict=True):
+            traversal_id = store.begin_traversal(m.start(name, (at, at + 10)))
+            store.commit(traversal_id, MapDelta(instances=(chair,), visits=() if visit is None else (visit,)))
+            store.commit(traversal_id, delta)
+            if name == "b":
+                store.commit(traversal_id, MapDelta(states=states))
+            store.finish_traversal(traversal_id)
+    with open_store(str(path), read_only=True) as store, store.reader() as reader:
+        changes = diff(reader).changes
+    return changes[0] if changes else None
+
+
+SEEN = m.visit(1, 3, 3)
+NOT_LOOKED = None
+LOOKED = m.visit(1, 0, 2)
+DOUBTED = m.visit(1, 0, 3, 1)
+
+
+@pytest.mark.parametrize(
+    ("states", "visits", "kind"),
+    [
+        ((m.state(1, 0, (1, 105)),), (SEEN, SEEN), "unchanged"),
+        ((m.state(1, 0, (1, 9)),), (SEEN, NOT_LOOKED), "not observed again"),
+        ((m.state(1, 0, (1, 9)),), (SEEN, LOOKED), "not observed again"),
+        ((m.state(1, 0, (1, 9)),), (SEEN, DOUBTED), "not observed again"),
+        ((m.state(1, 0, (1, 9), gone=101),), (SEEN, LOOKED), "disappeared"),
+        ((m.state(1, 0, (1, 5), gone=8),), (SEEN, LOOKED), "disappeared"),
+        ((m.state(1, 0, (1, 105), gone=107),), (SEEN, SEEN), "disappeared"),
+        ((m.state(1, 0, (1, 9), gone=200),), (SEEN, LOOKED), "not observed again"),
+        ((m.state(1, 0, (101, 105)),), (NOT_LOOKED, SEEN), "first observed"),
+        ((m.state(1, 0, (101, 105)),), (LOOKED, SEEN), "first observed"),
+        ((m.state(1, 0, (101, 105), empty_before=9),), (LOOKED, SEEN), "appeared"),
+        ((m.state(1, 0, (101, 105), empty_before=100.5),), (NOT_LOOKED, SEEN), "appeared"),
+        ((m.state(1, 0, (101, 105), empty_before=-50),), (NOT_LOOKED, SEEN), "first observed"),
+        ((m.state(1, 0, (1, 5), gone=6), m.state(1, 1, (101, 105), (3, 0, 0.5))), (SEEN, SEEN), "moved"),
+        ((m.state(1, 0, (1, 5), gone=6), m.state(1, 1, (101, 105))), (SEEN, SEEN), "appeared"),
+        ((m.state(1, 0, (1, 5), gone=50), m.state(1, 1, (101, 105))), (SEEN, SEEN), "unchanged"),
+        ((m.state(1, 0, (-90, -80)), m.state(1, 1, (101, 105), (3, 0, 0.5))), (NOT_LOOKED, SEEN), "moved"),
+        ((m.state(1, 0, (-90, 105)),), (NOT_LOOKED, SEEN), "first observed"),
+        ((m.state(1, 0, (-90, -80)),), (NOT_LOOKED, NOT_LOOKED), None),
+    ],
+)
+def test_the_verdict_follows_from_states_and_visits(
+    tmp_path: Path, states: tuple[StateRecord, ...], visits: tuple[Visit | None, Visit | None], kind: str | None
+) -> None:
+    change = verdict(tmp_path / "map.db", states, visits)
+    assert (change and change.kind) == kind
+
+
+def test_a_label_changed_only_where_both_traversals_are_sure(tmp_path: Path) -> None:
+    def called(label: str, start: float, n: int) -> MapDelta:
+        stamps = [start + 1 + i for i in range(n)]
+        return MapDelta(keyframes=m.keyframes(stamps), observations=tuple(m.observation(1, at, label) for at in stamps))
+
+    for n, kind in ((3, "relabelled"), (2, "unchanged")):
+        path = tmp_path / f"{kind}.db"
+        deltas = (called("chair", 0, n), called("bench", 100, n))
+        change = verdict(path, (m.state(1, 0, (1, 105)),), (SEEN, SEEN), deltas=deltas)
+        assert change is not None
+        assert change.kind == kind
+        if kind == "relabelled":
+            assert (change.label_before, change.label_after) == ("chair", "bench")
+
+
+def test_one_traversal_cannot_be_compared(tmp_path: Path) -> None:
+    path = m.make_memory(tmp_path / "map.db", ("monday", (0, 10), MapDelta()))
+    with (
+        open_store(str(path), read_only=True) as store,
+        store.reader() as reader,
+        pytest.raises(QueryError, match="holds only 'monday'"),
+    ):
+        diff(reader)
