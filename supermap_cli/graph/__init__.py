@@ -1,0 +1,1 @@
+"""The scene graph: spatial predicates between instances, with intervals and hysteresis."""

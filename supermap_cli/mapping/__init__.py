@@ -1,0 +1,1 @@
+"""The mapping engine: visibility, lifting, association, fusion, lifecycle."""

@@ -1,0 +1,121 @@
+"""Data association: which detection is of which object, as one gated assignment of log-likelihood ratios."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from supermap_cli.geometry.arrays import BoolArray, FloatArray
+from supermap_cli.mapping.belief import label_agreement
+from supermap_cli.mapping.lifting import LiftedDetection
+from supermap_cli.mapping.objects import MapObject
+from supermap_cli.mapping.visibility import ObjectView
+
+
+@dataclass(frozen=True)
+class Affinity:
+    """How well one detection fits one object.
+
+    `covered`: share of the detection's points on the object's cloud; `explained`: share of the object's voxels seen in
+    this image that lie inside the detection's mask; `log_ratio`: log P(evidence | same) / P(evidence | different).
+    """
+
+    covered: float
+    explained: float
+    log_ratio: float
+
+
+@dataclass(frozen=True)
+class Association:
+    """Pairs (position in the list of detections, object number) with their affinity; the rest stays free."""
+
+    pairs: tuple[tuple[int, int, Affinity], ...]
+    free: tuple[int, ...]
+
+
+def affinity(detection: LiftedDetection, candidate: MapObject, view: ObjectView | None) -> Affinity:
+    """Score one pair. A partial view must not count against the match: overlap is measured on what is seen of both."""
+    shape = candidate.shape
+    covered = shape.share_near(detection.points_map)
+    explained = share_inside(detection, view) if view is not None else 0.0
+    log_ratio = 4 * np.sqrt(covered * explained) - 1.5
+    log_ratio += _distance_log_ratio(detection, candidate, covered)
+    agreement = label_agreement(detection.hypotheses, candidate.labels.probabilities())
+    log_ratio += float(np.log((agreement + 0.05) / 0.2))
+    if detection.track_id >= 0 and candidate.track_id >= 0:
+        log_ratio += 1.0 if detection.track_id == candidate.track_id else -0.5
+    return Affinity(covered, explained, float(log_ratio))
+
+
+def _distance_log_ratio(detection: LiftedDetection, candidate: MapObject, covered: float) -> float:
+    """Centroids compared on the scale of the object; cut views shift them, so overlap excuses distance."""
+    spread = 0.1 + 0.25 * candidate.shape.extent_m
+    distance = float(np.linalg.norm(detection.centroid_map - candidate.shape.centroid))
+    log_ratio = max(1 - 0.5 * (distance / spread) ** 2, -2.0)
+    return log_ratio if log_ratio >= 0 else log_ratio * (1 - covered)
+
+
+def share_inside(detection: LiftedDetection, view: ObjectView) -> float:
+    """Share of the object's supported voxels whose pixels lie within the detection's mask."""
+    seen = view.supported
+    count = int(seen.sum())
+    if count == 0:
+        return 0.0
+    return float(pixels_inside(detection, view)[seen].mean())
+
+
+def pixels_inside(detection: LiftedDetection, view: ObjectView) -> BoolArray:
+    """(n,) which of an object's voxels project into the detection's mask."""
+    return pixels_in_region(detection.mask.pixels, detection.mask.u0, detection.mask.v0, view)
+
+
+def pixels_in_region(region: BoolArray, u0: int, v0: int, view: ObjectView) -> BoolArray:
+    """(n,) which of an object's voxels project into a region (h, w) whose upper left corner is pixel (u0, v0)."""
+    h, w = region.shape
+    u, v = view.u - u0, view.v - v0
+    within = view.on_image & (u >= 0) & (v >= 0) & (u < w) & (v < h)
+    inside = np.zeros(len(u), dtype=bool)
+    inside[within] = region[v[within], u[within]]
+    return inside
+
+
+def associate(
+    detections: Sequence[LiftedDetection],
+    candidates: Sequence[MapObject],
+    views: Mapping[int, ObjectView],
+    gate: float = 0.0,
+) -> Association:
+    """Assign detections to objects one to one so that the summed log ratio is greatest; pairs below the gate stay
+    free.
+    """
+    if not detections or not candidates:
+        return Association((), tuple(range(len(detections))))
+    scores = np.full((len(detections), len(candidates)), -np.inf)
+    table: dict[tuple[int, int], Affinity] = {}
+    for row, detection in enumerate(detections):
+        for column in np.flatnonzero(near_enough(detection, candidates)):
+            candidate = candidates[int(column)]
+            table[row, int(column)] = affinity(detection, candidate, views.get(candidate.number))
+            scores[row, column] = table[row, int(column)].log_ratio
+    gain = np.where(scores > gate, scores - gate, 0.0)
+    rows, columns = linear_sum_assignment(gain, maximize=True)
+    pairs = tuple(
+        (int(row), candidates[int(column)].number, table[int(row), int(column)])
+        for row, column in zip(rows, columns, strict=True)
+        if gain[row, column] > 0
+    )
+    taken = {row for row, _, _ in pairs}
+    return Association(pairs, tuple(row for row in range(len(detections)) if row not in taken))
+
+
+def near_enough(detection: LiftedDetection, candidates: Sequence[MapObject]) -> BoolArray:
+    """(m,) which candidates' bounds come within their own size and 0.3 m of the detection's centroid."""
+    low = np.array([each.shape.low for each in candidates])
+    high = np.array([each.shape.high for each in candidates])
+    gap: FloatArray = np.maximum(np.maximum(low - detection.centroid_map, detection.centroid_map - high), 0)
+    reach = 0.3 + 0.5 * np.maximum((high - low).max(axis=1), detection.extent_m)
+    near: BoolArray = np.linalg.norm(gap, axis=1) <= reach
+    return near

@@ -1,0 +1,380 @@
+"""The mapping engine: P(M_t | M_t-1, I_t, P_t, Q_t), one keyframe at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import cv2
+import numpy as np
+
+from supermap_cli.config import Ablation, MappingConfig
+from supermap_cli.geometry.arrays import BoolArray, IntArray
+from supermap_cli.geometry.boxes import pairwise_iou
+from supermap_cli.mapping import lifecycle
+from supermap_cli.mapping.association import Affinity, associate
+from supermap_cli.mapping.belief import LabelBelief
+from supermap_cli.mapping.depth import DepthView, depth_view
+from supermap_cli.mapping.free_space import FreeSpaceMemory
+from supermap_cli.mapping.fusion import (
+    area_share,
+    believe_less,
+    believe_more,
+    claimed_by_smaller,
+    expected_recall,
+    fuse_geometry,
+    fuse_mask,
+    fuse_points,
+)
+from supermap_cli.mapping.lifting import LiftedDetection, is_truncated, lift
+from supermap_cli.mapping.motion import ANIMATE
+from supermap_cli.mapping.objects import MapObject, ObjectMap
+from supermap_cli.mapping.pair_evidence import PairEvidence
+from supermap_cli.mapping.recall import RecallModel, ScoreModel, something_score
+from supermap_cli.mapping.transitions import Transitions
+from supermap_cli.mapping.visibility import ObjectView, look_at
+from supermap_cli.types.detections import Detections, TrackPrior
+from supermap_cli.types.keyframe import Keyframe
+from supermap_cli.types.memory import MapDelta, Observation
+
+STRONG_SCORE = 0.3
+"""Detections below this support what the map already holds, and give birth to nothing (ByteTrack's two stages)."""
+
+EXPECTED_IOU = 0.2
+"""Overlap with an object's predicted box from which a weak detection may be of that object."""
+
+SURE_LOG_ODDS = 4.0
+"""Only objects believed this firmly teach how often the detector misses what is there."""
+
+ANIMATE_MEMORY_NS = 3_000_000_000
+"""What moves by itself is believed in no longer than this without being seen."""
+
+
+@dataclass(frozen=True)
+class Look:
+    """One keyframe held against the map: its depth, and what it says of every object it can see."""
+
+    keyframe: Keyframe
+    depth: DepthView
+    views: dict[int, ObjectView]
+
+
+@dataclass
+class MappingEngine:
+    """Holds the map while it is being built. `look`, then `integrate`; `take_changes` after a batch of keyframes."""
+
+    config: MappingConfig = field(default_factory=MappingConfig)
+    ablate: frozenset[Ablation] = frozenset()
+    objects: ObjectMap = field(default_factory=ObjectMap)
+    recall: RecallModel = field(default_factory=RecallModel)
+    scores: ScoreModel = field(default_factory=ScoreModel)
+    free_space: FreeSpaceMemory = field(default_factory=FreeSpaceMemory)
+    pairs: PairEvidence = field(default_factory=PairEvidence)
+    linked: set[tuple[int, int]] = field(default_factory=set)
+    merged: set[int] = field(default_factory=set)
+    turns: Transitions = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.turns = Transitions(self.objects)
+
+    @property
+    def touched(self) -> frozenset[int]:
+        """The objects whose shape, label or presence the last keyframe has changed."""
+        return frozenset(self.turns.touched)
+
+    def look(self, keyframe: Keyframe) -> Look:
+        """Geometric consistency of all objects near by with this keyframe's depth."""
+        depth = depth_view(keyframe, self.config.max_depth_m)
+        near = self.objects.within(keyframe.T_map_camera[:3, 3], self.config.max_depth_m)
+        return Look(keyframe, depth, look_at(depth, near))
+
+    def track_priors(self, look: Look) -> tuple[TrackPrior, ...]:
+        """Where tracked objects ought to be in this image (hybrid state: c = pi(K T_CW X))."""
+        if "tracker" in self.ablate:
+            return ()
+        priors = []
+        for number, view in look.views.items():
+            tracked = self.objects[number]
+            box = view.box_xyxy
+            if tracked.track_id >= 0 and tracked.present and box is not None:
+                priors.append(TrackPrior(tracked.track_id, box.astype(np.float32), tracked.label, view.hidden))
+        return tuple(priors)
+
+    def integrate(self, look: Look, detections: Detections | None, track_ids: IntArray | None = None) -> None:
+        """Take in one keyframe. `detections` `None`: no detector looked at it, only geometry speaks."""
+        stamp_ns = look.keyframe.stamp_ns
+        matched: set[int] = set()
+        self.turns.touched.clear()
+        if detections is not None:
+            ids = np.full(len(detections), -1) if track_ids is None or "tracker" in self.ablate else track_ids
+            masks = claimed_by_smaller(list(detections.masks), detections.labels)
+            masks = [
+                mask if worth else None for mask, worth in zip(masks, worth_lifting(look, detections), strict=True)
+            ]
+            lifted = lift(look.keyframe, look.depth, detections.with_masks(tuple(masks)), ids)
+            matched = self._match(look, lifted)
+        for number, view in look.views.items():
+            self._weigh_silence(look, self.objects[number], view, number in matched, detections is not None)
+        self._lose_animate(stamp_ns)
+        self._confirm()
+        self._merge(matched, stamp_ns)
+        self._forget()
+
+    def take_changes(self) -> MapDelta:
+        """What has changed since the last call."""
+        return self.turns.changes.drain(self.objects)
+
+    # -- association
+
+    def _match(self, look: Look, lifted: Sequence[LiftedDetection]) -> set[int]:
+        """Strong detections first, then weak ones, then re-activation of what was gone; only then birth."""
+        strong = [each for each in lifted if each.score >= STRONG_SCORE]
+        weak = [each for each in lifted if each.score < STRONG_SCORE]
+        present = [each for each in self.objects if each.present]
+        matched: dict[int, LiftedDetection] = {}
+
+        first = associate(strong, present, look.views)
+        self._fuse_pairs(look, strong, first.pairs, matched)
+        remaining = [each for each in present if each.number not in matched]
+        second = associate(weak, remaining, look.views)
+        self._fuse_pairs(look, weak, second.pairs, matched)
+
+        unexplained = [strong[i] for i in first.free]
+        gone = [each for each in self.objects if not each.present]
+        third = associate(unexplained, gone, look.views)
+        self._fuse_pairs(look, unexplained, third.pairs, matched)
+
+        for detection in (unexplained[i] for i in third.free):
+            whole = self._part_of(detection, matched)
+            if whole is not None:
+                self._fuse(look, whole, detection, None)
+            else:
+                self._give_birth(look, detection)
+        self.pairs.take_in(self.objects, matched, look.views)
+        return set(matched)
+
+    def _fuse_pairs(
+        self,
+        look: Look,
+        detections: Sequence[LiftedDetection],
+        pairs: Sequence[tuple[int, int, Affinity]],
+        matched: dict[int, LiftedDetection],
+    ) -> None:
+        for row, number, fit in pairs:
+            self._fuse(look, self.objects[number], detections[row], fit)
+            matched[number] = detections[row]
+
+    def _part_of(self, detection: LiftedDetection, matched: dict[int, LiftedDetection]) -> MapObject | None:
+        """The matched object that a second detection of the same image lies on: detectors split large things."""
+        label = detection.hypotheses[0].label
+        for number in matched:
+            whole = self.objects[number]
+            if whole.label == label and whole.shape.share_near(detection.points_map) > 0.5:
+                return whole
+        return None
+
+    # -- fusion
+
+    def _fuse(self, look: Look, seen: MapObject, detection: LiftedDetection, fit: Affinity | None) -> None:
+        stamp_ns = look.keyframe.stamp_ns
+        view = look.views.get(seen.number) if fit is not None else None
+        covered = 1.0 if fit is None else fit.covered
+        if not seen.present:
+            self.turns.come_back(seen, stamp_ns)
+            view = None
+        elif fit is not None and self._moves(seen, view, detection, covered):
+            if seen.shifted_looks < lifecycle.SHIFTED_LOOKS and seen.label not in ANIMATE:
+                return
+            self.turns.shift(seen, detection.centroid_map, stamp_ns)
+            view = None
+        if view is not None:
+            if "semantic-fusion" not in self.ablate:
+                fuse_mask(seen, view, detection)
+            fuse_geometry(seen, view)
+        fuse_points(seen, detection)
+        self._support(look, seen, detection, view)
+        if fit is not None:
+            seen.motion.sighted(stamp_ns, detection.centroid_map, covered, seen.shape.extent_m)
+
+    @staticmethod
+    def _moves(seen: MapObject, view: ObjectView | None, detection: LiftedDetection, covered: float) -> bool:
+        """Whether this image shows the object away from its place; counts such images in a row."""
+        away = seen.motion.moving or lifecycle.has_shifted(seen, view, detection, covered)
+        seen.shifted_looks = seen.shifted_looks + 1 if away else 0
+        return away
+
+    def _support(self, look: Look, seen: MapObject, detection: LiftedDetection, view: ObjectView | None) -> None:
+        """Label, existence, track and the observation itself."""
+        keyframe = look.keyframe
+        weight = seen.viewpoints.weight(keyframe.T_map_camera[:3, 3], seen.shape.centroid)
+        if "semantic-fusion" in self.ablate:
+            seen.labels = LabelBelief()
+        if seen.confirmed and seen.existence > SURE_LOG_ODDS:
+            self.scores.record_real(something_score(detection.hypotheses))
+        believe_more(seen, detection, self.scores, weight)
+        seen.observations += 1
+        seen.absent_looks = 0
+        seen.last_seen_ns = keyframe.stamp_ns
+        if detection.track_id >= 0:
+            seen.track_id = detection.track_id
+        seen.visit.support(keyframe.stamp_ns)
+        self._observe(keyframe, seen, detection, view)
+        self.turns.touch(seen)
+
+    def _observe(
+        self, keyframe: Keyframe, seen: MapObject, detection: LiftedDetection, view: ObjectView | None
+    ) -> None:
+        observation = Observation(
+            keyframe.stamp_ns,
+            seen.number,
+            detection.box_xyxy,
+            detection.score,
+            detection.hypotheses,
+            detection.centroid_map,
+            self._crop(keyframe, seen, detection),
+            0 if view is None else int(view.supported.sum()),
+            0 if view is None else int(view.contradicted.sum()),
+            detection.track_id,
+        )
+        self.turns.observe(observation)
+
+    def _crop(self, keyframe: Keyframe, seen: MapObject, detection: LiftedDetection) -> bytes | None:
+        """A small JPEG of the detection, where it shows the object clearly better than those kept before."""
+        x0, y0, x1, y1 = (round(float(x)) for x in detection.box_xyxy)
+        crop = keyframe.rgb[max(y0, 0) : y1 + 1, max(x0, 0) : x1 + 1]
+        quality = detection.score * float(np.sqrt(crop.shape[0] * crop.shape[1])) * (0.5 if detection.truncated else 1)
+        if crop.size == 0 or quality < 1.5 * seen.best_crop:
+            return None
+        seen.best_crop = quality
+        scale = min(1.0, self.config.crop_px / max(crop.shape[:2]))
+        size = (max(1, round(crop.shape[1] * scale)), max(1, round(crop.shape[0] * scale)))
+        small = cv2.resize(crop, size, interpolation=cv2.INTER_AREA)
+        _, jpeg = cv2.imencode(".jpg", small[:, :, ::-1], [cv2.IMWRITE_JPEG_QUALITY, 80])
+        return jpeg.tobytes()
+
+    # -- what silence and emptiness say
+
+    def _weigh_silence(
+        self, look: Look, seen: MapObject, view: ObjectView, matched: bool, detector_looked: bool
+    ) -> None:
+        keyframe = look.keyframe
+        observable = view.observable_share >= lifecycle.OBSERVABLE_SHARE
+        if observable and not matched:
+            seen.visit.in_view += 1
+            self.turns.changes.dirty.add(seen.number)
+        box = view.box_xyxy
+        truncated = box is not None and is_truncated(box, keyframe.camera.width, keyframe.camera.height)
+        if observable and detector_looked and seen.confirmed and seen.present and seen.existence > SURE_LOG_ODDS:
+            share = area_share(view, _area(keyframe))
+            self.recall.record(seen.label, share, truncated, matched, 1.0)
+        if matched or not seen.present:
+            return
+        if "geometric-consistency" not in self.ablate:
+            self._weigh_geometry(seen, view, keyframe.stamp_ns)
+        stands = observable and seen.present and view.contradicted_share <= 0.5
+        if stands and detector_looked and "semantic-fusion" not in self.ablate:
+            rate = expected_recall(self.recall, seen, view, _area(keyframe), truncated)
+            weight = seen.missed_viewpoints.weight(keyframe.T_map_camera[:3, 3], seen.shape.centroid)
+            believe_less(seen, rate, weight)
+
+    def _weigh_geometry(self, seen: MapObject, view: ObjectView, stamp_ns: int) -> None:
+        if lifecycle.watch_presence(seen, view, stamp_ns):
+            self.turns.go(seen, seen.first_absent_ns)
+            return
+        if view.contradicted_share > lifecycle.ABSENT_SHARE:
+            seen.visit.contradicted += 1
+        elif view.observable_share >= lifecycle.OBSERVABLE_SHARE:
+            fuse_geometry(seen, view)
+
+    def _lose_animate(self, stamp_ns: int) -> None:
+        """What moves by itself is believed in only while it is seen: nobody saw it go, but nothing keeps it there."""
+        for each in self.objects:
+            if each.present and each.label in ANIMATE and stamp_ns - each.last_seen_ns > ANIMATE_MEMORY_NS:
+                each.existence = min(each.existence, lifecycle.FORGET_LOG_ODDS)
+
+    # -- lifecycle
+
+    def _give_birth(self, look: Look, detection: LiftedDetection) -> None:
+        born = lifecycle.give_birth(self.objects.new_number(), detection, look.keyframe.stamp_ns)
+        self.objects.add(born)
+        self._fuse(look, born, detection, None)
+
+    def _confirm(self) -> None:
+        newly = [each for each in self.objects if not each.confirmed and lifecycle.ready_to_confirm(each)]
+        for each in newly:
+            points = each.shape.points
+            empty_ns = self.free_space.last_seen_empty(points, each.voxels.voxel_m, each.state.first_seen_ns)
+            each.state.empty_before_ns = empty_ns
+            each.confirmed = True
+        relocated = self._relocate(newly)
+        for each in newly:
+            if each.number not in relocated:
+                self.turns.enter(each)
+
+    def _relocate(self, newly: Sequence[MapObject]) -> set[int]:
+        """Things found that are things gone: they take over the identity, if the evidence singles it out.
+
+        A pair is judged at the later of two turns: the one confirmed, the other seen to be gone; either may be noticed
+        first. It is judged again when two that were found have turned out to be one: that may end an ambiguity.
+        """
+        gone = [each for each in self.objects if each.confirmed and not each.present and each.label not in ANIMATE]
+        turned = {each.number for each in newly} | {each.number for each in gone if each.number in self.touched}
+        turned |= self.merged
+        self.merged = set()
+        if not gone or not turned:
+            return set()
+        lost_ns = min(each.last_seen_ns for each in gone)
+        found = [
+            each
+            for each in self.objects
+            if each.confirmed and each.present and each.state.index == 0 and each.first_seen_ns > lost_ns
+        ]
+        taken = set()
+        for match in lifecycle.relocations(gone, found):
+            if turned.isdisjoint((match.gone, match.found)):
+                continue
+            old, new = self.objects[match.gone], self.objects[match.found]
+            if match.certain:
+                self.turns.take_over(old, new)
+                taken.add(new.number)
+            elif (old.number, new.number) not in self.linked:
+                self.linked.add((old.number, new.number))
+                self.turns.link_candidate(old, new, match.probability)
+        return taken
+
+    def _merge(self, touched: set[int], stamp_ns: int) -> None:
+        for first, second in lifecycle.near_pairs(self.objects, touched):
+            if first.number not in self.objects.by_number or second.number not in self.objects.by_number:
+                continue
+            apart = self.pairs.seen_apart(first.number, second.number)
+            as_one = self.pairs.seen_as_one(first.number, second.number)
+            if as_one or lifecycle.same_thing(first, second, seen_apart=apart):
+                kept, joined = lifecycle.older(first, second)
+                self.turns.merge(kept, joined, stamp_ns)
+                self.pairs.forget(joined.number)
+                self.merged.add(kept.number)
+
+    def _forget(self) -> None:
+        """Drop tentative objects that nothing speaks for; doubt confirmed ones, until they are confirmed again."""
+        for each in list(self.objects):
+            if not each.confirmed:
+                if each.existence <= lifecycle.FORGET_LOG_ODDS or not each.present:
+                    self.scores.record_clutter(something_score(seen.hypotheses) for seen in each.pending)
+                    self.objects.remove(each.number)
+                continue
+            doubted = each.existence <= (lifecycle.CONFIRM_LOG_ODDS if each.doubted else lifecycle.FORGET_LOG_ODDS)
+            if doubted != each.doubted:
+                self.turns.doubt(each, doubted=doubted)
+
+
+def worth_lifting(look: Look, detections: Detections) -> BoolArray:
+    """(n,) the detections that can come to something: strong ones, and weak ones about where an object is expected."""
+    worth: BoolArray = detections.scores >= STRONG_SCORE
+    boxes = [view.box_xyxy for view in look.views.values() if view.box_xyxy is not None]
+    if boxes and not worth.all():
+        worth = worth | (pairwise_iou(detections.boxes_xyxy, np.array(boxes)) > EXPECTED_IOU).any(axis=1)
+    return worth
+
+
+def _area(keyframe: Keyframe) -> int:
+    return keyframe.camera.width * keyframe.camera.height

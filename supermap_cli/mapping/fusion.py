@@ -1,0 +1,106 @@
+"""Fusion: one keyframe's evidence enters an object's voxels, its label belief and its existence."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from supermap_cli.geometry.arrays import BoolArray
+from supermap_cli.mapping.association import pixels_in_region
+from supermap_cli.mapping.lifting import LiftedDetection
+from supermap_cli.mapping.objects import MapObject
+from supermap_cli.mapping.recall import RecallModel, ScoreModel, miss_log_ratio, something_score
+from supermap_cli.mapping.visibility import ObjectView
+from supermap_cli.mapping.voxel_map import LOG_ODDS_MAX
+from supermap_cli.types.detections import RegionMask
+
+HIT_LOG_ODDS = 0.85
+MISS_LOG_ODDS = -0.6
+"""logit(0.70) and logit(0.35): the inverse sensor model of one ray (OctoMap uses 0.7 and 0.4)."""
+
+EXISTENCE_MIN, EXISTENCE_MAX = -6.0, 8.0
+"""Existence is clamped, so that a few dozen looks can always turn it."""
+
+
+def fuse_geometry(seen: MapObject, view: ObjectView) -> None:
+    """Occupancy: L += logit(p) for every voxel the rays hit or went through."""
+    log_odds = seen.voxels.log_odds
+    log_odds[view.supported] = np.minimum(log_odds[view.supported] + HIT_LOG_ODDS / 2, LOG_ODDS_MAX)
+    log_odds[view.contradicted] += MISS_LOG_ODDS
+
+
+def fuse_mask(seen: MapObject, view: ObjectView, detection: LiftedDetection) -> None:
+    """Semantic support: the voxels visible now lie in the mask's core, beside the mask, or at its rim (which says
+    nothing).
+    """
+    mask, rim = detection.mask, detection.rim_px
+    inside = view.supported & pixels_in_region(detection.core, mask.u0, mask.v0, view)
+    padded = cv2.copyMakeBorder(mask.pixels.astype(np.uint8), *(rim,) * 4, cv2.BORDER_CONSTANT, value=0)
+    grown = cv2.dilate(padded, np.ones((2 * rim + 1, 2 * rim + 1), np.uint8)) > 0
+    beside = view.supported & ~pixels_in_region(grown, mask.u0 - rim, mask.v0 - rim, view)
+    seen.voxels.inside[inside] += 1
+    seen.voxels.outside[beside] += 1
+
+
+def fuse_points(seen: MapObject, detection: LiftedDetection) -> None:
+    """Enter the points a detection adds, and drop the voxels that the evidence has turned against."""
+    voxels = seen.voxels
+    voxels.add_points(detection.points_map, detection.rgb, HIT_LOG_ODDS)
+    voxels.keep((voxels.log_odds > -1.2) & (voxels.outside <= 2 * voxels.inside + 2))
+    voxels.fit_voxel()
+    seen.touched()
+
+
+def believe_more(seen: MapObject, detection: LiftedDetection, scores: ScoreModel, weight: float) -> None:
+    """Label and existence after a detection; `weight` discounts evidence from a viewpoint already used."""
+    seen.labels.update(detection.hypotheses, weight)
+    seen.labels.longest_side_m = float(seen.shape.box.size.max())
+    gain = weight * scores.detection_log_ratio(something_score(detection.hypotheses))
+    seen.existence = float(np.clip(seen.existence + gain, EXISTENCE_MIN, EXISTENCE_MAX))
+
+
+def believe_less(missed: MapObject, expected_recall: float, weight: float) -> None:
+    """Existence after a look at which the detector kept silent although it could have spoken."""
+    missed.existence = max(missed.existence + weight * miss_log_ratio(expected_recall), EXISTENCE_MIN)
+
+
+def area_share(view: ObjectView, image_area_px: int) -> float:
+    """Share of the image that the object's observable voxels span, by their box and how full of them it is."""
+    box = view.box_xyxy
+    if box is None:
+        return 0.0
+    seen = float(view.observable.sum()) / max(1, int(view.on_image.sum()))
+    return float((box[2] - box[0] + 1) * (box[3] - box[1] + 1)) * seen / image_area_px
+
+
+def expected_recall(
+    model: RecallModel, seen: MapObject, view: ObjectView, image_area_px: int, truncated: bool
+) -> float:
+    """P(the detector fires | the object is there and looks as it does now)."""
+    return model.expected(seen.label, area_share(view, image_area_px), truncated)
+
+
+def claimed_by_smaller(masks: list[RegionMask | None], labels: tuple[str, ...]) -> list[RegionMask | None]:
+    """Take out of each mask what a much smaller detection with another label claims: the cup is not the table."""
+    areas = [0 if mask is None else int(mask.pixels.sum()) for mask in masks]
+    result: list[RegionMask | None] = []
+    for i, mask in enumerate(masks):
+        if mask is None:
+            result.append(None)
+            continue
+        pixels = mask.pixels.copy()
+        for j, other in enumerate(masks):
+            if other is not None and labels[i] != labels[j] and areas[j] < 0.3 * areas[i]:
+                _subtract(pixels, mask, other)
+        result.append(RegionMask(mask.u0, mask.v0, pixels))
+    return result
+
+
+def _subtract(pixels: BoolArray, mask: RegionMask, other: RegionMask) -> None:
+    h, w = pixels.shape
+    oh, ow = other.pixels.shape
+    left, top = max(mask.u0, other.u0), max(mask.v0, other.v0)
+    right, bottom = min(mask.u0 + w, other.u0 + ow), min(mask.v0 + h, other.v0 + oh)
+    if left < right and top < bottom:
+        part = other.pixels[top - other.v0 : bottom - other.v0, left - other.u0 : right - other.u0]
+        pixels[top - mask.v0 : bottom - mask.v0, left - mask.u0 : right - mask.u0] &= ~part

@@ -1,0 +1,213 @@
+"""Makes the map level: z up, the floor at z = 0, by gravity where there is an IMU, else by the floors and tops seen."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from supermap_cli.geometry.arrays import FloatArray
+from supermap_cli.geometry.se3 import make_transform, rotation_between
+from supermap_cli.geometry.trajectory import Trajectory
+from supermap_cli.mapping.structure import CoarseDepth, Structure, join, structure_of_points
+from supermap_cli.types.sensing import ImuSample, Sweep
+
+LevellingMethod = Literal["imu", "structure", "odom"]
+
+_UP = np.array([0.0, 0.0, 1.0])
+_VOXEL_M = 0.05
+_UP_CONE = np.cos(np.radians(50))
+_TILE_M = 2.0
+_LEAST_AREA_M2 = 0.3
+_LEVEL_ALREADY_DEG = {"imu": 3.0, "structure": 2.0}
+_SAME_FLOOR_M = 0.05
+
+
+@dataclass(frozen=True)
+class LevelView:
+    """What one frame sees: its surfaces in the odom frame, and the sensor's own up axis in odom.
+
+    The up axis is -y of a camera's optical frame, +z of a LiDAR's; it need only be right within some 45 degrees.
+    """
+
+    structure: Structure
+    up_odom: FloatArray
+
+
+def level_view(depth_odom: CoarseDepth) -> LevelView:
+    """A camera's view, from its depth placed in odom."""
+    return LevelView(depth_odom.structure(), -depth_odom.T_frame_camera[:3, 1])
+
+
+def sweep_view(sweep: Sweep, T_odom_base: FloatArray) -> LevelView:
+    """A LiDAR's view, from a sweep and the base's pose at its time."""
+    T_odom_lidar = T_odom_base @ sweep.T_base_lidar
+    return LevelView(structure_of_points(sweep.points_lidar).moved(T_odom_lidar), T_odom_lidar[:3, 2])
+
+
+@dataclass(frozen=True)
+class Levelling:
+    """`T_map_odom` and how it was found.
+
+    `method` "odom" means that odom's own z axis was kept: because it is level already, or, then with a `warning`,
+    because nothing told where up is. `tilt_deg` is the angle between odom's z axis and the up direction found (0 if
+    none was). `floor_seen` tells whether z = 0 is a floor; else odom's height is kept.
+    """
+
+    T_map_odom: FloatArray
+    method: LevellingMethod
+    tilt_deg: float
+    floor_seen: bool
+    warning: str | None = None
+
+
+def level(views: Iterable[LevelView], imu: Iterable[ImuSample] = (), trajectory: Trajectory | None = None) -> Levelling:
+    """Find `T_map_odom` of the first traversal from 20 to 40 views spread over it, and its IMU samples if it has any.
+
+    The heading stays as in odom: the map is odom turned by the smallest rotation that makes it level. An odom that is
+    level within the estimate's own error stays exactly as it is.
+    """
+    surfaces, level_surfaces = _gather(views)
+    up = gravity_up(imu, trajectory) if trajectory is not None else None
+    method: LevellingMethod = "imu"
+    if up is None:
+        method, up = "structure", structural_up(level_surfaces)
+    if up is None:
+        return Levelling(
+            np.eye(4),
+            "odom",
+            0.0,
+            floor_seen=False,
+            warning="neither gravity nor a floor or table top tells which way is up: the map keeps the odometry's axes",
+        )
+    tilt_deg = float(np.degrees(np.arccos(np.clip(up @ _UP, -1.0, 1.0))))
+    if tilt_deg < _LEVEL_ALREADY_DEG[method]:
+        method, R_map_odom = "odom", np.eye(3)
+    else:
+        R_map_odom = rotation_between(up, _UP)
+    T_map_odom = make_transform(R_map_odom, np.zeros(3))
+    floor_z = floor_height(surfaces.moved(T_map_odom))
+    if floor_z is not None and not (method == "odom" and abs(floor_z) < _SAME_FLOOR_M):
+        T_map_odom[2, 3] = -floor_z
+    return Levelling(T_map_odom, method, tilt_deg, floor_seen=floor_z is not None)
+
+
+def gravity_up(imu: Iterable[ImuSample], trajectory: Trajectory) -> FloatArray | None:
+    """The up direction (3,) in odom by the specific force, which at rest points up; `None` where it makes no sense.
+
+    Samples near the median magnitude are taken, turned into odom by the trajectory's orientation: what acceleration
+    remains cancels in the mean. Any unit will do (some drivers give g). A mean much shorter than its parts tells that
+    the IMU's mounting or the orientation is wrong; a rotating or falling sensor has no level either.
+    """
+    samples = list(imu)
+    if len(samples) < 20:
+        return None
+    force_base = np.array([sample.specific_force_base for sample in samples])
+    T_odom_base, valid = trajectory.at_many(np.array([sample.stamp_ns for sample in samples], np.int64))
+    magnitude = np.linalg.norm(force_base, axis=1)
+    usual = float(np.median(magnitude))
+    calm = valid & np.isfinite(magnitude) & (np.abs(magnitude - usual) < 0.05 * usual)
+    if usual < 0.5 or calm.sum() < 20:
+        return None
+    mean = np.einsum("nij,nj->ni", T_odom_base[calm, :3, :3], force_base[calm] / magnitude[calm, None]).mean(axis=0)
+    length = float(np.linalg.norm(mean))
+    return mean / length if length > 0.97 else None
+
+
+def structural_up(level_surfaces: Structure) -> FloatArray | None:
+    """The up direction (3,) by the dominant horizontal structure, `None` where there is none.
+
+    `level_surfaces` are the points whose normal lies within 50 degrees of the sensor's up axis: floors, table tops,
+    seats, and hardly ever a wall, because a wall's visible side looks back at a camera that is pitched down. The mode
+    of their normals is refined by least squares over all planes across it together (`_common_normal`).
+    """
+    normals = level_surfaces.normals
+    if len(normals) * _VOXEL_M**2 < _LEAST_AREA_M2:
+        return None
+    centres = normals[:: max(1, len(normals) // 256)]
+    support = (normals @ centres.T > np.cos(np.radians(6))).sum(axis=0)
+    up: FloatArray = centres[int(np.argmax(support))]
+    for _ in range(5):
+        up = normals[normals @ up > np.cos(np.radians(10))].mean(axis=0)
+        up /= np.linalg.norm(up)
+    flat = level_surfaces.take(normals @ up > np.cos(np.radians(15)))
+    if len(flat) < 0.3 * len(level_surfaces):
+        return None
+    for thickness_m in (0.12, 0.08, 0.05, 0.04, 0.04, 0.04):
+        refined = _common_normal(flat.points, up, thickness_m)
+        if refined is None:
+            return None
+        up = refined
+    return up
+
+
+def _common_normal(points: FloatArray, up: FloatArray, thickness_m: float) -> FloatArray | None:
+    """The normal shared by all planes across `up`, by total least squares over them together.
+
+    Planes are the peaks of the height histogram, cut into tiles so that two table tops of nearly one height do not pass
+    for one slanted plane. The normal is the eigenvector of the smallest eigenvalue of the pooled scatter within tiles.
+    """
+    R_level = rotation_between(up, _UP)
+    levelled = points @ R_level.T
+    scatter, used = np.zeros((3, 3)), 0
+    for height in plane_heights(levelled[:, 2], thickness_m, least=40):
+        plane = levelled[np.abs(levelled[:, 2] - height) < thickness_m]
+        tile = np.floor(plane[:, :2] / _TILE_M).astype(np.int64)
+        _, tile_of = np.unique(tile, axis=0, return_inverse=True)
+        for k in range(int(tile_of.max()) + 1):
+            part = plane[tile_of.ravel() == k]
+            if len(part) >= 40:
+                centred = part - part.mean(axis=0)
+                scatter += centred.T @ centred
+                used += len(part)
+    if used * _VOXEL_M**2 < _LEAST_AREA_M2:
+        return None
+    values, vectors = np.linalg.eigh(scatter)
+    if values[1] < 4 * values[0]:
+        return None
+    normal: FloatArray = R_level.T @ vectors[:, 0]
+    return normal if normal @ up > 0 else -normal
+
+
+def plane_heights(heights_m: FloatArray, thickness_m: float, least: int) -> list[float]:
+    """Heights at which at least `least` points gather within `thickness_m`, strongest first, none twice."""
+    bin_m = thickness_m / 2
+    left = np.sort(heights_m)
+    found: list[float] = []
+    while len(left) >= least:
+        first = np.searchsorted(left, left - bin_m)
+        last = np.searchsorted(left, left + bin_m, side="right")
+        best = int(np.argmax(last - first))
+        if last[best] - first[best] < least:
+            break
+        height = float(np.median(left[first[best] : last[best]]))
+        found.append(height)
+        left = left[np.abs(left - height) > thickness_m]
+    return found
+
+
+def floor_height(levelled: Structure) -> float | None:
+    """Height of the floor: the lowest fair-sized plane that looks up and has next to nothing below; `None` if none."""
+    flat_z = levelled.points[levelled.normals[:, 2] > np.cos(np.radians(15)), 2]
+    planes = plane_heights(flat_z, 0.05, least=round(_LEAST_AREA_M2 / _VOXEL_M**2))
+    if not planes:
+        return None
+    size = {height: int((np.abs(flat_z - height) < 0.05).sum()) for height in planes}
+    for height in sorted(planes):
+        below = float((levelled.points[:, 2] < height - 0.1).mean())
+        if size[height] > 0.05 * max(size.values()) and below < 0.02:
+            return height
+    return None
+
+
+def _gather(views: Iterable[LevelView]) -> tuple[Structure, Structure]:
+    """All surfaces, and those that may be level, thinned so that a point stands for an area."""
+    everything, upward = [], []
+    for view in views:
+        up = view.up_odom / np.linalg.norm(view.up_odom)
+        thin = view.structure.thinned(_VOXEL_M)
+        everything.append(thin)
+        upward.append(thin.take(thin.normals @ up > _UP_CONE))
+    return join(everything).thinned(_VOXEL_M), join(upward).thinned(_VOXEL_M)

@@ -1,0 +1,215 @@
+"""The life of an object: born tentative, confirmed, gone, back again, moved, merged with what it turned out to be."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from supermap_cli.mapping.belief import LabelBelief
+from supermap_cli.mapping.lifting import LiftedDetection
+from supermap_cli.mapping.motion import ANIMATE
+from supermap_cli.mapping.objects import MapObject, ObjectMap, OpenState
+from supermap_cli.mapping.visibility import ObjectView
+from supermap_cli.mapping.voxel_map import FINEST_VOXEL_M, VoxelMap
+
+BIRTH_LOG_ODDS = -1.0
+"""Before its first detection a thing is more likely not there."""
+
+CONFIRM_LOG_ODDS = 2.0
+CONFIRM_OBSERVATIONS = 3
+"""A tentative object enters the map at odds of 7 to 1, and never on fewer than three sightings."""
+
+CONFIRM_LABEL = 0.5
+"""A thing that may as well be two others is not entered yet."""
+
+FORGET_LOG_ODDS = -1.5
+"""A tentative object below this is forgotten, a confirmed one was never real."""
+
+ABSENT_SHARE = 0.6
+ABSENT_LOOKS = 3
+"""Gone: more than this share of what can be seen of its place was looked through, that many looks in a row."""
+
+SHIFTED_LOOKS = 2
+"""Images in a row that must show a thing beside its empty place: one may have a bad pose, and says nothing."""
+
+OBSERVABLE_SHARE = 0.3
+"""Share of an object's voxels an image must be able to speak of before silence or emptiness counts against it."""
+
+
+def give_birth(number: int, detection: LiftedDetection, stamp_ns: int) -> MapObject:
+    """A tentative object from one unexplained detection; its evidence is fused by the caller."""
+    return MapObject(
+        number,
+        VoxelMap(FINEST_VOXEL_M),
+        LabelBelief(),
+        stamp_ns,
+        stamp_ns,
+        BIRTH_LOG_ODDS,
+        OpenState(0, stamp_ns),
+        track_id=detection.track_id,
+    )
+
+
+def ready_to_confirm(tentative: MapObject) -> bool:
+    """Whether a tentative object is believed enough to enter the map, and known enough to be called something."""
+    if tentative.existence < CONFIRM_LOG_ODDS or tentative.observations < CONFIRM_OBSERVATIONS:
+        return False
+    return max(tentative.labels.probabilities().values()) >= CONFIRM_LABEL
+
+
+def watch_presence(watched: MapObject, view: ObjectView, stamp_ns: int) -> bool:
+    """Count a look at an object's place that found it empty; returns whether the object has just been seen to be
+    gone.
+    """
+    if view.observable_share < OBSERVABLE_SHARE:
+        return False
+    if view.contradicted_share <= ABSENT_SHARE:
+        watched.absent_looks = 0
+        return False
+    watched.absent_looks += 1
+    if watched.absent_looks == 1:
+        watched.first_absent_ns = stamp_ns
+    return watched.present and watched.absent_looks >= ABSENT_LOOKS
+
+
+def has_shifted(seen: MapObject, view: ObjectView | None, detection: LiftedDetection, covered: float) -> bool:
+    """Whether a matched object no longer stands where it stood: its old place is empty and the detection lies beside
+    it.
+    """
+    if view is None or view.observable_share < OBSERVABLE_SHARE:
+        return False
+    return (
+        view.contradicted_share > ABSENT_SHARE
+        and covered < 0.6
+        and float(np.linalg.norm(detection.centroid_map - seen.shape.centroid)) > 0.1
+    )
+
+
+@dataclass(frozen=True)
+class Overlap:
+    """How two clouds lie in one another: share of the first near the second, and the other way round."""
+
+    first_in_second: float
+    second_in_first: float
+
+
+def overlap(first: MapObject, second: MapObject) -> Overlap:
+    """Compare two objects' solid voxels."""
+    return Overlap(
+        second.shape.share_near(first.shape.points),
+        first.shape.share_near(second.shape.points),
+    )
+
+
+def same_thing(first: MapObject, second: MapObject, *, seen_apart: bool) -> bool:
+    """Whether two objects of the map are one.
+
+    One label and one lying largely within the other is enough, unless images have shown them side by side; two labels
+    need clouds that cover one another.
+    """
+    p, q = first.labels.probabilities(), second.labels.probabilities()
+    agreement = sum(p[c] * q.get(c, 0.0) for c in p)
+    lying = overlap(first, second)
+    inner, outer = (
+        max(lying.first_in_second, lying.second_in_first),
+        min(lying.first_in_second, lying.second_in_first),
+    )
+    if agreement > 0.3:
+        return inner > (0.85 if seen_apart else 0.5)
+    return outer > 0.7 and inner > 0.8
+
+
+RELOCATION_MARGIN = 1.0
+"""Log ratio (odds of 2.7) by which one explanation must beat all others before an identity is carried over."""
+
+
+@dataclass(frozen=True)
+class Relocation:
+    """An object seen to be gone, and a new one that may be it: `probability` among all that were considered."""
+
+    gone: int
+    found: int
+    probability: float
+    certain: bool
+
+
+def relocations(gone: Iterable[MapObject], found: Iterable[MapObject]) -> list[Relocation]:
+    """Match things that are gone with things that turned up: an assignment over all pairs.
+
+    A pair is certain if neither another pair nor its being two things is nearly as likely; what else is likely is left
+    as a candidate.
+    """
+    lost, new = list(gone), list(found)
+    if not lost or not new:
+        return []
+    scores = np.array([[resemblance(a, b) for b in new] for a in lost])
+    rows, columns = linear_sum_assignment(np.maximum(scores, 0.0), maximize=True)
+    assigned = set(zip(rows.tolist(), columns.tolist(), strict=True))
+    likely = []
+    for row, column in np.argwhere(scores > 0).tolist():
+        rivals = np.concatenate([np.delete(scores[row], column), np.delete(scores[:, column], row), [0.0]])
+        certain = (row, column) in assigned and scores[row, column] - rivals.max() > RELOCATION_MARGIN
+        probability = 1 / (1 + np.exp(rivals - scores[row, column]).sum())
+        likely.append(Relocation(lost[row].number, new[column].number, float(probability), bool(certain)))
+    settled = {number for each in likely if each.certain for number in (each.gone, each.found)}
+    return [each for each in likely if each.certain or settled.isdisjoint((each.gone, each.found))]
+
+
+def resemblance(first: MapObject, second: MapObject) -> float:
+    """Log ratio for a thing that is gone and one found elsewhere to be one: label, size, colour, and whether it came.
+
+    Sizes are compared without the thinnest side: how deep a thing is, a look from one side does not tell.
+    """
+    if second.label in ANIMATE or second.first_seen_ns <= first.last_seen_ns:
+        return -np.inf
+    p, q = first.labels.probabilities(), second.labels.probabilities()
+    agreement = sum(p[c] * q.get(c, 0.0) for c in p)
+    sizes = np.array([np.sort(each.shape.box.size)[1:] for each in (first, second)])
+    size_error = float(np.abs(np.log(sizes[0] / sizes[1])).max())
+    colors = [each.voxels.rgb[each.voxels.solid()].mean(axis=0) for each in (first, second)]
+    color_error = float(np.linalg.norm(colors[0] - colors[1])) / 255
+    came = 0.0 if second.state.empty_before_ns is not None else -1.0
+    return float(np.log((agreement + 0.02) / 0.15)) + 1.5 + came - 2.5 * size_error - 5.0 * color_error
+
+
+def join(kept: MapObject, joined: MapObject) -> None:
+    """Pour one object's evidence into another that is the same thing."""
+    kept.voxels.absorb(joined.voxels)
+    kept.voxels.fit_voxel()
+    kept.labels.absorb(joined.labels)
+    kept.viewpoints.absorb(joined.viewpoints)
+    kept.missed_viewpoints.absorb(joined.missed_viewpoints)
+    kept.existence = max(kept.existence, joined.existence)
+    kept.first_seen_ns = min(kept.first_seen_ns, joined.first_seen_ns)
+    kept.last_seen_ns = max(kept.last_seen_ns, joined.last_seen_ns)
+    if kept.state.index == 0:
+        kept.state.first_seen_ns = kept.first_seen_ns
+    kept.observations += joined.observations
+    kept.pending += joined.pending
+    if kept.track_id < 0:
+        kept.track_id = joined.track_id
+    kept.touched()
+
+
+def older(first: MapObject, second: MapObject) -> tuple[MapObject, MapObject]:
+    """The pair, the one that keeps its identity first: confirmed before tentative, then the earlier number."""
+    if first.confirmed != second.confirmed:
+        return (first, second) if first.confirmed else (second, first)
+    return (first, second) if first.number < second.number else (second, first)
+
+
+def near_pairs(objects: ObjectMap, touched: set[int]) -> list[tuple[MapObject, MapObject]]:
+    """Pairs of present, still objects whose bounds overlap and of which at least one was touched."""
+    candidates = [each for each in objects if each.present and not each.motion.moving]
+    pairs = []
+    for i, first in enumerate(candidates):
+        for second in candidates[i + 1 :]:
+            if first.number not in touched and second.number not in touched:
+                continue
+            gap = np.maximum(first.shape.low - second.shape.high, second.shape.low - first.shape.high)
+            if gap.max() < 0.3:
+                pairs.append((first, second))
+    return pairs

@@ -1,0 +1,166 @@
+"""Lifting: from a mask and a depth image to an object's points, without what masks bleed onto."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from supermap_cli.geometry.arrays import BoolArray, Float32Array, FloatArray, UInt8Array
+from supermap_cli.geometry.se3 import transform_points
+from supermap_cli.geometry.voxels import connected_components, pack_keys, voxel_keys
+from supermap_cli.mapping.depth import DepthView, depth_sigma_m
+from supermap_cli.types.detections import Detections, Hypothesis, RegionMask
+from supermap_cli.types.keyframe import Keyframe
+
+MAX_POINTS = 2000
+"""More pixels of one mask than this are thinned out evenly: voxels get no fuller from them."""
+
+MIN_POINTS = 12
+"""Fewer pixels than this are no evidence of a shape."""
+
+
+@dataclass(frozen=True)
+class LiftedDetection:
+    """One detection in 3D.
+
+    `points_map` (n, 3) metres with `rgb` (n, 3); `centroid_map` (3,); `mask` is the detector's own, `core` what is
+    left of it without its rim (both on the region of `mask`), `rim_px` how wide that is; `truncated` says that the
+    image's border cuts it, so that its extent is only part of the object's.
+    """
+
+    index: int
+    points_map: FloatArray
+    rgb: UInt8Array
+    centroid_map: FloatArray
+    depth_m: float
+    mask: RegionMask
+    core: BoolArray
+    rim_px: int
+    box_xyxy: Float32Array
+    score: float
+    hypotheses: tuple[Hypothesis, ...]
+    track_id: int
+    truncated: bool
+
+    @property
+    def extent_m(self) -> float:
+        """Length of the longest side of what was seen, without the outermost twentieth."""
+        low, high = np.percentile(self.points_map, (5, 95), axis=0)
+        return float((high - low).max())
+
+
+def erosion_px(area_px: int, image_width_px: int) -> int:
+    """How far a mask is cut back: 2 to 6 pixels of a 640-pixel image, more for larger masks, which bleed more."""
+    scale = image_width_px / 640
+    return max(1, round(float(np.clip(0.08 * np.sqrt(area_px), 2 * scale, 6 * scale))))
+
+
+def lift(keyframe: Keyframe, view: DepthView, detections: Detections, track_ids: np.ndarray) -> list[LiftedDetection]:
+    """Lift all detections that have a mask and enough depth beneath it."""
+    lifted = []
+    for index in range(len(detections)):
+        mask = detections.masks[index]
+        if mask is None or not mask.pixels.any():
+            continue
+        rim_px = erosion_px(int(mask.pixels.sum()), keyframe.camera.width)
+        core = erode(mask.pixels, rim_px)
+        one = _lift_core(keyframe, view, mask, core)
+        if one is None:
+            continue
+        points, rgb, depth = one
+        box = detections.boxes_xyxy[index]
+        lifted.append(
+            LiftedDetection(
+                index,
+                points,
+                rgb,
+                np.median(points, axis=0),
+                depth,
+                mask,
+                core,
+                rim_px,
+                box,
+                float(detections.scores[index]),
+                detections.hypotheses[index],
+                int(track_ids[index]),
+                is_truncated(box, keyframe.camera.width, keyframe.camera.height),
+            )
+        )
+    return lifted
+
+
+def is_truncated(box_xyxy: Float32Array | FloatArray, width: int, height: int) -> bool:
+    """Whether an image box reaches the border."""
+    margin = max(3, width // 160)
+    return bool(
+        box_xyxy[0] < margin
+        or box_xyxy[1] < margin
+        or box_xyxy[2] > width - 1 - margin
+        or box_xyxy[3] > height - 1 - margin
+    )
+
+
+def _lift_core(
+    keyframe: Keyframe, view: DepthView, mask: RegionMask, core: BoolArray
+) -> tuple[FloatArray, UInt8Array, float] | None:
+    v, u = np.nonzero(core)
+    u, v = u + mask.u0, v + mask.v0
+    depth = view.depth_m[v, u]
+    plain = (depth > 0) & (view.farthest_m[v, u] - view.nearest_m[v, u] < edge_step_m(depth))
+    if plain.sum() < MIN_POINTS:
+        return None
+    chosen = np.flatnonzero(plain)
+    if len(chosen) > MAX_POINTS:
+        chosen = chosen[np.linspace(0, len(chosen) - 1, MAX_POINTS).astype(np.int64)]
+    u, v, depth_m = u[chosen], v[chosen], depth[chosen].astype(np.float64)
+    points_camera = keyframe.camera.back_project(np.column_stack([u, v]).astype(np.float64), depth_m)
+    main = main_component(points_camera, float(np.median(depth_m)))
+    if main.sum() < MIN_POINTS:
+        return None
+    points_map = transform_points(keyframe.T_map_camera, points_camera[main])
+    return points_map, keyframe.rgb[v[main], u[main]], float(np.median(depth_m[main]))
+
+
+def erode(mask: BoolArray, margin_px: int) -> BoolArray:
+    """Cut a mask back, but never below a third of its pixels: a pen must not vanish."""
+    area = int(mask.sum())
+    for margin in range(margin_px, 0, -1):
+        kernel = np.ones((2 * margin + 1, 2 * margin + 1), np.uint8)
+        padded = cv2.copyMakeBorder(mask.astype(np.uint8), *(margin,) * 4, cv2.BORDER_CONSTANT, value=0)
+        core = cv2.erode(padded, kernel)[margin:-margin, margin:-margin] > 0
+        if core.sum() * 3 >= area:
+            return np.asarray(core, dtype=bool)
+    return mask
+
+
+def edge_step_m(depth_m: Float32Array | FloatArray) -> FloatArray:
+    """The depth range within a pixel's neighbourhood above which it lies on an edge: 4 sigma and a slant of 75
+    degrees.
+    """
+    step: FloatArray = 4 * depth_sigma_m(depth_m) + 0.03 * np.asarray(depth_m, np.float64) + 0.02
+    return step
+
+
+def main_component(points_camera: FloatArray, depth_m: float) -> BoolArray:
+    """(n,) which points belong to the depth-connected body that most of the mask's points belong to.
+
+    Points are joined over 26-connected voxels as wide as what one pixel's noise and thinning leave between neighbours;
+    further bodies count when they are a good part of the mask and lie mostly within 0.15 m of the main one's bounds.
+    """
+    cell = max(0.03, 0.02 * depth_m)
+    codes = pack_keys(voxel_keys(points_camera, cell))
+    unique, inverse = np.unique(codes, return_inverse=True)
+    component = connected_components(unique)[inverse]
+    counts = np.bincount(component)
+    main: BoolArray = component == int(np.argmax(counts))
+    low, high = points_camera[main].min(axis=0), points_camera[main].max(axis=0)
+    reach = 0.5 * float((high - low).max())
+    kept = main.copy()
+    for number in np.flatnonzero(counts >= 0.15 * counts.max()):
+        body = component == number
+        gap = np.maximum(np.maximum(low - points_camera[body], points_camera[body] - high), 0)
+        if float(np.median(np.linalg.norm(gap, axis=1))) < min(reach, 0.15):
+            kept |= body
+    return kept

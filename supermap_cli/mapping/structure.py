@@ -1,0 +1,160 @@
+"""Surfaces from depth images: points with normals, which levelling and alignment work on."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from supermap_cli.geometry.arrays import BoolArray, Float32Array, FloatArray, IntArray, check_shape
+from supermap_cli.geometry.cameras import Camera, camera_from_json
+from supermap_cli.geometry.se3 import transform_points
+from supermap_cli.types.memory import KeyframeRecord
+from supermap_cli.types.sensing import CameraFrame
+
+_COLUMNS = 160
+_BASELINE = 1 / 60
+_GRAZING = 0.1
+_DENSE = 0.3
+
+
+@dataclass(frozen=True)
+class Structure:
+    """Surface points (n, 3) in metres with their unit normals (n, 3), which look to the side they were seen from."""
+
+    points: FloatArray
+    normals: FloatArray
+
+    def __post_init__(self) -> None:
+        check_shape("points", self.points, (None, 3))
+        check_shape("normals", self.normals, (len(self.points), 3))
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    def moved(self, T_target_source: FloatArray) -> Structure:
+        """The same surfaces in another frame."""
+        return Structure(transform_points(T_target_source, self.points), self.normals @ T_target_source[:3, :3].T)
+
+    def take(self, chosen: BoolArray | IntArray) -> Structure:
+        """The chosen points."""
+        return Structure(self.points[chosen], self.normals[chosen])
+
+    def thinned(self, voxel_m: float) -> Structure:
+        """At most one point a voxel: the first of each, so that the number of points measures area."""
+        keys = np.floor(self.points / voxel_m).astype(np.int64)
+        keys -= keys.min(axis=0, initial=0)
+        extent = keys.max(axis=0, initial=0) + 1
+        _, first = np.unique((keys[:, 0] * extent[1] + keys[:, 1]) * extent[2] + keys[:, 2], return_index=True)
+        return self.take(np.sort(first))
+
+
+def join(structures: Iterable[Structure]) -> Structure:
+    """All points of several structures."""
+    parts: Sequence[Structure] = [Structure(np.zeros((0, 3)), np.zeros((0, 3))), *structures]
+    return Structure(np.concatenate([part.points for part in parts]), np.concatenate([part.normals for part in parts]))
+
+
+@dataclass(frozen=True)
+class CoarseDepth:
+    """A depth image on a coarse grid, and where it was taken.
+
+    `depth_m` (h, w) float32 in the camera's measure, 0 = no return; its (row, column) is the camera's pixel (v, u) =
+    `step_px` * (row, column). `T_frame_camera` places the optical frame in whatever frame is spoken of.
+    """
+
+    depth_m: Float32Array
+    step_px: int
+    camera: Camera
+    T_frame_camera: FloatArray
+
+    def moved(self, T_target_frame: FloatArray) -> CoarseDepth:
+        """The same image in another frame."""
+        return replace(self, T_frame_camera=T_target_frame @ self.T_frame_camera)
+
+    def structure(self, max_depth_m: float = 5.0) -> Structure:
+        """Its surfaces in the frame; a depth image with returns here and there, as from a LiDAR, counts as points."""
+        rows, columns = np.nonzero((self.depth_m > 0) & (self.depth_m < max_depth_m))
+        if len(rows) < _DENSE * self.depth_m.size:
+            pixels_uv = np.column_stack([columns, rows]).astype(np.float64) * self.step_px
+            points = self.camera.back_project(pixels_uv, self.depth_m[rows, columns].astype(np.float64))
+            return structure_of_points(points).moved(self.T_frame_camera)
+        seen = structure_of_depth(self.depth_m, self.camera, pixel_step=self.step_px, max_depth_m=max_depth_m)
+        return seen.moved(self.T_frame_camera)
+
+
+def coarse_depth(frame: CameraFrame, T_frame_base: FloatArray, step_px: int | None = None) -> CoarseDepth | None:
+    """A camera frame's depth on a grid of about 160 columns (or every `step_px` pixels); `None` if it has no depth."""
+    if frame.depth_m is None:
+        return None
+    step = step_px or max(1, frame.camera.width // _COLUMNS)
+    return CoarseDepth(frame.depth_m[::step, ::step], step, frame.camera, T_frame_base @ frame.T_base_camera)
+
+
+def stored_depth(record: KeyframeRecord) -> CoarseDepth:
+    """The depth that the memory keeps with a keyframe, in the map frame."""
+    from supermap_cli.mapping.free_space import decode_small_depth  # noqa: PLC0415 - cv2
+
+    return CoarseDepth(
+        decode_small_depth(record), record.depth_step, camera_from_json(record.camera), record.T_map_camera
+    )
+
+
+def structure_of_depth(
+    depth_m: Float32Array, camera: Camera, *, pixel_step: int = 1, max_depth_m: float = 5.0
+) -> Structure:
+    """Points and normals of a depth image in the camera's optical frame.
+
+    `depth_m` is (h, w), 0 = no return; its (row, column) is the camera's pixel (v, u) = `pixel_step` * (row, column).
+    A normal is the cross product of the central differences across a sixtieth of the image's width, kept where
+    all five points have a depth and lie on one plane that is not seen edge-on.
+    """
+    thin = max(1, camera.width // (_COLUMNS * pixel_step))
+    step = thin * pixel_step
+    z = depth_m[::thin, ::thin].astype(np.float64)
+    rows, columns = np.indices(z.shape)
+    pixels_uv = np.column_stack([columns.ravel(), rows.ravel()]).astype(np.float64) * step
+    points = camera.back_project(pixels_uv, z.ravel()).reshape(*z.shape, 3)
+    seen = np.isfinite(z) & (z > 0.1) & (z < max_depth_m) & np.isfinite(points).all(axis=2)
+    k = max(1, round(camera.width * _BASELINE / step / 2))
+    if min(z.shape) <= 2 * k:
+        return join([])
+    here, left, right = points[k:-k, k:-k], points[k:-k, : -2 * k], points[k:-k, 2 * k :]
+    above, below = points[: -2 * k, k:-k], points[2 * k :, k:-k]
+    normals = np.cross(below - above, right - left)
+    length = np.linalg.norm(normals, axis=2)
+    normals /= np.maximum(length, 1e-12)[..., None]
+    distance_m = np.linalg.norm(here, axis=2)
+    facing = -np.einsum("ijk,ijk->ij", normals, here) / np.maximum(distance_m, 1e-12)
+    normals *= np.sign(facing)[..., None]
+    bend_m = np.maximum(
+        np.abs(np.einsum("ijk,ijk->ij", normals, left + right - 2 * here)),
+        np.abs(np.einsum("ijk,ijk->ij", normals, above + below - 2 * here)),
+    )
+    whole = seen[k:-k, k:-k] & seen[k:-k, : -2 * k] & seen[k:-k, 2 * k :] & seen[: -2 * k, k:-k] & seen[2 * k :, k:-k]
+    flat = whole & (np.abs(facing) > _GRAZING) & (bend_m < 0.01 + 0.006 * distance_m**2)
+    return Structure(here[flat], normals[flat])
+
+
+def structure_of_points(
+    points_sensor: FloatArray, *, voxel_m: float = 0.08, max_range_m: float = 30.0, neighbours: int = 12
+) -> Structure:
+    """Points and normals of a LiDAR sweep, or of several joined if they are sparse, (n, 3) in the sensor's frame.
+
+    A normal is the direction of least scatter among a point's neighbours, kept where they lie on one plane.
+    """
+    from scipy.spatial import cKDTree  # noqa: PLC0415 - heavy
+
+    distance_m = np.linalg.norm(points_sensor, axis=1)
+    near = points_sensor[np.isfinite(distance_m) & (distance_m > 0.3) & (distance_m < max_range_m)]
+    points = Structure(near, np.zeros_like(near)).thinned(voxel_m).points
+    if len(points) < neighbours:
+        return join([])
+    reach_m, nearest = cKDTree(points).query(points, k=neighbours)
+    around = points[nearest] - points[nearest].mean(axis=1, keepdims=True)
+    values, vectors = np.linalg.eigh(np.einsum("nki,nkj->nij", around, around))
+    normals = vectors[:, :, 0]
+    normals *= -np.sign(np.einsum("ij,ij->i", normals, points))[:, None]
+    flat = (values[:, 0] < 0.05 * values[:, 1]) & (values[:, 1] > 0.1 * values[:, 2]) & (reach_m[:, -1] < 8 * voxel_m)
+    return Structure(points[flat], normals[flat])

@@ -1,0 +1,156 @@
+"""The turns in an object's life as they are carried out: states closed and opened, temporal edges written."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from supermap_cli.mapping.changes import Changes, instance_record, open_state
+from supermap_cli.mapping.lifecycle import join
+from supermap_cli.mapping.objects import MapObject, ObjectMap, OpenState
+from supermap_cli.mapping.voxel_map import FINEST_VOXEL_M, VoxelMap
+from supermap_cli.types.memory import Observation, TemporalEdge, TemporalKind
+
+
+@dataclass
+class Transitions:
+    """Carries out what `lifecycle` decides. `touched` collects the objects that a keyframe has changed."""
+
+    objects: ObjectMap
+    changes: Changes = field(default_factory=Changes)
+    touched: set[int] = field(default_factory=set)
+
+    def touch(self, changed: MapObject) -> None:
+        """The object must be written again, and its relations looked at."""
+        self.changes.dirty.add(changed.number)
+        self.touched.add(changed.number)
+
+    def observe(self, observation: Observation) -> None:
+        """Keep an observation: at once if its object is confirmed, else with the object until it is."""
+        of = self.objects[observation.object_number]
+        if of.confirmed:
+            self.changes.observations.append(observation)
+        else:
+            of.pending.append(observation)
+
+    def enter(self, confirmed: MapObject) -> None:
+        """A tentative object enters the map; it appeared if its place had been seen empty before."""
+        confirmed.entered = True
+        self._flush(confirmed)
+        state = confirmed.state
+        if state.empty_before_ns is not None:
+            self._note("appeared", confirmed, None, (state.empty_before_ns, state.first_seen_ns))
+
+    def go(self, gone: MapObject, gone_ns: int) -> None:
+        """An object was seen to be gone."""
+        gone.present, gone.gone_ns, gone.track_id = False, gone_ns, -1
+        if gone.confirmed:
+            self.changes.closed_states.append(open_state(gone, gone_ns))
+            self._note("disappeared", gone, gone.state.index, (gone.last_seen_ns, gone_ns))
+            self.touch(gone)
+
+    def come_back(self, back: MapObject, stamp_ns: int) -> None:
+        """An object that was gone stands in its old place again; its cloud starts anew."""
+        before, gone_ns = back.state.index, back.gone_ns
+        back.present, back.absent_looks, back.gone_ns = True, 0, None
+        back.state = OpenState(before + 1, stamp_ns, gone_ns)
+        self._restart_cloud(back)
+        if back.confirmed:
+            self._note("reappeared", back, before, (gone_ns, stamp_ns))
+
+    def shift(self, moved: MapObject, to_map: np.ndarray, stamp_ns: int) -> None:
+        """An object stands beside its old place, at `to_map` (3,), or is on the move: its cloud starts anew."""
+        if moved.confirmed and not moved.motion.moving:
+            distance_m = float(np.linalg.norm(to_map - moved.shape.centroid))
+            before, since_ns = moved.state.index, moved.last_seen_ns
+            self.changes.closed_states.append(open_state(moved, stamp_ns))
+            moved.state = OpenState(before + 1, stamp_ns, since_ns)
+            self._note("moved", moved, before, (since_ns, stamp_ns), distance_m)
+        self._restart_cloud(moved)
+
+    def take_over(self, old: MapObject, found: MapObject) -> None:
+        """`old`, which was gone, is what was `found` elsewhere; a stored `found` becomes part of it."""
+        origin, before, gone_ns = old.shape.centroid, old.state.index, old.gone_ns
+        if gone_ns is None or gone_ns > found.state.first_seen_ns:
+            gone_ns = found.state.first_seen_ns
+            self.changes.closed_states.append(open_state(old, gone_ns))
+        old.voxels, old.present, old.gone_ns, old.absent_looks = found.voxels, True, None, 0
+        old.labels.absorb(found.labels)
+        old.viewpoints, old.missed_viewpoints = found.viewpoints, found.missed_viewpoints
+        old.existence, old.last_seen_ns, old.track_id = found.existence, found.last_seen_ns, found.track_id
+        old.state = OpenState(before + 1, found.state.first_seen_ns, found.state.empty_before_ns)
+        old.observations += found.observations
+        old.motion = found.motion
+        old.touched()
+        if found.entered:
+            self._retire(found, old, old.state.first_seen_ns)
+        old.pending = [replace(each, object_number=old.number) for each in found.pending]
+        self.objects.remove(found.number)
+        self._flush(old)
+        distance_m = float(np.linalg.norm(old.shape.centroid - origin))
+        since_ns = gone_ns if old.state.empty_before_ns is None else old.state.empty_before_ns
+        self._note("moved", old, before, (since_ns, old.state.first_seen_ns), distance_m)
+
+    def link_candidate(self, old: MapObject, found: MapObject, probability: float) -> None:
+        """`found` may be `old`, but the evidence does not single it out: both stay."""
+        bounds_ns = (old.last_seen_ns, found.state.first_seen_ns)
+        self._link("candidate", (old.number, old.state.index), found, bounds_ns, probability=probability)
+
+    def merge(self, kept: MapObject, joined: MapObject, stamp_ns: int) -> None:
+        """Two objects turned out to be one."""
+        if joined.entered:
+            self._retire(joined, kept, stamp_ns)
+        joined.pending = [replace(each, object_number=kept.number) for each in joined.pending]
+        join(kept, joined)
+        if kept.confirmed:
+            self._flush(kept)
+        self.objects.remove(joined.number)
+        self.touched.discard(joined.number)
+
+    def _retire(self, retired: MapObject, into: MapObject, stamp_ns: int) -> None:
+        """A stored object is part of another one from now on."""
+        self.changes.closed_states.append(open_state(retired))
+        self.changes.merged.append(instance_record(retired, merged_into=into.number))
+        self._link("merged", (retired.number, retired.state.index), into, (retired.first_seen_ns, stamp_ns))
+
+    def doubt(self, each: MapObject, *, doubted: bool) -> None:
+        """A confirmed object is believed in no more, or again."""
+        each.doubted = doubted
+        self.touch(each)
+
+    def _flush(self, confirmed: MapObject) -> None:
+        self.changes.observations += confirmed.pending
+        confirmed.pending = []
+        self.touch(confirmed)
+
+    @staticmethod
+    def _restart_cloud(moved: MapObject) -> None:
+        moved.voxels = VoxelMap(FINEST_VOXEL_M)
+        moved.touched()
+
+    def _note(
+        self,
+        kind: TemporalKind,
+        of: MapObject,
+        from_state: int | None,
+        bounds_ns: tuple[int | None, int],
+        distance_m: float | None = None,
+    ) -> None:
+        self._link(kind, (of.number, from_state), of, bounds_ns, distance_m=distance_m)
+
+    def _link(
+        self,
+        kind: TemporalKind,
+        source: tuple[int, int | None],
+        target: MapObject,
+        bounds_ns: tuple[int | None, int],
+        *,
+        probability: float = 1.0,
+        distance_m: float | None = None,
+    ) -> None:
+        """Write an edge from a (number, state) to an object's present state, within [not before, not after]."""
+        edge = TemporalEdge(
+            kind, *source, target.number, target.state.index, *bounds_ns, probability=probability, distance_m=distance_m
+        )
+        self.changes.temporal_edges.append(edge)

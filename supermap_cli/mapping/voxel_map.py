@@ -1,0 +1,167 @@
+"""An object's geometry while it is being mapped: packed arrays sorted by voxel code."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from supermap_cli.geometry.arrays import BoolArray, Float32Array, FloatArray, IntArray, UInt8Array
+from supermap_cli.geometry.voxels import (
+    is_member,
+    neighbour_counts,
+    pack_keys,
+    unpack_codes,
+    voxel_centers,
+    voxel_keys,
+)
+from supermap_cli.types.memory import VoxelCloud
+
+LOG_ODDS_MAX = 4.0
+"""Occupancy is clamped, so that a thing that stood for an hour can still be seen to have gone (Hornung et al. 2013)."""
+
+FINEST_VOXEL_M = 0.01
+"""Edge of a new object's voxels, about what a depth camera resolves at 2 m."""
+
+MAX_SIDE_VOXELS = 64
+"""More voxels than this along an object's longest side show no more of its shape."""
+
+
+@dataclass
+class VoxelMap:
+    """n voxels of edge `voxel_m` in the map frame; all arrays are aligned and sorted by `codes`.
+
+    `log_odds` (n,) occupancy; `inside` and `outside` (n,) how often a voxel was seen within and beside the object's
+    masks; `rgb` (n, 3) mean colour, 0-255.
+    """
+
+    voxel_m: float
+    codes: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
+    log_odds: Float32Array = field(default_factory=lambda: np.zeros(0, np.float32))
+    inside: Float32Array = field(default_factory=lambda: np.zeros(0, np.float32))
+    outside: Float32Array = field(default_factory=lambda: np.zeros(0, np.float32))
+    rgb: Float32Array = field(default_factory=lambda: np.zeros((0, 3), np.float32))
+    _centers: FloatArray | None = field(default=None, repr=False)
+
+    def __len__(self) -> int:
+        return len(self.codes)
+
+    def centers(self) -> FloatArray:
+        """(n, 3) voxel centres in the map frame (kept until the set of voxels changes)."""
+        if self._centers is None or len(self._centers) != len(self.codes):
+            self._centers = voxel_centers(unpack_codes(self.codes), self.voxel_m)
+        return self._centers
+
+    def add_points(self, points_map: FloatArray, rgb: UInt8Array, hit_log_odds: float) -> None:
+        """Enter the voxels of (m, 3) points with (m, 3) colours that are not there yet, seen once, inside a mask."""
+        codes, first = np.unique(pack_keys(voxel_keys(points_map, self.voxel_m)), return_index=True)
+        fresh = ~is_member(codes, self.codes)
+        self._insert(codes[fresh], hit_log_odds, rgb[first[fresh]].astype(np.float32))
+
+    def _insert(self, codes: IntArray, log_odds: float, rgb: Float32Array) -> None:
+        n = len(codes)
+        if not n:
+            return
+        joined = np.concatenate([self.codes, codes])
+        order = np.argsort(joined, kind="stable")
+        self.codes = joined[order]
+        self.log_odds = np.concatenate([self.log_odds, np.full(n, log_odds, np.float32)])[order]
+        self.inside = np.concatenate([self.inside, np.ones(n, np.float32)])[order]
+        self.outside = np.concatenate([self.outside, np.zeros(n, np.float32)])[order]
+        self.rgb = np.concatenate([self.rgb, rgb])[order]
+        self._centers = None
+
+    def keep(self, kept: BoolArray) -> None:
+        """Drop all voxels but the (n,) marked ones."""
+        if kept.all():
+            return
+        self.codes, self.log_odds = self.codes[kept], self.log_odds[kept]
+        self.inside, self.outside, self.rgb = self.inside[kept], self.outside[kept], self.rgb[kept]
+        self._centers = None
+
+    def absorb(self, other: VoxelMap) -> None:
+        """Take in another object's voxels, evidence added up."""
+        if not len(other):
+            return
+        codes = pack_keys(voxel_keys(other.centers(), self.voxel_m))
+        codes, first = np.unique(codes, return_index=True)
+        known = is_member(codes, self.codes)
+        at = np.searchsorted(self.codes, codes[known])
+        source = first[known]
+        self.log_odds[at] = np.minimum(self.log_odds[at] + np.maximum(other.log_odds[source], 0), LOG_ODDS_MAX)
+        self.inside[at] += other.inside[source]
+        self.outside[at] += other.outside[source]
+        fresh = VoxelMap(
+            self.voxel_m,
+            codes[~known],
+            other.log_odds[first[~known]],
+            other.inside[first[~known]],
+            other.outside[first[~known]],
+            other.rgb[first[~known]],
+        )
+        self._concatenate(fresh)
+
+    def _concatenate(self, other: VoxelMap) -> None:
+        order = np.argsort(np.concatenate([self.codes, other.codes]), kind="stable")
+        self.codes = np.concatenate([self.codes, other.codes])[order]
+        self.log_odds = np.concatenate([self.log_odds, other.log_odds])[order]
+        self.inside = np.concatenate([self.inside, other.inside])[order]
+        self.outside = np.concatenate([self.outside, other.outside])[order]
+        self.rgb = np.concatenate([self.rgb, other.rgb])[order]
+        self._centers = None
+
+    def solid(self) -> BoolArray:
+        """(n,) the voxels that are believed to be the object's: occupied, mostly inside its masks, not alone."""
+        trusted = (self.log_odds > 0) & (self.inside > self.outside)
+        usual = float(np.percentile(self.inside, 90)) if len(self) else 0.0
+        often = trusted & (self.inside >= min(2.0, usual) + 0.1 * usual)
+        if often.sum() >= 0.3 * trusted.sum():
+            trusted = often
+        accompanied = np.zeros(len(self.codes), dtype=bool)
+        accompanied[trusted] = neighbour_counts(self.codes[trusted]) >= 2
+        return accompanied if accompanied.any() else trusted
+
+    def fit_voxel(self) -> None:
+        """Double the voxels' edge until the longest side has no more than `MAX_SIDE_VOXELS`: adaptive resolution."""
+        if not len(self):
+            return
+        keys = unpack_codes(self.codes)
+        while (keys.max(axis=0) - keys.min(axis=0)).max() > MAX_SIDE_VOXELS:
+            keys >>= 1
+            self.voxel_m *= 2
+            codes, group = np.unique(pack_keys(keys), return_inverse=True)
+            members = np.bincount(group).astype(np.float32)
+            best = np.full(len(codes), -np.inf, np.float32)
+            np.maximum.at(best, group, self.log_odds)
+            self.log_odds = best
+            self.inside = (np.bincount(group, self.inside) / members).astype(np.float32)
+            self.outside = (np.bincount(group, self.outside) / members).astype(np.float32)
+            self.rgb = np.stack([np.bincount(group, self.rgb[:, c]) / members for c in range(3)], axis=1).astype(
+                np.float32
+            )
+            self.codes, keys, self._centers = codes, unpack_codes(codes), None
+
+    def to_cloud(self) -> VoxelCloud:
+        """The value that the memory keeps."""
+        return VoxelCloud(
+            self.voxel_m,
+            unpack_codes(self.codes),
+            self.log_odds.copy(),
+            self.inside.copy(),
+            self.outside.copy(),
+            self.rgb.round().clip(0, 255).astype(np.uint8),
+        )
+
+
+def voxel_map_from_cloud(cloud: VoxelCloud) -> VoxelMap:
+    """Go on mapping what the memory kept."""
+    codes = pack_keys(cloud.keys)
+    order = np.argsort(codes)
+    return VoxelMap(
+        cloud.voxel_m,
+        codes[order],
+        cloud.log_odds[order].astype(np.float32),
+        cloud.inside[order].astype(np.float32),
+        cloud.outside[order].astype(np.float32),
+        cloud.rgb[order].astype(np.float32),
+    )

@@ -1,0 +1,148 @@
+"""Relations over time: they begin, hold, and end."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from graph_nodes import node, table
+from supermap_cli.graph.predicates import PREDICATES, GraphNode, Pair, SpatialPredicate
+from supermap_cli.graph.scene_graph import SceneGraph, neighbours
+from supermap_cli.types.memory import SpatialEdge
+
+
+def cup(x: float = 0.3, y: float = 0.1, z: float = 0.75, number: int = 1) -> GraphNode:
+    return node(number, "cup", (x, y, z), (0.08, 0.08, 0.1))
+
+
+def scene(*nodes: GraphNode) -> dict[int, GraphNode]:
+    return {each.number: each for each in nodes}
+
+
+def show(graph: SceneGraph, stamp_ns: int, *nodes: GraphNode) -> dict[tuple[int, str, int], SpatialEdge]:
+    """Update with all nodes changed; what was altered, by key."""
+    altered = graph.update(scene(*nodes), [each.number for each in nodes], stamp_ns)
+    return {(each.subject, each.relation, each.object): each for each in altered}
+
+
+def test_an_empty_scene_and_a_thing_by_itself_have_no_relations() -> None:
+    graph = SceneGraph()
+    assert graph.update({}, [], 1) == ()
+    assert show(graph, 2, cup()) == {}
+
+
+def test_a_relation_begins_when_it_is_first_seen_and_is_told_once() -> None:
+    graph = SceneGraph()
+    begun = show(graph, 10, cup(), table())[1, "on", 2]
+    assert (begun.since_ns, begun.until_ns) == (10, None)
+    assert 0.5 < begun.confidence <= 1
+    assert show(graph, 20, cup(), table()) == {}
+
+
+def test_it_ends_when_it_holds_no_more() -> None:
+    graph = SceneGraph()
+    show(graph, 10, cup(), table())
+    altered = show(graph, 20, cup(x=3.0, z=0.0), table())
+    ended = altered[1, "on", 2]
+    assert (ended.since_ns, ended.until_ns) == (10, 20)
+    assert graph.held == {}
+
+
+def test_it_begins_anew_when_it_holds_again() -> None:
+    graph = SceneGraph()
+    show(graph, 10, cup(), table())
+    show(graph, 20, cup(x=3.0, z=0.0), table())
+    again = show(graph, 30, cup(), table())[1, "on", 2]
+    assert (again.since_ns, again.until_ns) == (30, None)
+
+
+def test_all_relations_of_a_thing_that_leaves_end() -> None:
+    graph = SceneGraph()
+    show(graph, 10, cup(), cup(x=0.5, number=3), table())
+    ended = graph.update(scene(cup(x=0.5, number=3), table()), [], 20)
+    assert {(each.subject, each.relation, each.object) for each in ended} >= {
+        (1, "on", 2),
+        (1, "near", 3),
+        (3, "near", 1),
+    }
+    assert all(each.until_ns == 20 for each in ended)
+    assert all(1 not in (key[0], key[2]) for key in graph.held)
+    assert (3, "on", 2) in graph.held
+
+
+def test_a_relation_that_ends_in_the_moment_it_began_still_lasts() -> None:
+    graph = SceneGraph()
+    show(graph, 10, cup(), table())
+    (ended,) = (each for each in graph.update(scene(table()), [], 10) if each.relation == "on")
+    assert ended.until_ns == 11
+
+
+def test_only_relations_of_changed_things_are_looked_at() -> None:
+    graph = SceneGraph()
+    nodes = scene(cup(), cup(x=0.5, number=3), table())
+    altered = graph.update(nodes, [1], 10)
+    assert all(1 in (each.subject, each.object) for each in altered)
+    assert (3, "on", 2) not in graph.held
+    assert graph.update(nodes, [], 20) == ()
+
+
+def test_a_measure_that_wavers_at_the_border_does_not_make_a_relation_flicker() -> None:
+    """The border of `on` lies between the two heights."""
+    graph = SceneGraph()
+    low, high = cup(z=0.80), cup(z=0.85)
+    on = next(each for each in PREDICATES if each.name == "on")
+    assert on.holds(Pair(low, table()), 1.0) > 0 == on.holds(Pair(high, table()), 1.0)
+    altered = [show(graph, 10 * i, (low, high)[i % 2], table()).get((1, "on", 2)) for i in range(8)]
+    assert altered[0] is not None
+    assert all(each is None or each.until_ns is None for each in altered)
+    assert graph.held[1, "on", 2].since_ns == 0
+    ended = show(graph, 100, cup(z=0.95), table())[1, "on", 2]
+    assert ended.until_ns == 100
+    assert (1, "on", 2) not in show(graph, 110, high, table())
+
+
+def test_a_clearly_changed_confidence_is_told_under_the_same_beginning() -> None:
+    graph = SceneGraph()
+    chair = [node(1, "chair", (0, y, 0), (0.45, 0.45, 0.9)) for y in (0.7, 0.71, 1.0)]
+    first = show(graph, 10, chair[0], table())[1, "beside", 2]
+    assert (1, "beside", 2) not in show(graph, 20, chair[1], table())
+    later = show(graph, 30, chair[2], table())[1, "beside", 2]
+    assert later.since_ns == first.since_ns
+    assert later.confidence < first.confidence - 0.1
+    assert later.until_ns is None
+
+
+def test_it_goes_on_from_the_relations_the_memory_kept() -> None:
+    graph = SceneGraph()
+    kept = SpatialEdge(1, "on", 2, 5, None, 0.9)
+    graph.resume([kept, SpatialEdge(1, "near", 2, 1, 3, 0.9)])
+    assert list(graph.held) == [(1, "on", 2)]
+    ended = show(graph, 10, cup(x=3.0, z=0.0), table())[1, "on", 2]
+    assert (ended.since_ns, ended.until_ns) == (5, 10)
+
+
+def test_further_predicates_are_asked_like_the_others() -> None:
+    same_label = SpatialPredicate("alike", lambda pair, slack: float(pair.subject.label == pair.other.label))
+    graph = SceneGraph((*PREDICATES, same_label))
+    altered = show(graph, 10, cup(), cup(x=0.5, number=3), table())
+    assert {(1, "alike", 3), (3, "alike", 1)} <= set(altered)
+    assert (1, "alike", 2) not in altered
+
+
+def test_the_order_in_which_things_are_given_does_not_matter() -> None:
+    things = [cup(), cup(x=0.5, number=3), table(), node(4, "chair", (0, 0.8, 0), (0.45, 0.45, 0.9))]
+    one, other = SceneGraph(), SceneGraph()
+    numbers = [each.number for each in things]
+    assert one.update(scene(*things), numbers, 1) == other.update(scene(*things[::-1]), numbers[::-1], 1)
+
+
+@pytest.mark.parametrize(("gap_m", "pairs"), [(1.9, [(1, 3)]), (2.3, [])])
+def test_only_what_is_within_reach_is_compared(gap_m: float, pairs: list[tuple[int, int]]) -> None:
+    reach = float(np.linalg.norm([0.08, 0.08, 0.1]))
+    assert neighbours(scene(cup(), cup(x=0.3 + gap_m + reach, number=3)), [1, 3]) == pairs
+
+
+def test_each_pair_is_compared_once() -> None:
+    nodes = scene(cup(), cup(x=0.5, number=3), table())
+    assert neighbours(nodes, [3, 2, 1]) == [(1, 2), (1, 3), (2, 3)]
+    assert neighbours(nodes, [7]) == []

@@ -1,0 +1,140 @@
+"""Label beliefs and viewpoints: all hypotheses count, order does not, and a stare is no certainty."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from supermap_cli.mapping.belief import LabelBelief, Viewpoints, label_agreement
+from supermap_cli.types.detections import Hypothesis
+
+LABELS = ("chair", "couch", "bench", "stool")
+
+hypotheses = st.lists(
+    st.tuples(st.sampled_from(LABELS), st.floats(0.05, 1.0)), min_size=1, max_size=3, unique_by=lambda t: t[0]
+).map(lambda pairs: tuple(Hypothesis(*pair) for pair in sorted(pairs, key=lambda t: -t[1])))
+
+
+def believing(*detections: tuple[Hypothesis, ...], size_m: float = 0.0, weight: float = 1.0) -> LabelBelief:
+    belief = LabelBelief(longest_side_m=size_m)
+    for detection in detections:
+        belief.update(detection, weight)
+    return belief
+
+
+def said(**scores: float) -> tuple[Hypothesis, ...]:
+    return tuple(Hypothesis(label, score) for label, score in scores.items())
+
+
+def test_nothing_seen_is_no_belief() -> None:
+    assert LabelBelief().probabilities() == {}
+
+
+@given(st.lists(hypotheses, min_size=1, max_size=6))
+def test_a_belief_sums_to_one_best_first(detections: list[tuple[Hypothesis, ...]]) -> None:
+    belief = believing(*detections)
+    p = list(belief.probabilities().values())
+    assert sum(p) == pytest.approx(1)
+    assert p == sorted(p, reverse=True)
+    assert belief.best == next(iter(belief.probabilities()))
+
+
+@given(st.lists(hypotheses, min_size=1, max_size=6), st.randoms(use_true_random=False))
+def test_the_order_of_detections_does_not_matter(detections: list[tuple[Hypothesis, ...]], random: object) -> None:
+    shuffled = sorted(detections, key=lambda _: random.random())  # type: ignore[attr-defined]
+    one, other = believing(*detections).probabilities(), believing(*shuffled).probabilities()
+    assert one == pytest.approx(other)
+
+
+def test_a_label_that_comes_late_has_been_unlikely_before() -> None:
+    early = believing(said(couch=0.8), said(chair=0.8), said(chair=0.8))
+    late = believing(said(chair=0.8), said(chair=0.8), said(couch=0.8))
+    assert early.probabilities() == pytest.approx(late.probabilities())
+    assert late.best == "chair"
+
+
+def test_all_hypotheses_count() -> None:
+    """`couch` is never the best label, but the only one that all three looks consider."""
+    belief = believing(said(chair=0.5, couch=0.4), said(bench=0.5, couch=0.4), said(stool=0.5, couch=0.4))
+    assert belief.best == "couch"
+
+
+def test_a_firm_word_weighs_more_than_a_hesitant_one() -> None:
+    assert believing(said(chair=0.9), said(couch=0.3)).best == "chair"
+    assert believing(said(chair=0.3), said(couch=0.9)).best == "couch"
+
+
+def test_scores_that_sum_to_more_than_one_are_shares() -> None:
+    assert believing(said(chair=0.9, couch=0.9)).probabilities() == pytest.approx({"chair": 0.5, "couch": 0.5})
+
+
+def test_a_long_stare_does_not_become_certainty() -> None:
+    """One network errs in one way: a thousand looks say no more than a few."""
+    few = believing(*[said(chair=0.6, couch=0.4)] * 3).probabilities()["couch"]
+    many = believing(*[said(chair=0.6, couch=0.4)] * 1000).probabilities()["couch"]
+    assert many == pytest.approx(few)
+    assert many > 0.2
+
+
+def test_a_look_of_small_weight_changes_little() -> None:
+    belief = believing(said(chair=0.8))
+    belief.update(said(couch=0.8), 0.01)
+    assert belief.probabilities()["chair"] > 0.9
+
+
+def test_a_microwave_a_metre_wide_is_a_tv() -> None:
+    looks = [said(microwave=0.5, tv=0.3)] * 5
+    assert believing(*looks, size_m=0.5).best == "microwave"
+    assert believing(*looks, size_m=1.0).best == "tv"
+
+
+def test_size_alone_does_not_invent_labels() -> None:
+    assert believing(said(microwave=0.9), size_m=1.0).best == "microwave"
+
+
+@given(st.lists(hypotheses, min_size=1, max_size=4), st.lists(hypotheses, min_size=1, max_size=4))
+def test_joining_two_beliefs_is_having_seen_it_all_with_one(
+    first: list[tuple[Hypothesis, ...]], second: list[tuple[Hypothesis, ...]]
+) -> None:
+    joined = believing(*first)
+    joined.absorb(believing(*second))
+    assert joined.probabilities() == pytest.approx(believing(*first, *second).probabilities())
+
+
+def test_agreement_is_the_probability_of_one_label() -> None:
+    assert label_agreement(said(chair=0.5, couch=0.5), {"chair": 0.8, "bench": 0.2}) == pytest.approx(0.4)
+    assert label_agreement(said(stool=0.9), {"chair": 1.0}) == 0.0
+    assert label_agreement(said(chair=0.2), {"chair": 1.0}) == pytest.approx(1.0)
+    assert label_agreement((Hypothesis("chair", 0.0),), {"chair": 1.0}) == 0.0
+
+
+ORIGIN = np.zeros(3)
+
+
+def test_looks_from_one_place_add_up_like_the_square_root() -> None:
+    views = Viewpoints()
+    weights = [views.weight(np.array([2.0, 0.1, 1.0]), ORIGIN) for _ in range(100)]
+    assert weights[0] == 1.0
+    assert sum(weights) == pytest.approx(10.0)
+
+
+@pytest.mark.parametrize("elsewhere", [(0.1, 2.0, 1.0), (2.0, 0.1, 3.0), (6.0, 0.1, 3.0), (-2.0, 0.1, 1.0)])
+def test_a_look_from_elsewhere_counts_in_full(elsewhere: tuple[float, float, float]) -> None:
+    views = Viewpoints()
+    views.weight(np.array([2.0, 0.1, 1.0]), ORIGIN)
+    assert views.weight(np.array(elsewhere), ORIGIN) == 1.0
+
+
+def test_a_camera_on_the_object_itself_is_no_error() -> None:
+    assert Viewpoints().weight(ORIGIN, ORIGIN) == 1.0
+
+
+def test_joined_viewpoints_are_counted_together() -> None:
+    one, other = Viewpoints(), Viewpoints()
+    place = np.array([2.0, 0.1, 1.0])
+    for views in (one, other, other):
+        views.weight(place, ORIGIN)
+    one.absorb(other)
+    assert one.weight(place, ORIGIN) == pytest.approx(np.sqrt(4) - np.sqrt(3))

@@ -1,0 +1,135 @@
+"""How a thing enters the map, and how false alarms do not."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import scenes as s
+from supermap_cli.types.detections import Detections, no_detections
+from supermap_cli.types.memory import MapDelta
+
+CHAIR_WORLD = (*s.ROOM, s.CHAIR)
+
+
+def test_a_map_of_nothing_changes_nothing() -> None:
+    run = s.Run(detector=lambda _, at_s: no_detections(s.ns(at_s)))
+    run.walk(CHAIR_WORLD)
+    assert run.take() == MapDelta()
+
+
+def test_a_thing_enters_the_map_on_its_third_sighting_with_all_that_was_seen_of_it() -> None:
+    run = s.Run()
+    run.walk(CHAIR_WORLD, 2)
+    assert run.take() == MapDelta()
+    run.see(CHAIR_WORLD, (0, 0.3, 1.2))
+    delta = run.take()
+    (chair,) = delta.instances
+    assert (chair.number, chair.label, chair.presence, chair.observations) == (1, "chair", "present", 3)
+    assert [each.stamp_ns for each in delta.observations] == [s.ns(0), s.ns(1 / 3), s.ns(2 / 3)]
+    assert {each.object_number for each in delta.observations} == {1}
+    (state,) = delta.states
+    assert (state.index, state.first_seen_ns, state.last_seen_ns, state.gone_ns) == (0, s.ns(0), s.ns(2 / 3), None)
+    assert state.confidence > 0.85
+
+
+def test_it_stands_where_it_stands_and_is_as_large_as_it_looks() -> None:
+    run = s.Run()
+    for eye in ((0, -1.3, 1.3), (0, 1.3, 1.3), (1.6, 1.9, 1.3), (1.6, -1.9, 1.3), (0.3, 0, 1.3)):
+        run.see(CHAIR_WORLD, eye)
+    (chair,) = run.standing("chair")
+    np.testing.assert_allclose(chair.shape.box.center, s.CHAIR.center, atol=0.06)
+    np.testing.assert_allclose(np.sort(chair.shape.box.size), np.sort(s.CHAIR.size), atol=0.08)
+
+
+def test_one_false_alarm_never_enters_the_map() -> None:
+    def alarmed_once(scene: s.Scene, at_s: float) -> Detections:
+        blob = np.zeros(scene.owner.shape, bool)
+        blob[80:105, 20:50] = True
+        chair = (scene.mask(2), [("chair", 0.8)])
+        dog = (blob, [("dog", 0.9)])
+        found = [chair, dog] if 0.9 < at_s < 1.1 else [chair]
+        return s.detections_of([mask for mask, _ in found], [said for _, said in found], at_s)
+
+    run = s.Run(detector=alarmed_once)
+    run.walk(CHAIR_WORLD, 12)
+    assert [each.label for each in run.map.values()] == ["chair"]
+    assert [each.label for each in run.take().instances] == ["chair"]
+
+
+def test_an_alarm_that_keeps_coming_back_among_misses_does_not_enter_either() -> None:
+    def alarmed_now_and_then(scene: s.Scene, at_s: float) -> Detections:
+        return s.detect(scene, at_s) if round(3 * at_s) % 6 == 0 else no_detections(s.ns(at_s))
+
+    run = s.Run(detector=alarmed_now_and_then)
+    run.walk(CHAIR_WORLD, 6)
+    run.walk(CHAIR_WORLD, 6)
+    assert not run.map
+
+
+def test_weak_detections_give_birth_to_nothing_but_support_what_is_there() -> None:
+    run = s.Run(detector=lambda scene, at_s: s.detect(scene, at_s, score=0.2))
+    run.walk(CHAIR_WORLD)
+    assert len(run.engine.objects) == 0
+    run.detector = s.detect
+    run.walk(CHAIR_WORLD, 3)
+    run.detector = lambda scene, at_s: s.detect(scene, at_s, score=0.2)
+    run.walk(CHAIR_WORLD, 3)
+    assert run.standing("chair")[0].observations == 6
+
+
+def test_hesitant_detections_need_longer() -> None:
+    def looks_needed(score: float) -> int:
+        run = s.Run(detector=lambda scene, at_s: s.detect(scene, at_s, score=score))
+        for looks in range(1, 30):
+            run.see(CHAIR_WORLD, (0, 1.2 * np.sin(looks), 1.2))
+            if run.map:
+                return looks
+        pytest.fail("it never entered the map")
+
+    assert looks_needed(0.9) <= looks_needed(0.6) < looks_needed(0.45)
+
+
+def test_a_detection_without_depth_is_none() -> None:
+    run = s.Run(detector=lambda scene, at_s: s.detect(s.render(CHAIR_WORLD, scene.keyframe.T_map_camera), at_s))
+    run.walk((), 6)
+    assert len(run.engine.objects) == 0
+
+
+def test_two_things_get_numbers_of_their_own_that_stay() -> None:
+    run = s.Run()
+    run.walk((*s.ROOM, s.CHAIR.at(1.6, 0.5), s.BOX.at(1.6, -0.5)))
+    numbers = {each.label: each.number for each in run.standing()}
+    run.walk((*s.ROOM, s.BOX.at(1.6, -0.5), s.CHAIR.at(1.6, 0.5)))
+    assert sorted(numbers) == ["box", "chair"]
+    assert {each.label: each.number for each in run.standing()} == numbers
+
+
+def test_crops_are_kept_only_of_clearly_better_looks() -> None:
+    run = s.Run()
+    run.see(CHAIR_WORLD, (-0.5, 0, 1.2))
+    for _ in range(5):
+        run.see(CHAIR_WORLD, (-0.5, 0.01, 1.2))
+    run.see(CHAIR_WORLD, (0.5, 0, 1.2))
+    crops = [each.crop_jpeg is not None for each in run.take().observations]
+    assert crops == [True, False, False, False, False, False, True]
+
+
+def test_every_observation_says_what_spoke_for_and_against_it() -> None:
+    run = s.Run()
+    run.walk(CHAIR_WORLD)
+    first, *later = run.take().observations
+    assert first.evidence_for == first.evidence_against == 0
+    assert all(each.evidence_for > 100 and each.evidence_against < 0.1 * each.evidence_for for each in later)
+    assert first.hypotheses[0].label == "chair"
+    np.testing.assert_allclose(first.centroid_map, s.CHAIR.center, atol=0.3)
+
+
+def test_visits_count_support_views_and_contradictions() -> None:
+    run = s.Run()
+    run.walk(CHAIR_WORLD, 5)
+    run.walk(s.ROOM, 2)
+    (visit,) = run.take().visits
+    assert (visit.supported, visit.contradicted) == (5, 2)
+    assert visit.in_view >= 6
+    assert (visit.first_support_ns, visit.last_support_ns) == (s.ns(0), s.ns(4 / 3))

@@ -1,0 +1,212 @@
+"""The engine as a whole: what it promises of its output, its switches, and its part in tracking."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+import scenes as s
+from supermap_cli.config import Ablation
+from supermap_cli.mapping.engine import MappingEngine
+from supermap_cli.types.detections import Detections, no_detections
+from supermap_cli.types.memory import MapDelta
+
+CHAIR_WORLD = (*s.ROOM, s.CHAIR)
+FIRST = (*s.ROOM, s.TABLE, s.CUP, s.CHAIR.at(1.6, -1.0), s.PERSON.at(2.2, 1.2))
+THEN = (*s.ROOM, s.TABLE, s.CUP.at(1.4, 0.4), s.CHAIR.at(1.6, 1.0))
+
+
+def ablated(*components: Ablation) -> s.Run:
+    return s.Run(engine=MappingEngine(ablate=frozenset(components)))
+
+
+def flat(value: object) -> Iterator[object]:
+    """Everything a delta holds, as comparable atoms in order."""
+    if dataclasses.is_dataclass(value):
+        for each in dataclasses.fields(value):
+            yield from flat(getattr(value, each.name))
+    elif isinstance(value, np.ndarray):
+        yield value.tobytes()
+    elif isinstance(value, dict):
+        for key, item in value.items():
+            yield key
+            yield from flat(item)
+    elif isinstance(value, tuple):
+        for item in value:
+            yield from flat(item)
+    else:
+        yield value
+
+
+def a_day() -> list[MapDelta]:
+    run, deltas = s.Run(), []
+    for things in (FIRST, THEN, FIRST):
+        run.walk(things, 5)
+        deltas.append(run.take())
+    return deltas
+
+
+def test_the_same_input_gives_the_same_changes_in_the_same_order() -> None:
+    one, other = a_day(), a_day()
+    assert any(each.temporal_edges for each in one)
+    for first, second in zip(one, other, strict=True):
+        assert list(flat(first)) == list(flat(second))
+
+
+def test_the_order_of_detections_in_an_image_does_not_matter_to_where_things_are() -> None:
+    def backwards(scene: s.Scene, at_s: float) -> Detections:
+        found = s.detect(scene, at_s)
+        return found.take(np.arange(len(found))[::-1])
+
+    one, other = s.Run(), s.Run(detector=backwards)
+    for run in (one, other):
+        run.walk(FIRST, 5)
+    boxes = [sorted((each.label, *each.shape.box.center.tolist()) for each in run.standing()) for run in (one, other)]
+    assert boxes[0] == boxes[1]
+
+
+def test_changes_are_taken_once() -> None:
+    run = s.Run()
+    run.walk(CHAIR_WORLD)
+    assert run.take() != MapDelta()
+    assert run.take() == MapDelta()
+
+
+def test_how_often_the_changes_are_taken_makes_no_difference_to_them() -> None:
+    often, seldom = s.Run(), s.Run()
+    pieces = []
+    for things in (FIRST, THEN):
+        for y in np.linspace(-0.5, 0.5, 5):
+            often.see(things, (0.0, float(y), 1.2))
+            pieces.append(often.take())
+        seldom.walk(things, 5)
+    whole = seldom.take()
+    for field in ("observations", "temporal_edges"):
+        assert [a for piece in pieces for a in flat(getattr(piece, field))] == list(flat(getattr(whole, field)))
+    latest = {each.number: each for piece in pieces for each in piece.instances}
+    for each in whole.instances:
+        assert list(flat(latest.pop(each.number))) == list(flat(each))
+    assert not latest
+
+
+def test_the_states_of_one_instance_never_overlap() -> None:
+    run, states = s.Run(), {}
+    for things in (FIRST, THEN, s.ROOM, FIRST, THEN, s.ROOM):
+        run.walk(things, 5)
+        states.update({(each.object_number, each.index): each for each in run.take().states})
+    assert len(states) > 6
+    for (number, index), state in states.items():
+        assert state.first_seen_ns <= state.last_seen_ns
+        assert state.gone_ns is None or state.last_seen_ns < state.gone_ns
+        later = states.get((number, index + 1))
+        if later is not None:
+            assert state.gone_ns is not None
+            assert state.gone_ns <= later.first_seen_ns
+
+
+def test_touched_are_the_objects_of_the_last_keyframe() -> None:
+    run = s.Run()
+    run.walk(CHAIR_WORLD, 3)
+    assert run.engine.touched == {1}
+    run.walk(s.ROOM, 1, target=(1.6, 4, 0.4))
+    assert run.engine.touched == frozenset()
+
+
+def test_an_image_no_detector_looked_at_speaks_by_its_geometry_alone() -> None:
+    run = s.Run()
+    run.walk(CHAIR_WORLD)
+    before = (run.map[1].existence, run.map[1].observations, run.map[1].voxels.log_odds.sum())
+    run.detector = lambda scene, at_s: None
+    run.walk(CHAIR_WORLD)
+    after = (run.map[1].existence, run.map[1].observations, run.map[1].voxels.log_odds.sum())
+    assert after[:2] == before[:2]
+    assert after[2] > before[2]
+
+
+# -- tracking
+
+
+def priors_of(run: s.Run, *things: s.Thing) -> dict[int, tuple[np.ndarray, bool]]:
+    look = run.engine.look(s.render((*s.ROOM, *things), s.looking((0, 0.3, 1.2), (1.6, 0, 0.4))).keyframe)
+    return {each.track_id: (each.box_xyxy, each.hidden) for each in run.engine.track_priors(look)}
+
+
+def tracked_chair(run: s.Run) -> s.Run:
+    run.walk(CHAIR_WORLD)
+    scene = s.render(CHAIR_WORLD, s.looking((0, 0, 1.2), (1.6, 0, 0.4)), run.at_s)
+    run.engine.integrate(run.engine.look(scene.keyframe), s.detect(scene, run.at_s), np.array([41]))
+    return run
+
+
+def test_a_tracked_object_is_expected_where_it_will_be_seen() -> None:
+    run = tracked_chair(s.Run())
+    box, hidden = priors_of(run, s.CHAIR)[41]
+    seen = s.detect(s.render(CHAIR_WORLD, s.looking((0, 0.3, 1.2), (1.6, 0, 0.4)))).boxes_xyxy[0]
+    np.testing.assert_allclose(box, seen, atol=9)
+    assert not hidden
+
+
+def test_behind_a_screen_it_is_still_expected_but_hidden() -> None:
+    screen = s.Thing("", (0.9, 0, 0.8), (0.05, 1.6, 1.8))
+    ((_, hidden),) = priors_of(tracked_chair(s.Run()), screen).values()
+    assert hidden
+
+
+def test_what_is_not_tracked_or_gone_is_not_expected() -> None:
+    run = s.Run()
+    run.walk(CHAIR_WORLD)
+    assert priors_of(run, s.CHAIR) == {}
+    run = tracked_chair(s.Run())
+    run.walk(s.ROOM)
+    assert priors_of(run, s.CHAIR) == {}
+
+
+# -- ablations
+
+
+def test_without_the_tracker_no_track_is_expected_or_recorded() -> None:
+    run = tracked_chair(ablated("tracker"))
+    assert priors_of(run, s.CHAIR) == {}
+    assert {each.track_id for each in run.take().observations} == {-1}
+    assert {each.track_id for each in tracked_chair(s.Run()).take().observations} == {-1, 41}
+
+
+def test_without_geometric_consistency_a_thing_taken_away_stays() -> None:
+    run = ablated("geometric-consistency")
+    run.walk(CHAIR_WORLD)
+    run.walk(s.ROOM, 12)
+    assert run.standing("chair")
+    assert run.take().temporal_edges == ()
+
+
+def test_without_semantic_fusion_the_last_detection_decides_the_label() -> None:
+    def mostly_chair(scene: s.Scene, at_s: float) -> Detections:
+        label = "couch" if at_s > 1.9 else "chair"
+        return s.detections_of([scene.mask(2)], [[(label, 0.6), ("chair" if label == "couch" else "couch", 0.3)]], at_s)
+
+    labels = {}
+    for name, run in (("whole", s.Run()), ("ablated", ablated("semantic-fusion"))):
+        run.detector = mostly_chair
+        run.walk(CHAIR_WORLD, 7)
+        labels[name] = run.map[1].label
+    assert labels == {"whole": "chair", "ablated": "couch"}
+
+
+def test_without_semantic_fusion_silence_says_nothing() -> None:
+    existence = {}
+    for name, run in (("whole", s.Run()), ("ablated", ablated("semantic-fusion"))):
+        run.walk(CHAIR_WORLD)
+        run.detector = lambda _, at_s: no_detections(s.ns(at_s))
+        run.walk(CHAIR_WORLD)
+        existence[name] = run.map[1].existence
+    assert existence["whole"] < existence["ablated"]
+
+
+@pytest.mark.parametrize("component", ["tracker", "semantic-fusion", "geometric-consistency"])
+def test_with_a_component_switched_off_a_still_world_is_mapped_all_the_same(component: Ablation) -> None:
+    run = ablated(component)
+    run.walk((*s.ROOM, s.TABLE, s.CUP))
+    assert sorted(each.label for each in run.standing()) == ["cup", "dining table"]

@@ -1,0 +1,82 @@
+"""Which space was seen empty, and when."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import scenes as s
+from supermap_cli.errors import MemoryStoreError
+from supermap_cli.mapping.free_space import FreeSpaceMemory, decode_small_depth
+
+EYE = s.looking((0, 0, 1.2), (2, 0, 1.0))
+PLACE = np.stack(np.meshgrid(*[np.linspace(-0.1, 0.1, 5)] * 3), axis=-1).reshape(-1, 3)
+
+
+def around(x: float, y: float, z: float) -> np.ndarray:
+    """Points of a thing 20 cm wide."""
+    points: np.ndarray = PLACE + np.array([x, y, z])
+    return points
+
+
+def memory_of(*looks: tuple[float, np.ndarray, tuple[s.Thing, ...]]) -> FreeSpaceMemory:
+    """A memory of looks: at a time, from a pose, at things."""
+    memory = FreeSpaceMemory()
+    for at_s, T_map_camera, things in looks:
+        memory.recall(1, s.small_record(s.render(things, T_map_camera, at_s).keyframe))
+    return memory
+
+
+def test_where_nobody_has_looked_nothing_was_seen_empty() -> None:
+    assert FreeSpaceMemory().last_seen_empty(around(1.5, 0, 1), 0.02, s.ns(10)) is None
+
+
+def test_the_air_before_a_wall_was_seen_empty() -> None:
+    assert memory_of((3, EYE, s.ROOM)).last_seen_empty(around(1.5, 0, 1), 0.02, s.ns(10)) == s.ns(3)
+
+
+@pytest.mark.parametrize(
+    ("place", "why"),
+    [((3.5, 0, 1), "behind the wall"), ((-1.5, 0, 1), "behind the camera"), ((2.95, 0, 1), "at the wall")],
+)
+def test_other_places_were_not(place: s.Point, why: str) -> None:
+    assert memory_of((3, EYE, s.ROOM)).last_seen_empty(around(*place), 0.02, s.ns(10)) is None, why
+
+
+def test_the_place_of_a_thing_that_stood_there_was_not_empty() -> None:
+    memory = memory_of((3, EYE, (*s.ROOM, s.BOX.at(1.5, 0, 1))))
+    assert memory.last_seen_empty(around(1.5, 0, 1), 0.02, s.ns(10)) is None
+
+
+def test_it_is_the_latest_look_before_that_time() -> None:
+    elsewhere = s.looking((0, 1.4, 1.2), (2, 0, 1.0))
+    memory = memory_of((3, EYE, s.ROOM), (5, elsewhere, s.ROOM))
+    assert memory.last_seen_empty(around(1.5, 0, 1), 0.02, s.ns(10)) == s.ns(5)
+    assert memory.last_seen_empty(around(1.5, 0, 1), 0.02, s.ns(5)) == s.ns(3)
+    assert memory.last_seen_empty(around(1.5, 0, 1), 0.02, s.ns(3)) is None
+
+
+def test_without_a_return_a_ray_tells_nothing() -> None:
+    assert memory_of((3, EYE, ())).last_seen_empty(around(1.5, 0, 1), 0.02, s.ns(10)) is None
+
+
+def test_a_look_takes_the_place_of_the_former_one_from_there_in_its_traversal() -> None:
+    memory = FreeSpaceMemory()
+    for traversal, at_s in ((1, 1.0), (1, 2.0), (2, 3.0), (2, 4.0)):
+        memory.recall(traversal, s.small_record(s.render(s.ROOM, EYE, at_s).keyframe))
+    assert sorted(view.stamp_ns for view in memory.views.values()) == [s.ns(2), s.ns(4)]
+
+
+def test_stored_depth_is_right_to_a_millimetre() -> None:
+    scene = s.render((*s.ROOM, s.CHAIR), EYE)
+    small = decode_small_depth(s.small_record(scene.keyframe, step_px=8))
+    assert small.shape == (15, 20)
+    np.testing.assert_allclose(small, scene.keyframe.depth_m[::8, ::8], atol=0.0006)
+
+
+def test_stored_depth_that_is_no_png_is_a_damaged_memory() -> None:
+    record = replace(s.small_record(s.render(s.ROOM, EYE).keyframe), depth_png=b"no png")
+    with pytest.raises(MemoryStoreError, match="db check"):
+        decode_small_depth(record)

@@ -1,0 +1,152 @@
+"""How one keyframe's evidence enters an object."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import scenes as s
+from supermap_cli.mapping.fusion import (
+    EXISTENCE_MAX,
+    EXISTENCE_MIN,
+    area_share,
+    believe_less,
+    believe_more,
+    claimed_by_smaller,
+    fuse_geometry,
+    fuse_mask,
+    fuse_points,
+)
+from supermap_cli.mapping.objects import MapObject
+from supermap_cli.mapping.recall import ScoreModel
+from supermap_cli.mapping.visibility import ObjectView
+from supermap_cli.mapping.voxel_map import LOG_ODDS_MAX
+from supermap_cli.types.detections import RegionMask
+
+EYE = s.looking((0, 0, 1.2), (1.6, 0, 0.4))
+AREA = 160 * 120
+
+
+@pytest.fixture
+def chair() -> MapObject:
+    run = s.Run()
+    run.walk((*s.ROOM, s.CHAIR), 5)
+    return run.map[1]
+
+
+def view_of(each: MapObject, *things: s.Thing) -> ObjectView:
+    run = s.Run()
+    run.engine.objects.add(each)
+    return run.engine.look(s.render(things, EYE).keyframe).views[each.number]
+
+
+def upper_half(scene: s.Scene) -> s.Scene:
+    """The scene as if nothing could be made out in the image's lower half."""
+    owner = scene.owner.copy()
+    owner[60:] = -1
+    return replace(scene, owner=owner)
+
+
+def test_rays_that_hit_and_rays_that_go_through_turn_a_voxels_occupancy(chair: MapObject) -> None:
+    chair.voxels.log_odds[:] = 1.0
+    fuse_geometry(chair, view_of(chair, *s.ROOM, s.CHAIR))
+    assert (chair.voxels.log_odds > 1.0).mean() > 0.8
+    chair.voxels.log_odds[:] = 1.0
+    fuse_geometry(chair, view_of(chair, *s.ROOM))
+    assert (chair.voxels.log_odds < 1.0).mean() > 0.8
+
+
+def test_occupancy_is_clamped(chair: MapObject) -> None:
+    view = view_of(chair, *s.ROOM, s.CHAIR)
+    for _ in range(50):
+        fuse_geometry(chair, view)
+    assert chair.voxels.log_odds.max() == np.float32(LOG_ODDS_MAX)
+
+
+def test_what_is_hidden_keeps_its_occupancy(chair: MapObject) -> None:
+    before = chair.voxels.log_odds.copy()
+    fuse_geometry(chair, view_of(chair, s.Thing("", (0.8, 0, 1), (0.1, 5, 5))))
+    np.testing.assert_array_equal(chair.voxels.log_odds, before)
+
+
+def test_voxels_within_the_mask_gain_support_and_those_beside_it_lose_it(chair: MapObject) -> None:
+    upper = upper_half(s.render((*s.ROOM, s.CHAIR), EYE))
+    chair.voxels.inside[:], chair.voxels.outside[:] = 1, 0
+    fuse_mask(chair, view_of(chair, *s.ROOM, s.CHAIR), s.lifted(upper, 2))
+    z = chair.voxels.centers()[:, 2]
+    cut_m = z[chair.voxels.inside > 1].min()
+    assert (chair.voxels.inside > 1).sum() > 50
+    assert (chair.voxels.outside > 0).sum() > 50
+    assert z[chair.voxels.outside > 0].max() < cut_m
+
+
+def test_voxels_that_the_evidence_has_turned_against_are_dropped(chair: MapObject) -> None:
+    low = chair.voxels.centers()[:, 2] < 0.2
+    chair.voxels.log_odds[low] = -2.0
+    fuse_points(chair, s.lifted(upper_half(s.render((*s.ROOM, s.CHAIR), EYE)), 2))
+    assert low.any()
+    assert chair.voxels.centers()[:, 2].min() > 0.2
+
+
+def test_existence_rises_with_detections_and_falls_with_misses_within_bounds(chair: MapObject) -> None:
+    one = s.lifted(s.render((*s.ROOM, s.CHAIR), EYE), 2, score=0.8)
+    scores = ScoreModel()
+    chair.existence = 0.0
+    believe_more(chair, one, scores, 1.0)
+    assert chair.existence > 1.0
+    half = chair.existence
+    believe_more(chair, one, scores, 0.5)
+    assert chair.existence == pytest.approx(1.5 * half)
+    for _ in range(50):
+        believe_more(chair, one, scores, 1.0)
+    assert chair.existence == EXISTENCE_MAX
+    believe_less(chair, 0.5, 1.0)
+    assert EXISTENCE_MAX - 1 < chair.existence < EXISTENCE_MAX
+    for _ in range(50):
+        believe_less(chair, 0.9, 1.0)
+    assert chair.existence == EXISTENCE_MIN
+
+
+def test_the_visible_area_is_that_of_what_can_be_seen(chair: MapObject) -> None:
+    whole = area_share(view_of(chair, *s.ROOM, s.CHAIR), AREA)
+    screen = s.Thing("", (1.0, 0.5, 0.5), (0.05, 1.0, 3.0))
+    half = area_share(view_of(chair, *s.ROOM, s.CHAIR, screen), AREA)
+    assert whole == pytest.approx(s.render((*s.ROOM, s.CHAIR), EYE).mask(2).mean(), rel=0.35)
+    assert half == pytest.approx(whole / 2, rel=0.25)
+    assert area_share(view_of(chair, s.Thing("", (0.8, 0, 1), (0.1, 5, 5))), AREA) == 0.0
+
+
+def square(u0: int, v0: int, side: int) -> RegionMask:
+    return RegionMask(u0, v0, np.ones((side, side), bool))
+
+
+def pixels(mask: RegionMask | None) -> NDArray[np.bool_]:
+    assert mask is not None
+    return mask.full(60, 60)
+
+
+def test_the_cup_is_taken_out_of_the_tables_mask() -> None:
+    table, cup = claimed_by_smaller([square(0, 0, 40), square(10, 10, 5)], ("table", "cup"))
+    assert pixels(table).sum() == 40 * 40 - 5 * 5
+    assert not (pixels(table) & pixels(cup)).any()
+
+
+def test_only_the_part_that_lies_in_the_mask_is_taken_out() -> None:
+    table, _ = claimed_by_smaller([square(10, 10, 20), square(7, 7, 5)], ("table", "cup"))
+    assert pixels(table).sum() == 20 * 20 - 2 * 2
+
+
+@pytest.mark.parametrize(
+    ("labels", "side"), [(("cup", "cup"), 5), (("table", "cup"), 39)], ids=["same label", "nearly as large"]
+)
+def test_masks_of_the_same_label_or_size_are_left_alone(labels: tuple[str, str], side: int) -> None:
+    table, _ = claimed_by_smaller([square(0, 0, 40), square(10, 10, side)], labels)
+    assert pixels(table).sum() == 40 * 40
+
+
+def test_detections_without_masks_stay_without() -> None:
+    assert claimed_by_smaller([], ()) == []
+    assert claimed_by_smaller([None, None], ("a", "b")) == [None, None]

@@ -1,0 +1,147 @@
+"""From masks to points: what bleeds off an object does not come along."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+from numpy.typing import NDArray
+from scipy import ndimage
+
+import scenes as s
+from supermap_cli.mapping.depth import depth_view
+from supermap_cli.mapping.lifting import MAX_POINTS, LiftedDetection, erode, erosion_px, is_truncated, lift
+from supermap_cli.types.detections import Detections, no_detections
+
+EYE = s.looking((0, 0, 1.2), (1.6, 0, 0.4))
+SCENE = s.render((*s.ROOM, s.BOX), EYE)
+BOX = 2
+NARROW = s.Thing("bottle", (1.6, 0, 0.5), (0.05, 0.05, 1.0))
+
+
+def lift_all(scene: s.Scene, detections: Detections) -> list[LiftedDetection]:
+    return lift(scene.keyframe, depth_view(scene.keyframe, 6.0), detections, np.arange(len(detections)))
+
+
+def lift_mask(scene: s.Scene, mask: NDArray[np.bool_], label: str = "box") -> LiftedDetection:
+    (one,) = lift_all(scene, s.detections_of([mask], [[(label, 0.8)]]))
+    return one
+
+
+def outside_m(points: NDArray[np.float64], thing: s.Thing) -> NDArray[np.float64]:
+    """(n,) how far points lie outside an unturned box."""
+    beyond = np.abs(points - thing.center) - np.array(thing.size) / 2
+    return np.linalg.norm(np.maximum(beyond, 0), axis=1)
+
+
+def test_no_detections_give_no_points() -> None:
+    assert lift_all(SCENE, no_detections(0)) == []
+
+
+def test_a_detection_without_a_mask_or_depth_is_left_out() -> None:
+    found = s.detect(SCENE)
+    assert lift_all(SCENE, found.with_masks((None,))) == []
+    without_depth = s.render((), EYE)
+    assert lift_all(without_depth, found) == []
+
+
+def test_points_lie_on_the_thing_and_have_its_colour() -> None:
+    one = s.lifted(SCENE, BOX)
+    assert len(one.points_map) > 200
+    assert outside_m(one.points_map, s.BOX).max() < 1e-3
+    assert (one.rgb == s.BOX.rgb).all()
+    assert np.linalg.norm(one.centroid_map - s.BOX.center) < 0.3
+    assert one.extent_m == pytest.approx(0.4, abs=0.1)
+
+
+@pytest.mark.parametrize("bleeding_px", [2, 5, 8])
+def test_a_mask_that_bleeds_onto_the_wall_behind_lifts_only_the_thing(bleeding_px: int) -> None:
+    thing = s.BOX.at(1.6, 0, 1.2)
+    scene = s.render((*s.ROOM, thing), s.looking((0, 0, 1.2), (1.6, 0, 1.2)))
+    mask = ndimage.binary_dilation(scene.mask(BOX), iterations=bleeding_px)
+    assert outside_m(lift_mask(scene, mask).points_map, thing).max() < 1e-3
+
+
+def test_a_mask_that_lies_half_beside_a_thing_takes_the_body_it_is_mostly_made_of() -> None:
+    thing = s.BOX.at(1.6, 0, 1.2)
+    scene = s.render((*s.ROOM, thing), s.looking((0, 0, 1.2), (1.6, 0, 1.2)))
+    mask = np.roll(scene.mask(BOX), 8, axis=1)
+    assert outside_m(lift_mask(scene, mask).points_map, thing).max() < 1e-3
+
+
+def test_both_parts_of_a_thing_cut_in_two_by_something_thin_are_lifted() -> None:
+    thing = s.Thing("box", (1.5, 0, 0.3), (0.2, 0.24, 0.6))
+    wire = s.Thing("", (1.37, 0, 0.5), (0.01, 0.02, 1.0))
+    scene = s.render((*s.ROOM, thing, wire), EYE)
+    y = lift_mask(scene, scene.mask(BOX)).points_map[:, 1]
+    assert y.min() < -0.05
+    assert y.max() > 0.05
+
+
+def test_a_thin_thing_does_not_vanish() -> None:
+    scene = s.render((*s.ROOM, NARROW), EYE)
+    one = lift_mask(scene, scene.mask(2), "bottle")
+    assert one.core.any()
+    assert outside_m(one.points_map, NARROW).max() < 0.01
+
+
+def test_large_masks_are_thinned_out_evenly() -> None:
+    close = s.Thing("box", (0.6, 0, 1.2), (0.2, 0.6, 0.45))
+    scene = s.render((close,), s.looking((0, 0, 1.2), (1, 0, 1.2)))
+    assert scene.mask(0).sum() > MAX_POINTS
+    one = lift_mask(scene, scene.mask(0))
+    assert len(one.points_map) == MAX_POINTS
+    assert np.ptp(one.points_map[:, 2]) > 0.35
+
+
+def test_what_came_with_the_detection_stays_with_it() -> None:
+    found = s.detections_of([SCENE.mask(BOX)], [[("box", 0.6), ("suitcase", 0.3)]])
+    (one,) = lift(SCENE.keyframe, depth_view(SCENE.keyframe, 6.0), found, np.array([17]))
+    assert (one.index, one.track_id, one.score) == (0, 17, pytest.approx(0.6))
+    assert [each.label for each in one.hypotheses] == ["box", "suitcase"]
+    assert not one.truncated
+
+
+def test_a_thing_at_the_border_is_truncated() -> None:
+    scene = s.render((*s.ROOM, s.BOX), s.looking((0, 0, 1.2), (1.6, 1.1, 0.4)))
+    assert s.lifted(scene, BOX).truncated
+
+
+@pytest.mark.parametrize(
+    ("box", "truncated"),
+    [
+        ((10, 10, 100, 100), False),
+        ((1, 10, 100, 100), True),
+        ((10, 1, 100, 100), True),
+        ((10, 10, 158, 100), True),
+        ((10, 10, 100, 118), True),
+    ],
+)
+def test_a_box_is_truncated_at_any_side(box: tuple[int, int, int, int], truncated: bool) -> None:
+    assert is_truncated(np.array(box, np.float32), 160, 120) == truncated
+
+
+@given(hnp.arrays(bool, (12, 14)), st.integers(1, 6))
+def test_an_eroded_mask_never_loses_more_than_two_thirds(mask: NDArray[np.bool_], margin_px: int) -> None:
+    core = erode(mask, margin_px)
+    assert 3 * core.sum() >= mask.sum()
+    assert not (core & ~mask).any()
+
+
+def test_erosion_cuts_back_by_the_margin() -> None:
+    mask = np.zeros((40, 40), bool)
+    mask[5:35, 5:35] = True
+    assert erode(mask, 3).sum() == 24 * 24
+
+
+def test_a_mask_that_fills_its_region_is_eroded_at_the_regions_border() -> None:
+    assert erode(np.ones((30, 30), bool), 3).sum() == 24 * 24
+
+
+@pytest.mark.parametrize(
+    ("side_px", "width_px", "margin_px"), [(5, 640, 2), (50, 640, 4), (400, 640, 6), (200, 320, 3)]
+)
+def test_the_margin_grows_with_the_mask_and_the_image(side_px: int, width_px: int, margin_px: int) -> None:
+    assert erosion_px(side_px**2, width_px) == margin_px

@@ -1,0 +1,106 @@
+"""When two are one, and when they are two."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import scenes as s
+from supermap_cli.types.detections import Detections
+
+
+def in_halves(scene: s.Scene, at_s: float) -> Detections:
+    """A detector that takes the left and the right half of the image's one thing for two."""
+    left, right = scene.mask(2), scene.mask(2)
+    left[:, 80:] = False
+    right[:, :80] = False
+    return s.detections_of([left, right], [[("dining table", 0.8)]] * 2, at_s)
+
+
+def test_a_half_seen_table_is_not_a_second_table() -> None:
+    world = (*s.ROOM, s.TABLE)
+    run = s.Run()
+    for y in (1.0, -1.0):
+        run.walk(world, 4, target=(1.6, y, 0.4))
+        assert [each.number for each in run.standing()] == [1]
+    run.walk(world, 4)
+    (table,) = run.standing("dining table")
+    assert table.number == 1
+    assert table.shape.box.size.max() == pytest.approx(1.2, abs=0.25)
+
+
+def test_two_chairs_side_by_side_stay_two() -> None:
+    left, right = s.CHAIR.at(1.6, 0.23), s.CHAIR.at(1.6, -0.23)
+    run = s.Run()
+    for _ in range(2):
+        run.walk((*s.ROOM, left, right), 8)
+    assert len(run.standing("chair")) == 2
+    for one in (left, right):
+        assert min(s.distance_to(each, one) for each in run.standing("chair")) < 0.25
+
+
+def test_a_thing_on_a_table_stays_by_itself() -> None:
+    run = s.Run()
+    run.walk((*s.ROOM, s.TABLE, s.CUP), 8)
+    assert sorted(each.label for each in run.standing()) == ["cup", "dining table"]
+
+
+def test_two_halves_that_turn_out_to_be_one_are_merged_and_it_is_said_so() -> None:
+    world = (*s.ROOM, s.TABLE)
+    run = s.Run(detector=in_halves)
+    for _ in range(4):
+        run.see(world, (0, 0, 1.2))
+    assert len(run.map) == 2
+    run.take()
+    run.detector = s.detect
+    run.walk(world, 8)
+    delta = run.take()
+    (merged,) = delta.temporal_edges
+    assert (merged.kind, merged.from_number, merged.from_state, merged.to_number, merged.to_state) == (
+        "merged",
+        2,
+        0,
+        1,
+        0,
+    )
+    assert [(each.number, each.merged_into) for each in delta.instances] == [(1, None), (2, 1)]
+    assert list(run.map) == [1]
+    assert run.map[1].shape.box.size.max() == pytest.approx(1.2, abs=0.25)
+
+
+def test_what_belonged_to_a_tentative_duplicate_is_written_under_the_number_that_stays() -> None:
+    """Two detections of one thing in the first images; the second never enters the map by itself."""
+
+    def twice(scene: s.Scene, at_s: float) -> Detections:
+        mask = scene.mask(2)
+        return s.detections_of([mask, mask], [[("chair", 0.8)], [("chair", 0.6)]], at_s)
+
+    run = s.Run(detector=twice)
+    run.walk((*s.ROOM, s.CHAIR), 6)
+    delta = run.take()
+    assert [each.number for each in delta.instances] == [1]
+    assert {each.object_number for each in delta.observations} == {1}
+    assert delta.temporal_edges == ()
+
+
+def test_two_labels_for_one_thing_become_one_thing_with_both_in_its_belief() -> None:
+    def undecided(scene: s.Scene, at_s: float) -> Detections:
+        label = "couch" if round(3 * at_s) % 2 else "chair"
+        other = "chair" if label == "couch" else "couch"
+        return s.detections_of([scene.mask(2)], [[(label, 0.6), (other, 0.3)]], at_s)
+
+    run = s.Run(detector=undecided)
+    run.walk((*s.ROOM, s.CHAIR), 10)
+    (one,) = run.map.values()
+    belief = one.labels.probabilities()
+    assert set(belief) == {"chair", "couch"}
+    assert min(belief.values()) > 0.3
+
+
+def test_a_chair_under_a_table_is_not_merged_into_it() -> None:
+    chair = s.Thing("chair", (1.0, 0, 0.3), (0.3, 0.3, 0.6), s.CHAIR.rgb)
+    top = s.Thing("dining table", (1.6, 0, 0.7), (0.8, 1.2, 0.06), s.TABLE.rgb)
+    run = s.Run()
+    for y in np.linspace(-1.0, 1.0, 8):
+        run.see((*s.ROOM, chair, top), (-0.6, float(y), 1.3))
+    assert sorted(each.label for each in run.standing()) == ["chair", "dining table"]

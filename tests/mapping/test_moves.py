@@ -1,0 +1,159 @@
+"""A thing that stands elsewhere is the same thing, if the evidence singles it out."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import scenes as s
+from supermap_cli.types.memory import MapDelta, TemporalEdge
+
+
+def arc(run: s.Run, *things: s.Thing, looks: int = 8, target: s.Point = (1.6, 0, 0.4)) -> MapDelta:
+    """Look at the room with these things from a wide arc, so that two sides of each are seen."""
+    for y in np.linspace(-1.2, 1.2, looks):
+        run.see((*s.ROOM, *things), (-0.4, float(y), 1.3), target)
+    return run.take()
+
+
+def of_kind(delta: MapDelta, kind: str) -> list[TemporalEdge]:
+    return [each for each in delta.temporal_edges if each.kind == kind]
+
+
+@pytest.mark.parametrize("thing", [s.CHAIR, s.CUP.at(1.4, 0), s.BOX], ids=["chair", "cup", "box"])
+@pytest.mark.parametrize("distance_m", [0.5, 0.8])
+def test_a_thing_that_stands_elsewhere_has_moved_and_keeps_its_number(thing: s.Thing, distance_m: float) -> None:
+    things = (s.TABLE,) if thing.label == "cup" else ()
+    x, y, _ = thing.center
+    run = s.Run()
+    arc(run, thing.at(x, y - distance_m / 2), *things)
+    number = run.standing(thing.label)[0].number
+    delta = arc(run, thing.at(x, y + distance_m / 2), *things)
+    (moved,) = of_kind(delta, "moved")
+    assert (moved.from_number, moved.from_state, moved.to_number, moved.to_state) == (number, 0, number, 1)
+    assert moved.distance_m == pytest.approx(distance_m, abs=0.2)
+    assert [each.number for each in run.standing(thing.label)] == [number]
+    states = {each.index: each for each in delta.states if each.object_number == number}
+    assert states[0].gone_ns is not None
+    assert states[0].last_seen_ns < states[1].first_seen_ns
+    assert np.linalg.norm(states[1].centroid_map - states[0].centroid_map) == pytest.approx(distance_m, abs=0.15)
+    assert of_kind(delta, "appeared") == []
+
+
+@pytest.mark.parametrize("thing", [s.CHAIR, s.BOX], ids=["chair", "box"])
+def test_a_thing_pushed_aside_by_less_than_its_width_has_moved(thing: s.Thing) -> None:
+    run = s.Run()
+    arc(run, thing)
+    (moved,) = arc(run, thing.at(1.6, 0.33)).temporal_edges
+    assert (moved.kind, moved.from_number, moved.to_number) == ("moved", 1, 1)
+    assert moved.distance_m == pytest.approx(0.33, abs=0.17)
+
+
+def test_a_thing_seen_a_little_off_has_not_moved() -> None:
+    """Odometry errs by centimetres."""
+    run = s.Run()
+    arc(run, s.CHAIR)
+    assert arc(run, s.CHAIR.at(1.62, 0.04)).temporal_edges == ()
+
+
+def test_a_thing_gone_from_one_place_and_found_in_another_later_is_the_same() -> None:
+    run = s.Run()
+    arc(run, s.CHAIR)
+    (gone,) = of_kind(arc(run), "disappeared")
+    run.pause(600)
+    delta = arc(run, s.CHAIR.at(2.2, 0.8))
+    (moved,) = of_kind(delta, "moved")
+    assert (moved.from_number, moved.to_number, moved.to_state) == (gone.from_number, 1, 1)
+    assert moved.not_before_ns is not None
+    assert gone.not_after_ns <= moved.not_before_ns < moved.not_after_ns
+    assert moved.distance_m == pytest.approx(1.0, abs=0.15)
+    assert {each.object_number for each in delta.observations} == {1}
+    assert list(run.map) == [1]
+
+
+def test_a_thing_found_elsewhere_before_its_old_place_is_seen_empty_is_the_same() -> None:
+    run = s.Run()
+    arc(run, s.CHAIR.at(1.6, -0.8), target=(1.6, -0.8, 0.4))
+    arc(run, s.CHAIR.at(1.6, 2.0), target=(1.6, 2.6, 0.4))
+    assert len(run.standing("chair")) == 2
+    delta = arc(run, s.CHAIR.at(1.6, 2.0), target=(1.6, -0.8, 0.4))
+    assert [each.kind for each in delta.temporal_edges if each.kind == "moved"] == ["moved"]
+    assert [each.number for each in run.standing("chair")] == [1]
+
+
+def test_with_two_alike_it_is_not_guessed_which_one_it_is() -> None:
+    run = s.Run()
+    arc(run, s.CHAIR)
+    arc(run)
+    left, right = s.CHAIR.at(2.2, 0.4), s.CHAIR.at(2.2, -0.4)
+    delta = arc(run, left, right)
+    assert of_kind(delta, "moved") == []
+    assert [(each.from_number, each.to_number) for each in of_kind(delta, "candidate")] == [(1, 2), (1, 3)]
+    assert all(0.3 < each.probability < 0.6 for each in of_kind(delta, "candidate"))
+    assert sorted(run.map) == [1, 2, 3]
+    assert not run.map[1].present
+
+
+def test_what_was_not_guessed_is_not_guessed_later_because_one_of_two_alike_has_gone_too() -> None:
+    run = s.Run()
+    arc(run, s.CHAIR)
+    arc(run)
+    left, right = s.CHAIR.at(2.2, 0.4), s.CHAIR.at(2.2, -0.4)
+    arc(run, left, right)
+    delta = arc(run, left)
+    assert [(each.kind, each.from_number) for each in delta.temporal_edges] == [("disappeared", 3)]
+    assert [each.number for each in run.standing("chair")] == [2]
+
+
+def test_with_two_gone_it_is_not_guessed_which_one_was_found() -> None:
+    run = s.Run()
+    arc(run, s.CHAIR.at(1.6, 0.4), s.CHAIR.at(1.6, -0.4))
+    arc(run)
+    delta = arc(run, s.CHAIR.at(2.3, 0))
+    assert of_kind(delta, "moved") == []
+    assert [(each.from_number, each.to_number) for each in of_kind(delta, "candidate")] == [(1, 3), (2, 3)]
+    assert [each.number for each in run.standing("chair")] == [3]
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        s.BOX.at(2.2, 0.8),
+        s.Thing("chair", (2.2, 0.8, 0.4), s.CHAIR.size, (230, 40, 40)),
+        s.Thing("chair", (2.2, 0.8, 0.15), (0.15, 0.15, 0.3), s.CHAIR.rgb),
+    ],
+    ids=["another label", "another colour", "another size"],
+)
+def test_a_thing_that_looks_otherwise_is_another(other: s.Thing) -> None:
+    run = s.Run()
+    arc(run, s.CHAIR)
+    arc(run)
+    delta = arc(run, other)
+    assert of_kind(delta, "moved") == []
+    assert [each.to_number for each in of_kind(delta, "appeared")] == [2]
+    assert not run.map[1].present
+
+
+def test_two_things_seen_in_one_image_are_two_though_one_goes_right_then() -> None:
+    """The second comes into view in the very image that shows the first for the last time."""
+    run = s.Run()
+    for y in (-0.4, -0.2, 0.0, 0.2):
+        run.see((*s.ROOM, s.CHAIR), (0, y, 1.2))
+    other = s.CHAIR.at(1.6, 0.9)
+    run.see((*s.ROOM, s.CHAIR, other), (0, 0.3, 1.2))
+    for y in (0.4, 0.5, 0.6, 0.7, 0.8):
+        run.see((*s.ROOM, other), (0, y, 1.2))
+    delta = run.take()
+    assert of_kind(delta, "moved") == []
+    assert not run.map[1].present
+    assert [each.number for each in run.standing("chair")] == [2]
+
+
+def test_a_person_found_elsewhere_is_not_the_one_who_left() -> None:
+    run = s.Run()
+    arc(run, s.PERSON)
+    arc(run)
+    run.pause(10)
+    delta = arc(run, s.PERSON.at(2.4, 0.8))
+    assert of_kind(delta, "moved") == []
+    assert [each.number for each in run.standing("person")] == [2]

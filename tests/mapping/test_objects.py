@@ -1,0 +1,97 @@
+"""An object's shape, and the objects of a map."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import scenes as s
+from supermap_cli.mapping.belief import LabelBelief
+from supermap_cli.mapping.objects import MapObject, ObjectMap, OpenState, coarse_edge_m, measure_shape, upright_box
+from supermap_cli.mapping.voxel_map import VoxelMap
+
+
+def filled(size: tuple[float, float, float], yaw: float = 0.0, center: s.Point = (0, 0, 0)) -> np.ndarray:
+    """Points on a 1 cm grid that fill a box."""
+    axes = [np.arange(-length / 2 + 0.005, length / 2, 0.01) for length in size]
+    points = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 3)
+    c, z = np.cos(yaw), np.sin(yaw)
+    turned: np.ndarray = points @ np.array([[c, z, 0], [-z, c, 0], [0, 0, 1]]) + center
+    return turned
+
+
+def voxels_of(points: np.ndarray) -> VoxelMap:
+    voxels = VoxelMap(0.01)
+    voxels.add_points(points, np.zeros((len(points), 3), np.uint8), 0.85)
+    return voxels
+
+
+def an_object(number: int, center: s.Point) -> MapObject:
+    return MapObject(number, voxels_of(filled((0.2, 0.2, 0.2), 0, center)), LabelBelief(), 0, 0, 0.0, OpenState(0, 0))
+
+
+@settings(max_examples=30)
+@given(st.floats(-1.5, 1.5))
+def test_the_box_fits_a_turned_thing(yaw: float) -> None:
+    box = upright_box(filled((0.6, 0.3, 0.2), yaw, (1, 2, 3)), 0.01)
+    np.testing.assert_allclose(box.center, [1, 2, 3], atol=0.02)
+    np.testing.assert_allclose(box.size, [0.6, 0.3, 0.2], atol=0.04)
+    assert abs(np.sin(box.yaw - yaw)) < 0.1
+
+
+def test_the_longer_side_comes_first_and_the_heading_is_one_of_a_half_turn() -> None:
+    box = upright_box(filled((0.2, 0.8, 0.2)), 0.01)
+    assert box.size[0] > box.size[1]
+    assert abs(box.yaw) == pytest.approx(np.pi / 2, abs=0.02)
+    assert -np.pi / 2 <= box.yaw < np.pi / 2
+
+
+def test_a_single_voxel_has_a_box() -> None:
+    shape = measure_shape(voxels_of(np.array([[0.005, 0.005, 0.005]])))
+    np.testing.assert_allclose(shape.box.size, 0.01)
+    np.testing.assert_allclose(shape.centroid, 0.005)
+    assert shape.extent_m == pytest.approx(0.01)
+
+
+def test_few_stray_voxels_do_not_stretch_the_box() -> None:
+    points = np.concatenate([filled((0.2, 0.2, 0.2)), [[2.0, 0, 0], [0, -2, 0]]])
+    assert measure_shape(voxels_of(points)).box.size.max() < 0.25
+
+
+def test_points_near_a_shape_are_those_in_or_beside_its_voxels() -> None:
+    shape = measure_shape(voxels_of(filled((0.2, 0.2, 0.2))))
+    near = shape.near(np.array([[0, 0, 0], [0.11, 0, 0], [0.3, 0, 0]]))
+    assert near.tolist() == [True, True, False]
+    assert shape.share_near(np.zeros((0, 3))) == 0.0
+
+
+@pytest.mark.parametrize(("extent_m", "edge_m"), [(0.01, 0.02), (0.2, 0.04), (3.0, 0.05)])
+def test_clouds_are_compared_on_the_scale_of_the_thing(extent_m: float, edge_m: float) -> None:
+    assert coarse_edge_m(extent_m) == pytest.approx(edge_m)
+
+
+def test_a_shape_is_measured_anew_only_when_the_voxels_changed() -> None:
+    one = an_object(1, (0, 0, 0))
+    shape = one.shape
+    assert one.shape is shape
+    one.touched()
+    assert one.shape is not shape
+
+
+def test_numbers_are_never_used_twice() -> None:
+    objects = ObjectMap()
+    first = objects.new_number()
+    objects.add(an_object(first, (0, 0, 0)))
+    objects.remove(first)
+    assert objects.new_number() == first + 1
+    assert len(objects) == 0
+
+
+def test_objects_within_reach_are_those_whose_bounds_are() -> None:
+    objects = ObjectMap()
+    assert objects.within(np.zeros(3), 10.0) == []
+    for number, x in ((1, 1.0), (2, 2.0), (3, 4.0)):
+        objects.add(an_object(number, (x, 0, 0)))
+    assert [each.number for each in objects.within(np.zeros(3), 1.95)] == [1, 2]
