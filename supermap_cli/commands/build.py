@@ -1,0 +1,298 @@
+"""`supermap build`: recordings in, memory out."""
+
+from __future__ import annotations
+
+import signal
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from supermap_cli.commands.common import DbOption, JsonOption, database_url, err, out, print_json
+from supermap_cli.errors import ConfigError
+
+if TYPE_CHECKING:
+    from supermap_cli.config import BuildConfig
+    from supermap_cli.hookspecs import RecordingRequest
+    from supermap_cli.pipeline import BuildSummary, Progress
+    from supermap_cli.plugin_manager import Plugins
+    from supermap_cli.protocols import Recording
+
+EXAMPLES = """
+Examples:
+
+    supermap build run.mcap
+
+    supermap build monday.mcap tuesday.mcap --db office.db
+
+    supermap build run.bag --detector onnx --option onnx.model=yolox_nano.onnx
+
+    supermap build run.mcap --topic color=/cam/image_raw --topic depth=/cam/depth --start 10 --end 60
+"""
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command to the app."""
+    app.command(epilog=EXAMPLES)(build)
+
+
+def build(  # noqa: PLR0917 - a command line has many options
+    recordings: Annotated[
+        list[Path],
+        typer.Argument(help="ROS 1 .bag, ROS 2 .db3 or .mcap files, or rosbag2 folders; one traversal each."),
+    ],
+    db: DbOption = None,
+    detector: Annotated[str | None, typer.Option(help="The detector plugin. [default: recorded, else onnx]")] = None,
+    odometry: Annotated[
+        str | None, typer.Option(help="The odometry plugin. [default: recorded, else kiss-icp]")
+    ] = None,
+    segmenter: Annotated[str | None, typer.Option(help="The segmenter plugin, for boxes without masks.")] = None,
+    tracker: Annotated[str | None, typer.Option(help="The tracker plugin.")] = None,
+    option: Annotated[
+        list[str] | None, typer.Option(metavar="BACKEND.NAME=VALUE", help="An option of a plugin; may be repeated.")
+    ] = None,
+    topic: Annotated[
+        list[str] | None, typer.Option(metavar="ROLE=TOPIC", help="Which topic serves a role, e.g. color=/cam/image.")
+    ] = None,
+    frame: Annotated[
+        list[str] | None, typer.Option(metavar="ROLE=FRAME", help="The name of the `base` or `odom` frame.")
+    ] = None,
+    camera: Annotated[str | None, typer.Option(help="Force a camera model: equirectangular.")] = None,
+    start: Annotated[float | None, typer.Option(help="Start, in seconds from the recording's beginning.")] = None,
+    end: Annotated[float | None, typer.Option(help="End, in seconds from the recording's beginning.")] = None,
+    rate: Annotated[float | None, typer.Option(help="Images mapped a second. [default: 3]")] = None,
+    align: Annotated[
+        str, typer.Option(metavar="auto|none|'X Y Z YAW'", help="How a further traversal is placed in the map.")
+    ] = "auto",
+    name: Annotated[str | None, typer.Option(help="Name of the traversal. [default: the file's name]")] = None,
+    ablate: Annotated[
+        list[str] | None,
+        typer.Option(help="Switch a component off: tracker, semantic-fusion or geometric-consistency."),
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Build recordings into the map database, one traversal each."""
+    from supermap_cli.config import load_user_config  # noqa: PLC0415 - heavy imports only when a build starts
+
+    if name is not None and len(recordings) > 1:
+        raise ConfigError("--name names one traversal", cure="build the recordings one by one")
+    config = override(
+        load_user_config(Path.cwd()).build,
+        detector=detector,
+        odometry=odometry,
+        segmenter=segmenter,
+        tracker=tracker,
+        options=option,
+        topics=topic,
+        frames=frame,
+        camera=camera,
+        rate=rate,
+        ablate=ablate,
+    )
+    wanted = request(config, start, end)
+    summaries: list[BuildSummary] = []
+    with _told_at_the_end(summaries, as_json=as_json):
+        for summary in build_all(recordings, config, wanted, database_url(db), name=name, align=align):
+            for warning in summary.warnings:
+                err().print(f"warning: {warning}", markup=False)
+            summaries.append(summary)
+            if not as_json:
+                print_summary(summary, database_url(db))
+
+
+def build_all(
+    paths: list[Path], config: BuildConfig, wanted: RecordingRequest, url: str, *, name: str | None, align: str
+) -> Iterator[BuildSummary]:
+    """Build one recording after the other into one database."""
+    from supermap_cli.memory.opening import open_store  # noqa: PLC0415 - heavy imports only when a build starts
+    from supermap_cli.pipeline import TraversalBuild  # noqa: PLC0415
+    from supermap_cli.plugin_manager import load_plugins  # noqa: PLC0415
+
+    if threading.current_thread() is threading.main_thread():
+        signal.signal(signal.SIGTERM, signal.default_int_handler)  # stopped politely, it leaves the map as it was
+    plugins = load_plugins()
+    for broken in plugins.broken:
+        err().print(f"warning: plugin {broken.name} is left out: {broken.error}", markup=False)
+    with open_store(url, create=True) as store:
+        for path in paths:
+            began = time.perf_counter()
+            recording = open_recording(path, wanted, plugins)
+            with progress_bar(path, recording) as progress:
+                traversal = TraversalBuild(recording, plugins, config, store, began)
+                summary = traversal.run(name=name, align=align, progress=progress)
+            yield summary
+
+
+@contextmanager
+def _told_at_the_end(summaries: list[BuildSummary], *, as_json: bool) -> Iterator[None]:
+    """Print what was built as one document, also when a later recording fails."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        err().print("interrupted: what was complete stays in the map, the recording at work was taken out")
+        raise
+    finally:
+        if as_json and summaries:
+            print_json({"traversals": [summary_json(each) for each in summaries]})
+
+
+def override(
+    config: BuildConfig,
+    *,
+    detector: str | None = None,
+    odometry: str | None = None,
+    segmenter: str | None = None,
+    tracker: str | None = None,
+    options: list[str] | None = None,
+    topics: list[str] | None = None,
+    frames: list[str] | None = None,
+    camera: str | None = None,
+    rate: float | None = None,
+    ablate: list[str] | None = None,
+) -> BuildConfig:
+    """The configuration with the command line's words laid over it. Raises `ConfigError` for what is not understood."""
+    from pydantic import ValidationError  # noqa: PLC0415
+
+    from supermap_cli.config import BuildConfig  # noqa: PLC0415
+    from supermap_cli.plugin_manager import parse_option_arguments  # noqa: PLC0415
+
+    values = config.model_dump()
+    named = {"detector": detector, "odometry": odometry, "segmenter": segmenter, "tracker": tracker}
+    values["backends"].update({kind: given for kind, given in named.items() if given is not None})
+    for backend, given in parse_option_arguments(options or []).items():
+        values["backends"]["options"].setdefault(backend, {}).update(given)
+    values["recording"]["topics"].update(pairs(topics, "--topic", "color=/camera/image"))
+    values["recording"]["frames"].update(pairs(frames, "--frame", "base=base_link"))
+    if camera is not None:
+        values["recording"]["camera"] = camera
+    if rate is not None:
+        values["keyframes"]["rate_hz"] = rate
+    if ablate:
+        values["ablate"] = tuple(ablate)
+    try:
+        return BuildConfig.model_validate(values)
+    except ValidationError as error:
+        first = error.errors()[0]
+        entry = ".".join(str(part) for part in first["loc"])
+        raise ConfigError(f"{entry}: {first['msg']}", cure="see supermap build --help") from error
+
+
+def pairs(given: list[str] | None, option: str, example: str) -> dict[str, str]:
+    """`["a=b"]` -> `{"a": "b"}`."""
+    result = {}
+    for text in given or []:
+        key, equals, value = text.partition("=")
+        if not (key and equals and value):
+            raise ConfigError(f"{option} {text!r} is not understood", cure=f"write {option} {example}")
+        result[key.strip()] = value.strip()
+    return result
+
+
+def request(config: BuildConfig, start_s: float | None, end_s: float | None) -> RecordingRequest:
+    """How to open a recording, from the configuration."""
+    from supermap_cli.hookspecs import RecordingRequest  # noqa: PLC0415
+
+    return RecordingRequest(
+        topics=config.recording.topics,
+        frames=config.recording.frames,
+        camera=config.recording.camera,
+        sync_tolerance_s=config.recording.sync_tolerance_s,
+        fit_color=config.recording.fit_color,
+        start_s=start_s,
+        end_s=end_s,
+    )
+
+
+def open_recording(path: Path, wanted: RecordingRequest, plugins: Plugins) -> Recording:
+    """Open a recording by a plugin that knows its format, else as a bag."""
+    from supermap_cli.recordings import open_bag_recording  # noqa: PLC0415
+
+    opened: Recording | None = plugins.hook.open_recording(path=path, request=wanted)
+    return opened if opened is not None else open_bag_recording(path, wanted)
+
+
+@contextmanager
+def progress_bar(path: Path, recording: Recording) -> Iterator[Progress]:
+    """A bar over the recording's time with rate, time left and realtime factor, on stderr."""
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn  # noqa: PLC0415
+
+    span_s = max((recording.end_ns - recording.start_ns) / 1e9, 1e-3)
+    columns = (
+        TextColumn("{task.description}", markup=False),
+        BarColumn(),
+        TextColumn("{task.percentage:>3.0f} %  {task.fields[speed]}  left"),
+        TimeRemainingColumn(),
+    )
+    console = err()
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
+        task = bar.add_task(path.name, total=span_s, speed="placing")
+        began = time.monotonic()
+
+        def advance(stamp_ns: int, keyframes: int) -> None:
+            done_s = (stamp_ns - recording.start_ns) / 1e9
+            spent_s = max(time.monotonic() - began, 1e-3)
+            speed = f"{keyframes / spent_s:.1f} keyframes/s  {done_s / spent_s:.1f} x realtime"
+            bar.update(task, completed=done_s, speed=speed)
+
+        yield advance
+
+
+def print_summary(summary: BuildSummary, db: str) -> None:
+    """What a build did, for people."""
+    from rich.table import Table  # noqa: PLC0415
+
+    console = out()
+    total_s, stages_s = summary.total_s, sum(each.total_s for each in summary.timings)
+    console.print(
+        f"{summary.traversal}: {summary.tally.keyframes} keyframes of {summary.recorded_s:.1f} s mapped in "
+        f"{total_s:.1f} s ({summary.recorded_s / max(total_s, 1e-9):.1f} x realtime) into {db}",
+        markup=False,
+    )
+    console.print("  " + ", ".join(f"{kind} {backend}" for kind, backend in summary.backends.items()), markup=False)
+    console.print(f"  {summary.placement.method}", markup=False)
+    counts = ", ".join(f"{n} {label}" for label, n in summary.tally.labels.items())
+    console.print(
+        f"  {summary.tally.detections} detections, {summary.tally.observations} observations of "
+        f"{summary.instances} objects in the map now: {counts}",
+        markup=False,
+    )
+    table = Table(box=None, pad_edge=False, padding=(0, 2))
+    for heading in ("stage", "total s", "share", "runs", "mean ms", "p95 ms"):
+        table.add_column(heading, justify="left" if heading == "stage" else "right")
+    for each in summary.timings:
+        share = f"{100 * each.total_s / max(stages_s, 1e-9):.0f} %"
+        table.add_row(
+            each.stage, f"{each.total_s:.2f}", share, str(each.runs), f"{each.mean_ms:.1f}", f"{each.p95_ms:.1f}"
+        )
+    console.print(table)
+
+
+def summary_json(summary: BuildSummary) -> dict[str, object]:
+    """What a build did, for programs."""
+    return {
+        "traversal": summary.traversal,
+        "keyframes": summary.tally.keyframes,
+        "detections": summary.tally.detections,
+        "observations": summary.tally.observations,
+        "objects": summary.instances,
+        "labels": summary.tally.labels,
+        "recorded_s": summary.recorded_s,
+        "total_s": summary.total_s,
+        "placed": summary.placement.method,
+        "backends": summary.backends,
+        "warnings": list(summary.warnings),
+        "timings": [
+            {
+                "stage": each.stage,
+                "total_s": each.total_s,
+                "runs": each.runs,
+                "mean_ms": each.mean_ms,
+                "p95_ms": each.p95_ms,
+            }
+            for each in summary.timings
+        ],
+    }

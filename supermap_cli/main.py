@@ -1,0 +1,66 @@
+"""The command line: the Typer app and the one error boundary."""
+
+from __future__ import annotations
+
+import sys
+from typing import Annotated
+
+import typer
+
+from supermap_cli.commands import build, db, diff, history, inspect, plugins, query, show
+from supermap_cli.commands.from_plugins import CommandGroup
+from supermap_cli.errors import SupermapError
+from supermap_cli.version import __version__
+
+EXAMPLES = """
+Examples:
+
+    supermap build run.mcap
+
+    supermap query "chair near the tv"
+"""
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"supermap {__version__}")
+        raise typer.Exit
+
+
+def make_app() -> typer.Typer:
+    """The whole command line; the commands of plugins are added when one is asked for."""
+    app = typer.Typer(
+        name="supermap",
+        cls=CommandGroup,
+        help="Turn a robot's recording into a 4D memory, and ask it.",
+        epilog=EXAMPLES,
+        no_args_is_help=True,
+        pretty_exceptions_enable=False,
+        rich_markup_mode="markdown",
+        context_settings={"help_option_names": ["-h", "--help"]},
+    )
+
+    @app.callback()
+    def supermap(
+        version: Annotated[
+            bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version.")
+        ] = False,
+    ) -> None:
+        """Turn a robot's recording into a 4D memory, and ask it."""
+
+    for command in (build, inspect, query, show, history, diff, plugins, db):
+        command.register(app)
+    return app
+
+
+def main() -> None:
+    """Run the command line; a `SupermapError` becomes one line on stderr and exit code 1."""
+    try:
+        make_app()()
+    except SupermapError as error:
+        typer.echo(f"error: {error}", err=True)
+        sys.exit(1)
+
+
+if __name__ == "__main__":
+    main()

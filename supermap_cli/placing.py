@@ -1,0 +1,80 @@
+"""Where a traversal's odometry stands in the map: levelled if it is the first, else aligned with what is there."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from supermap_cli.geometry.arrays import FloatArray
+from supermap_cli.geometry.trajectory import Trajectory
+from supermap_cli.mapping.alignment import Alignment, align, placed_by_hand
+from supermap_cli.mapping.levelling import Levelling, level, level_view
+from supermap_cli.mapping.structure import CoarseDepth, coarse_depth, stored_depth
+from supermap_cli.memory.store import MapStore
+from supermap_cli.protocols import Recording
+from supermap_cli.recordings.lidar_depth import SweepDepth
+
+SAMPLED_FRAMES = 30
+"""Images, spread over a recording, by which it is levelled and aligned."""
+
+
+@dataclass(frozen=True)
+class Placement:
+    """`T_map_odom`, how it was found, in words, and what the user should know about it."""
+
+    T_map_odom: FloatArray
+    method: str
+    warnings: tuple[str, ...] = ()
+
+
+def place_traversal(recording: Recording, trajectory: Trajectory, store: MapStore, wish: str) -> Placement:
+    """Find `T_map_odom`. `wish` is "auto", "none" (the levelled odom frame is the map's), or "x y z yaw_deg".
+
+    Raises `AlignmentError` if a further traversal cannot be placed with confidence, or the wish is not understood.
+    """
+    views = list(sample_views(recording, trajectory))
+    levelling = level(map(level_view, views), recording.imu() if "imu" in recording.streams else (), trajectory)
+    warnings = () if levelling.warning is None else (levelling.warning,)
+    if wish not in {"auto", "none"}:
+        return Placement(placed_by_hand(wish, levelling.T_map_odom), f"given: {wish}", warnings)
+    earlier = store.traversals()
+    if wish == "none" or not earlier:
+        return Placement(levelling.T_map_odom, describe_levelling(levelling), warnings)
+    map_views = [stored_depth(record) for record in store.keyframe_depths()]
+    hypotheses = [each.T_map_odom for each in reversed(earlier)]
+    aligned = align(map_views, views, levelling.T_map_odom, hypotheses)
+    return Placement(aligned.T_map_odom, describe_alignment(aligned), warnings)
+
+
+def sample_views(recording: Recording, trajectory: Trajectory) -> Iterator[CoarseDepth]:
+    """Coarse depth images in the odom frame, spread evenly over the recording."""
+    stamps = recording.frame_stamps_ns()
+    chosen = np.unique(np.linspace(0, len(stamps) - 1, min(SAMPLED_FRAMES, len(stamps))).astype(np.int64))
+    wanted = frozenset(stamps[chosen].tolist())
+    sweeps = None if "depth" in recording.streams else SweepDepth(recording, trajectory.at)
+    for frame in recording.frames(wanted.__contains__):
+        T_odom_base = trajectory.at(frame.stamp_ns)
+        if T_odom_base is None:
+            continue
+        seen = frame
+        if sweeps is not None:
+            depth_m = sweeps.depth_for(frame.stamp_ns, frame.camera, frame.T_base_camera)
+            seen = replace(frame, depth_m=depth_m)
+        view = coarse_depth(seen, T_odom_base)
+        if view is not None:
+            yield view
+
+
+def describe_levelling(found: Levelling) -> str:
+    """One line on how the map was levelled."""
+    floor = "floor at z = 0" if found.floor_seen else "no floor seen"
+    how = {"imu": "by gravity (IMU)", "structure": "by floors and table tops", "odom": "odometry kept as it is"}
+    return f"levelled {how[found.method]}, {found.tilt_deg:.1f} degrees, {floor}"
+
+
+def describe_alignment(found: Alignment) -> str:
+    """One line on how the traversal was aligned."""
+    how = {"continued": "odometry goes on from an earlier traversal", "refined": "odometry goes on, refined"}
+    return f"{how.get(found.method, 'registered in the map')}, {100 * found.fitness:.0f} % of its surfaces fit"

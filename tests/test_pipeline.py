@@ -1,0 +1,402 @@
+"""A whole build: a rendered recording through every stage into a real database."""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import fakes as f
+import scenes as s
+from supermap_cli.config import BuildConfig
+from supermap_cli.errors import (
+    ConfigError,
+    DetectorError,
+    MemoryStoreError,
+    OdometryError,
+    RecordingError,
+    SupermapError,
+)
+from supermap_cli.graph.predicates import SpatialPredicate
+from supermap_cli.memory import MapStore, open_store
+from supermap_cli.memory.values import TraversalStart
+from supermap_cli.pipeline import BuildSummary, TraversalBuild, select_keyframes
+from supermap_cli.types.memory import KeyframeRecord, MapDelta
+
+DAY_S = 86_400.0
+KITCHEN = (*s.ROOM, s.TABLE, s.CUP)
+
+
+def build(
+    store: MapStore,
+    recording: f.FakeRecording,
+    plugins: f.FakePlugins | None = None,
+    config: BuildConfig | None = None,
+    **options: object,
+) -> BuildSummary:
+    """Build one traversal; where odom stands in the map is known, unless told otherwise."""
+    loaded = (plugins or f.FakePlugins()).load()
+    return TraversalBuild(recording, loaded, config or f.config(), store).run(**{"align": "none", **options})  # type: ignore[arg-type]
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Iterator[MapStore]:
+    with open_store(str(tmp_path / "map.db"), create=True) as opened:
+        yield opened
+
+
+def monday() -> f.FakeRecording:
+    return f.FakeRecording(f.film(KITCHEN))
+
+
+def tuesday(*things: s.Thing) -> f.FakeRecording:
+    return f.FakeRecording(f.film((*s.ROOM, *things), start_s=DAY_S), Path("tuesday.fake"))
+
+
+def contents(path: Path, but: tuple[str, ...] = ()) -> list[str]:
+    """All rows of a database, without what search indices keep for themselves."""
+    left_out = (*but, 'INSERT INTO "state_box_', 'INSERT INTO "instance_label_')
+    with closing(sqlite3.connect(path)) as connection:
+        return [line for line in connection.iterdump() if not line.startswith(left_out)]
+
+
+# -- from end to end
+
+
+def test_a_recording_becomes_a_memory(store: MapStore) -> None:
+    summary = build(store, monday())
+    assert summary.traversal == "monday"
+    assert (summary.tally.frames, summary.tally.keyframes, summary.tally.without_pose) == (12, 6, 0)
+    assert summary.tally.labels == {"cup": 1, "dining table": 1}
+    assert summary.tally.observations == summary.tally.detections == summary.tally.masks == 12
+    assert summary.instances == 2
+    assert summary.recorded_s == pytest.approx(11 / 6)
+    assert summary.backends == dict.fromkeys(("odometry", "detector", "segmenter", "tracker"), "fake")
+    assert "floor at z = 0" in summary.placement.method
+    assert {"decode", "detect", "map", "graph", "write"} <= {each.stage for each in summary.timings}
+
+    (traversal,) = store.traversals()
+    assert (traversal.name, traversal.status, traversal.keyframes) == ("monday", "complete", 6)
+    assert traversal.config["used"] == summary.backends
+    assert set(traversal.timings) == {"total", *(each.stage for each in summary.timings)}
+    instances = {each.label: each for each in store.load_instances()}
+    np.testing.assert_allclose(instances["cup"].centroid_map, s.CUP.center, atol=0.1)
+    assert [each.stamp_ns for each in store.keyframe_depths()] == [s.ns(i / 3) for i in range(6)]
+    edges = {(each.subject, each.relation, each.object) for each in store.load_spatial_edges()}
+    assert (instances["cup"].number, "near", instances["dining table"].number) in edges
+    assert store.load_states()[0].gone_ns is None
+
+
+def test_the_same_recording_gives_the_same_memory(tmp_path: Path) -> None:
+    def build_both(path: Path) -> list[str]:
+        with open_store(str(path), create=True) as store:
+            build(store, monday())
+            build(store, tuesday(s.TABLE, s.CUP.at(1.4, 0.4)))
+        return contents(path, but=('INSERT INTO "traversal"',))
+
+    one, other = build_both(tmp_path / "one.db"), build_both(tmp_path / "other.db")
+    assert len(one) > 30
+    assert one == other
+
+
+def test_boxes_without_masks_are_segmented(store: MapStore) -> None:
+    plugins = f.FakePlugins(detector=lambda recording: f.FakeDetector(recording, without_masks=True))
+    summary = build(store, f.FakeRecording(f.film((*s.ROOM, s.CHAIR))), plugins)
+    assert summary.tally.masks == summary.tally.detections
+    assert summary.tally.labels == {"chair": 1}
+
+
+def test_further_predicates_are_asked(store: MapStore) -> None:
+    alike = SpatialPredicate("alike", lambda pair, slack: 0.7)
+    build(store, monday(), f.FakePlugins(predicates=[alike]))
+    assert {(each.subject, each.relation, each.object) for each in store.load_spatial_edges()} >= {
+        (1, "alike", 2),
+        (2, "alike", 1),
+    }
+
+
+def test_progress_is_told_after_every_keyframe(store: MapStore) -> None:
+    told: list[tuple[int, int]] = []
+    build(store, monday(), progress=lambda stamp_ns, keyframes: told.append((stamp_ns, keyframes)))
+    assert told == [(s.ns(i / 3), i + 1) for i in range(6)]
+
+
+def test_keyframe_mapped_is_called_once_for_every_keyframe_after_its_batch_was_written(
+    store: MapStore, tmp_path: Path
+) -> None:
+    seen: list[tuple[int, int, int]] = []
+
+    def look_at_the_database(keyframe: KeyframeRecord, changes: MapDelta) -> None:
+        with closing(sqlite3.connect(tmp_path / "map.db")) as connection:
+            (written,) = connection.execute("SELECT count(*) FROM keyframe").fetchone()
+        seen.append((keyframe.stamp_ns, len(changes.keyframes), written))
+
+    build(store, monday(), f.FakePlugins(on_keyframe=look_at_the_database), f.config(keyframes={"batch": 4}))
+    batches, written = [4] * 4 + [2] * 2, [4] * 4 + [6] * 2
+    assert seen == [(s.ns(i / 3), batches[i], written[i]) for i in range(6)]
+
+
+def test_the_size_of_a_batch_makes_no_difference_to_the_memory(tmp_path: Path) -> None:
+    found = []
+    for batch in (1, 10):
+        with open_store(str(tmp_path / f"{batch}.db"), create=True) as store:
+            build(store, monday(), config=f.config(keyframes={"batch": batch}))
+            found.append(
+                (
+                    [(each.number, each.label, each.observations) for each in store.load_instances()],
+                    [(each.subject, each.relation, each.object, each.since_ns) for each in store.load_spatial_edges()],
+                    [(each.object_number, each.first_seen_ns, each.last_seen_ns) for each in store.load_states()],
+                )
+            )
+    assert found[0] == found[1]
+
+
+# -- a second traversal
+
+
+def test_a_second_traversal_goes_on_with_the_same_things_and_numbers(store: MapStore) -> None:
+    build(store, monday())
+    before = {each.label: each.number for each in store.load_instances()}
+    summary = build(store, tuesday(s.TABLE, s.CUP, s.BOX.at(1.6, 1.0)), align="auto")
+    after = {each.label: each.number for each in store.load_instances()}
+    assert after == {**before, "box": 3}
+    assert [each.name for each in store.traversals()] == ["monday", "tuesday"]
+    assert summary.tally.labels == {"box": 1, "cup": 1, "dining table": 1}
+    first = {each.object_number: each.first_seen_ns for each in store.load_open_states()}
+    assert first[before["cup"]] == s.ns(0)
+    assert first[3] >= s.ns(DAY_S)
+
+
+def test_what_was_taken_away_in_between_has_gone_with_its_relations(store: MapStore) -> None:
+    build(store, monday())
+    cup = next(each.number for each in store.load_instances() if each.label == "cup")
+    build(store, tuesday(s.TABLE))
+    (state,) = store.load_states([cup])
+    assert state.last_seen_ns < s.ns(DAY_S) <= (state.gone_ns or 0)
+    assert next(each.presence for each in store.load_instances() if each.number == cup) == "absent"
+    assert all(cup not in (each.subject, each.object) for each in store.load_spatial_edges())
+    ended = [
+        each for each in store.load_spatial_edges(open_only=False) if each.relation == "near" and each.subject == cup
+    ]
+    assert [each.until_ns is not None and each.until_ns >= s.ns(DAY_S) for each in ended] == [True]
+
+
+def test_a_room_found_empty_is_worth_knowing(store: MapStore) -> None:
+    build(store, f.FakeRecording(f.film((*s.ROOM, s.CHAIR))))
+    summary = build(store, tuesday())
+    assert summary.instances == 0
+    assert [each.presence for each in store.load_instances()] == ["absent"]
+
+
+def test_a_traversal_that_says_nothing_of_what_is_in_the_map_is_none(store: MapStore) -> None:
+    build(store, f.FakeRecording(f.film((*s.ROOM, s.CHAIR))))
+    elsewhere = f.FakeRecording(f.film(s.ROOM, start_s=DAY_S, target=(1.6, 4, 0.4)), Path("tuesday.fake"))
+    with pytest.raises(DetectorError, match="found nothing in 6 images"):
+        build(store, elsewhere)
+    assert [each.name for each in store.traversals()] == ["monday"]
+
+
+def test_what_came_in_between_stands_where_the_first_traversal_saw_nothing(store: MapStore) -> None:
+    build(store, monday())
+    build(store, tuesday(s.TABLE, s.CUP, s.CUP.at(1.4, 0.45)))
+    (new,) = (each for each in store.load_open_states() if each.first_seen_ns >= s.ns(DAY_S))
+    assert new.empty_before_ns is not None
+    assert new.empty_before_ns < s.ns(DAY_S)
+
+
+def test_the_same_recording_twice_is_refused(store: MapStore) -> None:
+    build(store, monday())
+    with pytest.raises(MemoryStoreError, match="already"):
+        build(store, monday())
+    assert len(store.traversals()) == 1
+
+
+def test_a_recording_from_before_what_is_in_the_map_is_refused(store: MapStore, tmp_path: Path) -> None:
+    build(store, tuesday(s.TABLE))
+    before = contents(tmp_path / "map.db")
+    with pytest.raises(RecordingError, match="before the end of traversal 'tuesday'"):
+        build(store, monday())
+    assert contents(tmp_path / "map.db") == before
+
+
+def test_a_name_may_be_given_and_a_place(store: MapStore) -> None:
+    build(store, monday(), name="first")
+    summary = build(store, tuesday(s.TABLE), align="5 0 0 90")
+    assert [each.name for each in store.traversals()] == ["first", "tuesday"]
+    assert summary.placement.method.startswith("given")
+    np.testing.assert_allclose(summary.placement.T_map_odom[:3, 3], [5, 0, 0], atol=0.05)
+
+
+# -- what goes wrong leaves nothing behind
+
+
+def without_poses(recording: f.FakeRecording) -> Iterator[object]:
+    return iter(())
+
+
+def lost_odometry(recording: f.FakeRecording) -> Iterator[object]:
+    yield next(recording.poses())
+    raise OdometryError("the odometry is lost")
+
+
+class BrokenDetectorError(Exception):
+    """A bug in a plugin."""
+
+
+class BrokenDetector(f.FakeDetector):
+    def detect(self, frame: object) -> None:
+        if len(self.recording.decoded) > 30 + 4:
+            raise BrokenDetectorError
+
+
+FAILURES = [
+    pytest.param(monday, {"poses": without_poses}, OdometryError, id="no poses"),
+    pytest.param(monday, {"poses": lost_odometry}, OdometryError, id="lost odometry"),
+    pytest.param(lambda: f.FakeRecording(()), {}, RecordingError, id="no images"),
+    pytest.param(
+        monday, {"detector": lambda recording: f.FakeDetector(recording, blind=True)}, DetectorError, id="no detections"
+    ),
+    pytest.param(
+        lambda: f.FakeRecording(f.film(KITCHEN, 2)), {}, RecordingError, id="too few images to confirm anything"
+    ),
+    pytest.param(
+        lambda: f.FakeRecording(f.film((s.CHAIR.at(9, 0),))),
+        {},
+        SupermapError,
+        id="everything out of range",
+    ),
+]
+
+
+@pytest.mark.parametrize(("recording", "given", "error"), FAILURES)
+def test_a_build_that_comes_to_nothing_says_why_and_leaves_no_database(
+    tmp_path: Path, recording: object, given: dict[str, object], error: type[SupermapError]
+) -> None:
+    path = tmp_path / "map.db"
+    with open_store(str(path), create=True) as store, pytest.raises(error) as raised:
+        build(store, recording(), f.FakePlugins(**given))  # type: ignore[operator, arg-type]
+    assert raised.value.cure or "lost" in str(raised.value)
+    assert "\n" not in str(raised.value)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(("recording", "given", "error"), FAILURES)
+def test_a_build_that_comes_to_nothing_leaves_an_existing_database_as_it_was(
+    tmp_path: Path, recording: object, given: dict[str, object], error: type[SupermapError]
+) -> None:
+    path = tmp_path / "map.db"
+    with open_store(str(path), create=True) as store:
+        build(
+            store,
+            f.FakeRecording(
+                f.film((*s.ROOM, s.BOX.at(-1.6, 0)), start_s=-DAY_S, target=(-1.6, 0, 0.4)), Path("sunday.fake")
+            ),
+        )
+    before = contents(path)
+    with open_store(str(path)) as store, pytest.raises(error):
+        build(store, recording(), f.FakePlugins(**given))  # type: ignore[operator, arg-type]
+    assert contents(path) == before
+
+
+def test_a_bug_in_a_plugin_shows_itself_and_leaves_nothing(tmp_path: Path) -> None:
+    with open_store(str(tmp_path / "map.db"), create=True) as store, pytest.raises(BrokenDetectorError):
+        build(
+            store,
+            f.FakeRecording(f.film(KITCHEN, 60, rate_hz=10)),
+            f.FakePlugins(detector=BrokenDetector),
+            f.config(keyframes={"batch": 2, "rate_hz": 10}),
+        )
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_wrong_option_is_found_before_anything_is_read(store: MapStore, tmp_path: Path) -> None:
+    recording = monday()
+    with pytest.raises(ConfigError, match="score"):
+        build(store, recording, config=f.config(backends={"options": {"fake": {"speed": 1}}}))
+    with pytest.raises(ConfigError, match="nobody"):
+        build(store, recording, config=f.config(backends={"options": {"nobody": {"speed": 1}}}))
+    assert recording.decoded == []
+
+
+def test_images_without_a_pose_are_left_out_with_a_warning(store: MapStore) -> None:
+    def half_of_them(recording: f.FakeRecording) -> Iterator[object]:
+        poses = list(recording.poses())
+        return iter(poses[: len(poses) // 2])
+
+    summary = build(store, f.FakeRecording(f.film(KITCHEN, 20)), f.FakePlugins(poses=half_of_them))  # type: ignore[arg-type]
+    assert (summary.tally.keyframes, summary.tally.without_pose) == (5, 5)
+    assert any("5 images had no pose" in each for each in summary.warnings)
+
+
+# -- keyframes
+
+
+def stamps(rate_hz: float, seconds: float = 10.0, jitter_ns: int = 0) -> np.ndarray:
+    rng = np.random.default_rng(1)
+    exact = np.arange(0, seconds, 1 / rate_hz) * 1e9
+    return (s.EPOCH_NS + exact + rng.integers(-jitter_ns, jitter_ns + 1, len(exact))).astype(np.int64)
+
+
+def test_no_images_give_no_keyframes() -> None:
+    assert select_keyframes(np.zeros(0, np.int64), None, 3.0) == frozenset()
+
+
+@pytest.mark.parametrize(("recorded_hz", "wanted_hz"), [(30, 3), (15, 3), (30, 30), (10, 3), (15, 4)])
+@pytest.mark.parametrize("jitter_ns", [0, 2_000_000])
+def test_images_are_chosen_at_the_wanted_rate(recorded_hz: float, wanted_hz: float, jitter_ns: int) -> None:
+    chosen = sorted(select_keyframes(stamps(recorded_hz, jitter_ns=jitter_ns), None, wanted_hz))
+    assert len(chosen) == pytest.approx(10 * wanted_hz, abs=1 + 0.02 * 10 * wanted_hz)
+    assert np.diff(chosen).max() <= 1e9 / wanted_hz + 1e9 / recorded_hz + 2 * jitter_ns + 1
+
+
+def test_all_images_are_taken_of_a_recording_slower_than_wanted() -> None:
+    assert len(select_keyframes(stamps(1.0), None, 3.0)) == 10
+
+
+def test_after_a_gap_it_goes_on_at_the_wanted_rate() -> None:
+    both = np.concatenate([stamps(30, 2.0), stamps(30, 2.0) + 60 * 10**9])
+    assert len(select_keyframes(both, None, 3.0)) == 12
+
+
+def test_only_images_the_detector_can_speak_of_are_chosen() -> None:
+    frames = stamps(30)
+    chosen = select_keyframes(frames, frames[5::40], 3.0)
+    assert chosen == frozenset(frames[5::40].tolist())
+    assert select_keyframes(frames, frames + 1, 3.0) == frozenset()
+
+
+def test_recorded_detections_decide_which_images_are_decoded(store: MapStore) -> None:
+    recording = f.FakeRecording(f.film(KITCHEN, 40, rate_hz=10))
+    spoken_of = recording.frame_stamps_ns()[1::4]
+    plugins = f.FakePlugins(detector=lambda r: f.FakeDetector(r, only_ns=spoken_of))
+    summary = build(store, recording, plugins)
+    assert summary.tally.keyframes == 10
+    assert [each.stamp_ns for each in store.keyframe_depths()] == spoken_of.tolist()
+
+
+def test_images_between_keyframes_are_not_decoded(store: MapStore) -> None:
+    recording = f.FakeRecording(f.film(KITCHEN, 60, rate_hz=30))
+    build(store, recording)
+    placing = set(recording.decoded[:30])
+    assert len(recording.decoded) == len(placing) + 6
+
+
+@pytest.mark.parametrize(("width", "kept"), [(0, False), (80, True)])
+def test_thumbnails_are_as_wide_as_wanted(tmp_path: Path, width: int, kept: bool) -> None:
+    with open_store(str(tmp_path / "map.db"), create=True) as store:
+        build(store, monday(), config=f.config(keyframes={"thumbnail_px": width}))
+    with closing(sqlite3.connect(tmp_path / "map.db")) as connection:
+        images = [row[0] for row in connection.execute("SELECT thumbnail_jpeg FROM keyframe")]
+    assert [image is not None for image in images] == [kept] * 6
+
+
+def test_what_a_killed_build_had_written_is_taken_out_first(store: MapStore) -> None:
+    killed = TraversalStart("tuesday.fake", "killed", s.ns(DAY_S), s.ns(DAY_S + 2), np.eye(4), name="tuesday")
+    store.begin_traversal(killed)
+    summary = build(store, monday())
+    assert [each.name for each in store.traversals()] == ["monday"]
+    assert any("'tuesday' had been killed" in warning for warning in summary.warnings)
