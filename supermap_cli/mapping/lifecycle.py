@@ -187,6 +187,9 @@ def join(kept: MapObject, joined: MapObject) -> None:
     kept.last_seen_ns = max(kept.last_seen_ns, joined.last_seen_ns)
     if kept.state.index == 0:
         kept.state.first_seen_ns = kept.first_seen_ns
+        empty_ns = kept.state.empty_before_ns
+        if empty_ns is not None and empty_ns >= kept.first_seen_ns:  # the other one stood there by then
+            kept.state.empty_before_ns = joined.state.empty_before_ns
     kept.observations += joined.observations
     kept.pending += joined.pending
     if kept.track_id < 0:

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 import scenes as s
+from supermap_cli.mapping.lifecycle import join
+from supermap_cli.mapping.objects import OpenState
 from supermap_cli.types.detections import Detections
 
 
@@ -104,3 +106,14 @@ def test_a_chair_under_a_table_is_not_merged_into_it() -> None:
     for y in np.linspace(-1.0, 1.0, 8):
         run.see((*s.ROOM, chair, top), (-0.6, float(y), 1.3))
     assert sorted(each.label for each in run.standing()) == ["chair", "dining table"]
+
+
+def test_a_place_was_not_empty_when_the_other_half_already_stood_there() -> None:
+    run = s.Run(detector=in_halves)
+    for _ in range(4):
+        run.see((*s.ROOM, s.TABLE), (0, 0, 1.2))
+    kept, joined = run.map[1], run.map[2]
+    kept.first_seen_ns, kept.state = s.ns(5), OpenState(0, s.ns(5), s.ns(4))
+    joined.first_seen_ns, joined.state = s.ns(2), OpenState(0, s.ns(2), s.ns(1))
+    join(kept, joined)
+    assert (kept.state.first_seen_ns, kept.state.empty_before_ns) == (s.ns(2), s.ns(1))
