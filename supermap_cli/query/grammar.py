@@ -224,13 +224,18 @@ def _noun(words: Words, text: str, *, may_be_empty: bool) -> str | None:
     start, end = 0, len(words)
     while start < end and words[start] in _FILLERS:
         start += 1
-    while end > start and words[end - 1] in _FILLERS:
+    while end > start and words[end - 1] in _FILLERS and not _is_a_can(words, end - 1):
         end -= 1
     noun = words[start:end]
-    if any(word in _FILLERS and word != "of" for word in noun):
+    if any(word in _FILLERS and word != "of" and not _is_a_can(words, start + at) for at, word in enumerate(noun)):
         raise QueryError(f"'{' '.join(noun)}' is not understood as one thing's name", where=text, cure=UNDERSTOOD)
     if not noun:
         if may_be_empty or "all" in words:
             return None
         raise QueryError("the question names nothing", where=text, cure=UNDERSTOOD)
     return None if set(noun) <= _ANYTHING else " ".join(noun)
+
+
+def _is_a_can(words: Words, at: int) -> bool:
+    """Whether "can" is a thing ("trash can"), and not what somebody can do ("chairs can you see")."""
+    return words[at] == "can" and at > 0 and words[at + 1 : at + 2] not in {("you",), ("we",), ("i",)}
