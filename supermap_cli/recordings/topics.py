@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -27,6 +28,9 @@ _TRANSPORTS = ("compressedDepth", "compressed", "theora", "zstd", "ffmpeg")
 _MASK_WORDS = ("mask", "instance", "segment", "label")
 _NO_COLOR = ("infra", "/ir", "thermal", "depth", "confidence", "disparity", "debug", "overlay", "annotated", "result")
 _NO_SCAN = ("depth", "camera", "color", "map", "ground", "obstacle", "world", "deskew", "filtered", "registered")
+
+_GROUND_TRUTH = re.compile(r"ground_?truth|(^|[/_])gt([/_]|$)")
+"""Beside an odometry, the truth is there to judge by; a robot does not have it."""
 
 
 @dataclass(frozen=True)
@@ -224,8 +228,9 @@ class _Planner:
 
     def _odometry_rank(self, topic: Topic) -> tuple[float, ...]:
         return (
+            _GROUND_TRUTH.search(topic.name.lower()) is None,
             not _has(topic, ("wheel", "raw", "target", "goal")),
-            _has(topic, ("filtered", "fused", "ground_truth", "/gt")),
+            _has(topic, ("filtered", "fused")),
             topic.name in {"/odom", "/odometry"},
             topic.channel.count,
         )
