@@ -56,3 +56,15 @@ class MemoryStoreError(SupermapError):
 
 class QueryError(SupermapError):
     """A question is not understood."""
+
+
+class EvaluationError(SupermapError):
+    """A map and a ground truth do not belong together, or cannot be compared."""
+
+
+class SimulationError(SupermapError):
+    """A simulation cannot be made or written as asked."""
+
+
+class TruthError(SupermapError):
+    """A ground-truth file is missing, damaged, or none at all."""

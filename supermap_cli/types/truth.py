@@ -1,0 +1,189 @@
+"""Ground truth of a recording or of several of one place, as values. `truth_file` reads and writes them as JSON.
+
+The world frame is level (z up) and belongs to the truth; a map is laid over it by the robot's true poses. Times are
+sensor time in nanoseconds. Everything in here may come from the simulator or from an annotated data set.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from supermap_cli.geometry.arrays import BoolArray, Float32Array, FloatArray, IntArray, check_shape
+from supermap_cli.geometry.boxes import Box3D
+from supermap_cli.geometry.se3 import check_transform, transform_points
+
+TrueKind = Literal["object", "person"]
+TrueChangeKind = Literal["appeared", "disappeared", "moved"]
+
+
+@dataclass(frozen=True)
+class TrueState:
+    """The half-open interval [since_ns, until_ns) in which an object stood in one place, open where `None`.
+
+    `box` is tight along the object's own axes, `centroid` (3,) the mean of its surface; `on` names the object it stands
+    on, in or hangs from.
+    """
+
+    since_ns: int | None
+    until_ns: int | None
+    T_world_object: FloatArray
+    box: Box3D
+    centroid: FloatArray
+    on: str | None = None
+
+    def __post_init__(self) -> None:
+        check_transform("T_world_object", self.T_world_object)
+        check_shape("centroid", self.centroid, (3,))
+
+    def covers(self, stamp_ns: int) -> bool:
+        """Whether the object stands there at that time."""
+        since, until = self.since_ns, self.until_ns
+        return (since is None or since <= stamp_ns) and (until is None or stamp_ns < until)
+
+
+@dataclass(frozen=True)
+class TrueMotion:
+    """An object on its way (carried, or a person walking): centres (k, 3) in the world at `stamps_ns` (k,)."""
+
+    stamps_ns: IntArray
+    centers_world: FloatArray
+
+    def __post_init__(self) -> None:
+        check_shape("centers_world", self.centers_world, (len(self.stamps_ns), 3))
+
+
+@dataclass(frozen=True)
+class TrueObject:
+    """One real thing. `states` are in the order of time; a person has none, only motions (one a passage).
+
+    `surface_object` (n, 3) float32 are samples of its surface in its own frame, `surface_seen` (n,) says which of them
+    any image of any visit really showed.
+    """
+
+    id: str
+    label: str
+    kind: TrueKind
+    states: tuple[TrueState, ...]
+    motions: tuple[TrueMotion, ...]
+    surface_object: Float32Array
+    surface_seen: BoolArray
+
+    def __post_init__(self) -> None:
+        check_shape("surface_object", self.surface_object, (None, 3))
+        check_shape("surface_seen", self.surface_seen, (len(self.surface_object),))
+
+    def state_at(self, stamp_ns: int) -> TrueState | None:
+        """Where it stands at a time; `None` when it is gone, not yet there, or moving."""
+        return next((state for state in self.states if state.covers(stamp_ns)), None)
+
+    def surface_world(self, state: TrueState, *, only_seen: bool = True) -> FloatArray:
+        """Samples (n, 3) of its surface in the world while it stands so."""
+        chosen = self.surface_object[self.surface_seen] if only_seen else self.surface_object
+        return transform_points(state.T_world_object, chosen.astype(np.float64))
+
+
+@dataclass(frozen=True)
+class TrueSurface:
+    """A part of the building (wall, floor, ...): `points_world` (n, 3) float32 samples that some image showed."""
+
+    label: str
+    points_world: Float32Array
+
+    def __post_init__(self) -> None:
+        check_shape("points_world", self.points_world, (None, 3))
+
+
+@dataclass(frozen=True)
+class TrueSightings:
+    """How each image shows each place, n rows: a struct of arrays.
+
+    `frame` (n,) indexes the traversal's `stamps_ns`, `object` (n,) the truth's `objects`, `state` (n,) the object's
+    states (-1: in motion). `present` (n,): the object is there. `in_image` and `visible` (n,) float32 in [0, 1]: the
+    share of the place's front side that falls into the image, and that besides nothing stands before, whether or not
+    the object is there. `pixels` (n,): what the image shows of the object. `distance_m` (n,) float32 to the camera.
+    Rows with in_image = 0 are left out.
+    """
+
+    frame: IntArray
+    object: IntArray
+    state: IntArray
+    present: BoolArray
+    in_image: Float32Array
+    visible: Float32Array
+    pixels: IntArray
+    distance_m: Float32Array
+
+    def __post_init__(self) -> None:
+        n = len(self.frame)
+        for name in ("object", "state", "present", "in_image", "visible", "pixels", "distance_m"):
+            check_shape(name, getattr(self, name), (n,))
+
+
+@dataclass(frozen=True)
+class TrueTraversal:
+    """One recording: its file's name, its odometry's frame in the world, and the true poses and sightings of those
+    images that a detector looked at: `stamps_ns` (f,), `T_world_base` (f, 4, 4).
+    """
+
+    name: str
+    recording: str
+    start_ns: int
+    end_ns: int
+    T_world_odom: FloatArray
+    stamps_ns: IntArray
+    T_world_base: FloatArray
+    sightings: TrueSightings
+
+    def __post_init__(self) -> None:
+        check_transform("T_world_odom", self.T_world_odom)
+        check_shape("T_world_base", self.T_world_base, (len(self.stamps_ns), 4, 4))
+
+
+@dataclass(frozen=True)
+class TrueChange:
+    """What became of an object at `stamp_ns` (`until_ns`: when it stood again, for moves).
+
+    `from_state` and `to_state` index its states; `distance_m` is how far its centroid moved. `between` names the two
+    traversals it happened between, or twice the one it happened in.
+    """
+
+    kind: TrueChangeKind
+    object_id: str
+    from_state: int | None
+    to_state: int | None
+    stamp_ns: int
+    until_ns: int
+    distance_m: float | None
+    between: tuple[str, str]
+
+
+@dataclass(frozen=True)
+class TrueQuestion:
+    """A question in plain words and the ids of all objects that answer it; () where nothing does."""
+
+    text: str
+    answer: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class GroundTruth:
+    """All that is true of one place and its traversals (in the order of time)."""
+
+    scenario: str
+    seed: int
+    traversals: tuple[TrueTraversal, ...]
+    objects: tuple[TrueObject, ...]
+    surfaces: tuple[TrueSurface, ...]
+    changes: tuple[TrueChange, ...]
+    questions: tuple[TrueQuestion, ...]
+
+    def object(self, object_id: str) -> TrueObject:
+        """The object of an id."""
+        return next(each for each in self.objects if each.id == object_id)
+
+    def traversal(self, name: str) -> TrueTraversal:
+        """The traversal of a name."""
+        return next(each for each in self.traversals if each.name == name)
