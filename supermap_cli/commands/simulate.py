@@ -1,0 +1,230 @@
+"""`supermap simulate`: recordings of a world that is known exactly."""
+
+from __future__ import annotations
+
+import shlex
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from supermap_cli.commands import common
+from supermap_cli.commands.common import JsonOption, err, print_json
+from supermap_cli.commands.tables import print_table
+from supermap_cli.errors import ConfigError, SimulationError
+
+if TYPE_CHECKING:
+    from supermap_cli.simulation.detection.detector_errors import DetectorErrors
+    from supermap_cli.simulation.recording.recorder import Recorded
+    from supermap_cli.simulation.scenario import Scenario
+
+EXAMPLES = """
+Examples:
+
+    supermap simulate --list
+
+    supermap simulate office-twice --out office --seed 1
+
+    supermap simulate tiny --out tiny --perfect
+
+    supermap simulate office --out hard --error recall=0.7 --error false_positives=1.5
+"""
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command to the app."""
+    app.command(epilog=EXAMPLES)(simulate)
+
+
+def simulate(  # noqa: PLR0917 - a command line has many options
+    scenario: Annotated[
+        str | None, typer.Argument(metavar="SCENARIO", help="What to simulate; see --list.", show_default=False)
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="The folder to write to. [default: the scenario's name]")
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Another seed is another world, another way, other noise.")] = 1,
+    seconds: Annotated[
+        float | None, typer.Option(min=1, help="How long each recording lasts. [default: as the scenario says]")
+    ] = None,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace files of an earlier simulation.")] = False,
+    perfect: Annotated[bool, typer.Option("--perfect", help="A detector without errors.")] = False,
+    error: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=VALUE", help="One of the detector's errors, e.g. recall=0.8; may be repeated."),
+    ] = None,
+    listed: Annotated[bool, typer.Option("--list", help="List the scenarios and the detector's errors.")] = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Simulate a robot's recordings, with the exact truth beside them.
+
+    Rooms with furniture and small things, a robot that drives through them, people who carry things: one .mcap for each
+    visit, with recorded detections, and truth.json, which `supermap eval` holds a map against.
+    """
+    if listed:
+        _list(as_json=as_json)
+        return
+    if scenario is None:
+        raise SimulationError("no scenario given", cure="name one of those that `supermap simulate --list` shows")
+    began = time.perf_counter()
+    errors = detector_errors(error or [], perfect=perfect)
+    recorded = simulate_scenario(scenario, out or Path(scenario), seed, seconds, errors, overwrite=overwrite)
+    total_s = time.perf_counter() - began
+    if as_json:
+        print_json(to_document(recorded, total_s))
+    else:
+        _print(recorded, total_s)
+
+
+def simulate_scenario(
+    name: str, folder: Path, seed: int, seconds: float | None, errors: DetectorErrors, *, overwrite: bool
+) -> Recorded:
+    """Make a scenario and record it, with progress bars."""
+    from supermap_cli.simulation.recording.recorder import record  # noqa: PLC0415 - heavy imports only when a simulation starts
+    from supermap_cli.simulation.scenarios import make_scenario  # noqa: PLC0415
+
+    if threading.current_thread() is threading.main_thread():
+        signal.signal(signal.SIGTERM, signal.default_int_handler)  # stopped politely, it leaves no half recording
+    with err().status(f"making {name}"):
+        scenario = make_scenario(name, seed, seconds=seconds)
+    with progress_bars(scenario) as progress:
+        try:
+            return record(scenario, folder, errors=errors, seed=seed, overwrite=overwrite, progress=progress)
+        except KeyboardInterrupt:
+            err().print("interrupted: nothing was written", markup=False)
+            raise
+
+
+def detector_errors(given: list[str], *, perfect: bool) -> DetectorErrors:
+    """The detector's errors with those of the command line laid over them. Raises `ConfigError` for unknown ones."""
+    from pydantic import ValidationError  # noqa: PLC0415 - keeps start-up light
+
+    from supermap_cli.commands.build import pairs  # noqa: PLC0415
+    from supermap_cli.simulation.detection.detector_errors import DetectorErrors  # noqa: PLC0415
+
+    values = DetectorErrors.perfect().model_dump() if perfect else {}
+    try:
+        return DetectorErrors.model_validate(values | pairs(given, "--error", "recall=0.8"))
+    except ValidationError as error:
+        first = error.errors()[0]
+        name = ".".join(str(part) for part in first["loc"])
+        known = ", ".join(DetectorErrors.model_fields)
+        raise ConfigError(f"--error {name}: {first['msg']}", cure=f"the errors are {known}") from error
+
+
+@contextmanager
+def progress_bars(scenario: Scenario) -> Iterator[Callable[[str, int, int], None]]:
+    """A bar for each visit over its images, with rate, realtime factor and time left, on stderr."""
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn  # noqa: PLC0415
+
+    columns = (
+        TextColumn("{task.description}", markup=False),
+        BarColumn(),
+        TextColumn("{task.percentage:>3.0f} %  {task.fields[speed]}  left"),
+        TimeRemainingColumn(),
+    )
+    spans_s = {each.name: (each.route.end_ns - each.route.start_ns) / 1e9 for each in scenario.visits}
+    console = err()
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bars:
+        tasks = {name: bars.add_task(f"{name}.mcap", total=None, start=False, speed="") for name in spans_s}
+        began: dict[str, float] = {}
+
+        def advance(name: str, done: int, total: int) -> None:
+            if name not in began:
+                began[name] = time.monotonic()
+                bars.start_task(tasks[name])
+            spent_s = max(time.monotonic() - began[name], 1e-3)
+            speed = f"{done / spent_s:.1f} images/s  {spans_s[name] * done / total / spent_s:.1f} x realtime"
+            bars.update(tasks[name], completed=done, total=total, speed=speed)
+
+        yield advance
+
+
+def to_document(recorded: Recorded, total_s: float) -> dict[str, object]:
+    """What was written, as JSON values."""
+    truth = recorded.ground_truth
+    return {
+        "scenario": truth.scenario,
+        "seed": truth.seed,
+        "recordings": [
+            {
+                "path": str(path),
+                "traversal": traversal.name,
+                "seconds": round((traversal.end_ns - traversal.start_ns) / 1e9, 3),
+                "bytes": path.stat().st_size,
+                "detection_images": len(traversal.stamps_ns),
+            }
+            for path, traversal in zip(recorded.recordings, truth.traversals, strict=True)
+        ],
+        "truth": str(recorded.truth),
+        "objects": sum(each.kind == "object" for each in truth.objects),
+        "people": sum(each.kind == "person" for each in truth.objects),
+        "changes": len(truth.changes),
+        "questions": len(truth.questions),
+        "total_s": round(total_s, 3),
+        "timings": [
+            {
+                "stage": each.stage,
+                "total_s": each.total_s,
+                "runs": each.runs,
+                "mean_ms": each.mean_ms,
+                "p95_ms": each.p95_ms,
+            }
+            for each in recorded.timings
+        ],
+    }
+
+
+def _print(recorded: Recorded, total_s: float) -> None:
+    console, truth = common.out(), recorded.ground_truth
+    recorded_s = sum((each.end_ns - each.start_ns) / 1e9 for each in truth.traversals)
+    console.print(
+        f"{truth.scenario}, seed {truth.seed}: {recorded_s:.1f} s recorded in {total_s:.1f} s "
+        f"({recorded_s / max(total_s, 1e-9):.1f} x realtime)",
+        markup=False,
+    )
+    for path, traversal in zip(recorded.recordings, truth.traversals, strict=True):
+        seconds, size = (traversal.end_ns - traversal.start_ns) / 1e9, path.stat().st_size / 1e6
+        console.print(
+            f"  {path}: {seconds:.1f} s, {size:.0f} MB, {len(traversal.stamps_ns)} images with detections", markup=False
+        )
+    things, people = (sum(each.kind == kind for each in truth.objects) for kind in ("object", "person"))
+    console.print(
+        f"  {recorded.truth}: {things} objects, {people} people, {len(truth.changes)} changes, "
+        f"{len(truth.questions)} questions",
+        markup=False,
+    )
+    db = recorded.truth.parent / "map.db"
+    paths = " ".join(shlex.quote(str(path)) for path in recorded.recordings)
+    console.print("\nNext:", markup=False)
+    console.print(f"  supermap build {paths} --db {shlex.quote(str(db))}", markup=False, soft_wrap=True)
+    truth_path = shlex.quote(str(recorded.truth))
+    console.print(f"  supermap eval all {shlex.quote(str(db))} {truth_path}", markup=False, soft_wrap=True)
+
+
+def _list(*, as_json: bool) -> None:
+    """The scenarios, and the detector's errors with their defaults."""
+    from supermap_cli.simulation.detection.detector_errors import DetectorErrors  # noqa: PLC0415 - keeps start-up light
+    from supermap_cli.simulation.scenarios import SCENARIOS  # noqa: PLC0415
+
+    errors = DetectorErrors.model_fields
+    if as_json:
+        print_json(
+            {
+                "scenarios": [{"name": name, "description": text} for name, text in SCENARIOS.items()],
+                "errors": [
+                    {"name": name, "default": field.default, "description": field.description or ""}
+                    for name, field in errors.items()
+                ],
+            }
+        )
+        return
+    console = common.out()
+    print_table(console, "", ("scenario", "what it is"), SCENARIOS.items())
+    rows = ((name, f"{field.default:g}", field.description or "") for name, field in errors.items())
+    print_table(console, "", ("--error", "default#", "of the detector"), rows)

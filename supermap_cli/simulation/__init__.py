@@ -1,0 +1,1 @@
+"""Simulated worlds with exact ground truth: a robot's recording of rooms that never were."""

@@ -1,0 +1,1 @@
+"""A detector that errs as real ones do: misses, look-alikes, bleeding masks, phantoms."""

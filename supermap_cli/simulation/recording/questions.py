@@ -1,0 +1,232 @@
+"""Questions in plain words whose answers follow from the true geometry, whatever the detail of the map that is asked.
+
+Words: a label means its own things and those of its kinds (an armchair is a chair, a desk is a table). Times: now is
+what stands there when the last traversal ends; "earlier" what stood there in a traversal before the last (with one
+traversal: ever); "in NAME" what that traversal saw; the past tense what was ever seen.
+
+Relations are those of the scene graph (`graph.predicates`), on the true boxes and on the surfaces that were seen, whose
+measures `slack` widens. Here one holds if it does with `STRICT`, and does not if it fails even with `WIDE`, which is
+more than the graph's own hysteresis of 1.3; a question that hangs on anything between is left out.
+
+- On(A, B): half of A's footprint is over B, and A's underside within 6 cm and a quarter of its height (up to 5 cm more)
+  of B's surface there.
+- Under(A, B): half of B's surface over A is above A's top; or B is on A, or above it.
+- Inside(A, B): B's box holds 60 % of A's.
+- Near(A, B): the gap between the boxes is at most 0.5 m and 0.6 of the larger one's side (which counts up to 1.5 m).
+
+So is a question that hangs on things which the images do not settle (see `witness`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import cache, partial
+from itertools import islice
+
+import numpy as np
+
+from supermap_cli.graph.predicates import GraphNode, Pair, above, near, on, under
+from supermap_cli.simulation.recording.witness import Unsure, Witness
+from supermap_cli.types.truth import GroundTruth, TrueQuestion, TrueState
+
+STRICT, WIDE = 1 / 1.4, 1.3 * 1.4
+
+KINDS: Mapping[str, tuple[str, ...]] = {"chair": ("armchair",), "table": ("desk",)}
+"""What else a label means, besides labels that end in it ("coffee table")."""
+
+SPOKEN: Mapping[str, str] = {"potted plant": "plant", "refrigerator": "fridge", "cardboard box": "box"}
+"""What people rather say."""
+
+NEVER_THERE = ("piano", "bathtub", "bicycle", "guitar", "aquarium", "surfboard")
+
+_PLURALS: Mapping[str, str] = {"mouse": "mice", "bookshelf": "bookshelves", "tv": "televisions"}
+_MOST: Mapping[str, int] = {
+    "all": 4, "count": 4, "on": 4, "under": 3, "in": 2, "near": 5, "then": 6, "earlier": 3, "gone": 4, "never": 2,
+}  # fmt: skip
+
+
+def ask_questions(truth: GroundTruth) -> tuple[TrueQuestion, ...]:
+    """The questions that a perfect map of this truth answers right; `truth.questions` is not looked at."""
+    if not truth.traversals:
+        return ()
+    asking = _Asking(truth)
+    asked = [
+        *islice(asking.all_of(), _MOST["all"]),
+        *islice(asking.how_many(), _MOST["count"]),
+        *(each for preposition in _RELATIONS for each in islice(asking.related(preposition), _MOST[preposition])),
+        *islice(asking.during_traversals(), _MOST["then"]),
+        *islice(asking.earlier(), _MOST["earlier"]),
+        *islice(asking.gone(), _MOST["gone"]),
+        *islice(asking.never_there(), _MOST["never"]),
+    ]
+    return tuple({each.text: each for each in asked}.values())
+
+
+def means(label: str, other: str) -> bool:
+    """Whether who asks for a label wants things of the other one, too."""
+    return other == label or other.endswith(f" {label}") or other in KINDS.get(label, ())
+
+
+def plural(label: str) -> str:
+    """What to call several of a label's things."""
+    if label in _PLURALS:
+        return _PLURALS[label]
+    noun = SPOKEN.get(label, label)
+    if noun.endswith(("s", "x", "ch", "sh")):
+        return f"{noun}es"
+    return f"{noun[:-1]}ies" if noun.endswith("y") and noun[-2] not in "aeiou" else f"{noun}s"
+
+
+class _Asking:
+    """Makes questions of each sort, the best first; what the images do not settle is passed over."""
+
+    def __init__(self, truth: GroundTruth) -> None:
+        self._truth = truth
+        self._witness = Witness(truth)
+        objects = [(k, each) for k, each in enumerate(truth.objects) if each.kind == "object"]
+        self._labels = {k: each.label for k, each in objects}
+        rng = np.random.default_rng(truth.seed)
+        self._nouns = [str(label) for label in rng.permutation(sorted(set(self._labels.values())))]
+        self._relates = cache(self._relates_now)
+        self._node = cache(self._node_now)
+
+    def all_of(self) -> Iterator[TrueQuestion]:
+        """Ask "chair": labels of several things first."""
+        for noun, found in sorted(self._settled(self._witness.now), key=lambda each: -len(each[1])):
+            if found:
+                yield self._question(SPOKEN.get(noun, noun), found)
+
+    def how_many(self) -> Iterator[TrueQuestion]:
+        """Ask "how many chairs": labels of several things first, after those that `all_of` begins with."""
+        several = sorted(self._settled(self._witness.now), key=lambda each: -len(each[1]))
+        for noun, found in several[2:] + several[:2]:
+            if found:
+                yield self._question(f"how many {plural(noun)}", found)
+
+    def related(self, preposition: str) -> Iterator[TrueQuestion]:
+        """Ask "mug on the desk", once for each label: questions that tell things of one label apart come first."""
+        settled = [(noun, found) for noun, found in self._settled(self._witness.now) if found]
+        asked: list[tuple[bool, str, TrueQuestion]] = []
+        for noun, found in settled:
+            for other, references in settled:
+                if set(found) & set(references):
+                    continue
+                answer = self._related_of(preposition, found, references)
+                if any(self._is_telling(preposition, k, other_k) for k in answer for other_k in references):
+                    text = f"{SPOKEN.get(noun, noun)} {preposition} the {SPOKEN.get(other, other)}"
+                    asked.append((len(answer) == len(found), noun, self._question(text, answer)))
+        asked.sort(key=lambda each: each[0])
+        used: set[str] = set()
+        for _, noun, question in asked:
+            if noun not in used:
+                used.add(noun)
+                yield question
+
+    def during_traversals(self) -> Iterator[TrueQuestion]:
+        """Ask "plant in monday", of what changed; nothing where there is one traversal only."""
+        if len(self._truth.traversals) < 2:
+            return
+        for noun in self._changed():
+            for index, traversal in enumerate(self._truth.traversals):
+                for found in self._settle(noun, partial(self._witness.during, traversal=index)):
+                    yield self._question(f"{SPOKEN.get(noun, noun)} in {traversal.name}", found)
+
+    def earlier(self) -> Iterator[TrueQuestion]:
+        """Ask "plant earlier", of what changed."""
+        for noun in self._changed():
+            for found in self._settle(noun, self._witness.earlier):
+                if found:
+                    yield self._question(f"{SPOKEN.get(noun, noun)} earlier", found)
+
+    def gone(self) -> Iterator[TrueQuestion]:
+        """Ask "plant" and "where was the plant", of what is there no more."""
+        for noun in self._changed():
+            for standing in self._settle(noun, self._witness.now):
+                for found in self._settle(noun, self._witness.ever):
+                    if found and not standing:
+                        yield self._question(SPOKEN.get(noun, noun), ())
+                        yield self._question(f"where was the {SPOKEN.get(noun, noun)}", found)
+
+    def never_there(self) -> Iterator[TrueQuestion]:
+        """Ask for things that no world has."""
+        first = self._truth.seed % len(NEVER_THERE)
+        yield self._question(NEVER_THERE[first], ())
+        yield self._question(f"is there a {NEVER_THERE[first - 1]}", ())
+
+    def _question(self, text: str, found: Iterable[int]) -> TrueQuestion:
+        return TrueQuestion(text, tuple(sorted(self._truth.objects[k].id for k in found)))
+
+    def _changed(self) -> list[str]:
+        """Labels of what appeared or disappeared, then of what moved."""
+        labels = {each.id: each.label for each in self._truth.objects}
+        moved = {labels[each.object_id]: each.kind == "moved" for each in self._truth.changes}
+        moved |= {labels[each.object_id]: False for each in self._truth.changes if each.kind != "moved"}
+        return sorted((noun for noun in self._nouns if noun in moved), key=lambda noun: moved[noun])
+
+    def _settled(self, when: Callable[[int], TrueState | None]) -> Iterator[tuple[str, tuple[int, ...]]]:
+        for noun in self._nouns:
+            for found in self._settle(noun, when):
+                yield noun, found
+
+    def _settle(self, noun: str, when: Callable[[int], TrueState | None]) -> Iterator[tuple[int, ...]]:
+        """The objects that a noun means at a time; nothing where the images do not settle it."""
+        meant = [k for k, label in self._labels.items() if means(noun, label)]
+        try:
+            yield tuple(k for k in meant if when(k) is not None)
+        except Unsure:
+            return
+
+    def _related_of(self, preposition: str, found: tuple[int, ...], references: tuple[int, ...]) -> tuple[int, ...]:
+        """Those of the found that stand in the relation to any reference; none where a pair is in between."""
+        verdicts = [[self._relates(preposition, k, other) for other in references] for k in found]
+        if any(True not in row and None in row for row in verdicts):
+            return ()
+        return tuple(k for k, row in zip(found, verdicts, strict=True) if True in row)
+
+    def _relates_now(self, preposition: str, k: int, other: int) -> bool | None:
+        """Whether one object stands in a relation to another now; `None` in between."""
+        pair, holds = Pair(self._node(k), self._node(other)), _RELATIONS[preposition]
+        if holds(pair, STRICT):
+            return True
+        return None if holds(pair, WIDE) else False
+
+    def _is_telling(self, preposition: str, k: int, other: int) -> bool:
+        """Whether people would put it so: a mug is on the desk rather than near it, a book in the shelf and not under
+        its boards, a bag under the desk and not in it.
+        """
+        pair, state = Pair(self._node(k), self._node(other)), self._witness.now(k)
+        stands_there = state is not None and state.on == self._truth.objects[other].id
+        match preposition:
+            case "near":
+                return pair.overlap_m2 == 0 and near(pair, STRICT) > 0
+            case "under":
+                return not stands_there and under(pair, STRICT) > 0
+            case "in":
+                return stands_there and self._relates(preposition, k, other) is True
+            case _:
+                return self._relates(preposition, k, other) is True
+
+    def _node_now(self, k: int) -> GraphNode:
+        thing, state = self._truth.objects[k], self._witness.now(k)
+        if state is None:
+            raise ValueError(f"{thing.id} does not stand anywhere")
+        return GraphNode(k, thing.label, state.box, thing.surface_world(state))
+
+
+def _under(pair: Pair, slack: float) -> bool:
+    turned = pair.turned()
+    return under(pair, slack) > 0 or on(turned, slack) > 0 or above(turned, slack) > 0
+
+
+def _inside(pair: Pair, slack: float) -> bool:
+    height_m = max(float(pair.subject.box.size[2]), 1e-6)
+    share = pair.overlap_share * max(0.0, pair.shared_height_m) / height_m
+    return share >= 0.6 / slack and pair.subject.box.volume < pair.other.box.volume
+
+
+_RELATIONS: Mapping[str, Callable[[Pair, float], bool]] = {
+    "on": lambda pair, slack: on(pair, slack) > 0,
+    "under": _under,
+    "in": _inside,
+    "near": lambda pair, slack: near(pair, slack) > 0,
+}

@@ -1,0 +1,258 @@
+"""The worlds that `supermap simulate` offers, each made from a name and a seed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+
+from supermap_cli.errors import SimulationError
+from supermap_cli.geometry.arrays import FloatArray
+from supermap_cli.geometry.cameras import EquirectangularCamera
+from supermap_cli.simulation.motion.bystanders import Bystanders, Passage
+from supermap_cli.simulation.motion.moments import Watch
+from supermap_cli.simulation.motion.routes import plan_route
+from supermap_cli.simulation.rigs import Rig, panorama_rig, rgbd_rig
+from supermap_cli.simulation.route import Route
+from supermap_cli.simulation.scenario import Scenario, SimulatedVisit
+from supermap_cli.simulation.world import Stay, World
+from supermap_cli.simulation.worlds.building import CORRIDOR, make_building
+from supermap_cli.simulation.worlds.changing import Changed, change_interior, stays_with
+from supermap_cli.simulation.worlds.furnishing import Interior, Line
+from supermap_cli.simulation.worlds.places import Placed
+from supermap_cli.simulation.worlds.recipes import (
+    DEMO_CHANGES,
+    DEMO_ROOM,
+    OFFICE_CHANGES,
+    ON_FLOOR_OR_WALL,
+    PANORAMA_ROOMS,
+    TINY_ROOM,
+    Change,
+    office_recipes,
+)
+
+SCENARIOS: dict[str, str] = {
+    "office": "three rooms and a corridor, 41 objects, one visit; people walk through",
+    "office-twice": "the same rooms on two days: three things gone, three new, two moved by metres, one by 0.25 m",
+    "panorama": "360-degree camera and LiDAR: a bag is carried about, a trash can vanishes out of view",
+    "demo": "one room on two days, 16 objects: one gone, one new, one moved by metres, one by 0.25 m",
+    "tiny": "one room, 9 objects, a few seconds",
+}
+"""What each scenario is, by name."""
+
+MONDAY_NS = 1_767_603_600_000_000_000
+"""2026-01-05 09:00 UTC."""
+DAY_NS = 86_400_000_000_000
+_ATTEMPTS = 6
+_ROUTES_DRAWN = 6
+_OTHER_START_M = 1.0
+_STILL = 0.02
+
+Recipes = Callable[[np.random.Generator], Mapping[str, Sequence[Line]]]
+
+
+class _Concern(IntEnum):
+    """What is drawn at random: each from a generator of its own, so that none disturbs another."""
+
+    BUILDING = 0
+    FURNITURE = 1
+    CHANGES = 2
+    ROUTES = 3
+    PEOPLE = 4
+
+
+@dataclass(frozen=True)
+class _Dice:
+    """All randomness of one attempt at a world."""
+
+    seed: int
+    attempt: int
+
+    def of(self, concern: _Concern, number: int = 0) -> np.random.Generator:
+        return np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=(concern, number, self.attempt)))
+
+
+class _Site:
+    """A furnished building, and what the robot and people do in it."""
+
+    def __init__(self, dice: _Dice, recipes: Recipes) -> None:
+        self.dice = dice
+        furniture = dice.of(_Concern.FURNITURE)
+        by_room = recipes(furniture)
+        plan, self.fixtures = make_building(dice.of(_Concern.BUILDING), [name for name in by_room if name != CORRIDOR])
+        self.interior = Interior(plan, self.fixtures)
+        self.interior.furnish(by_room, furniture)
+
+    def visit(
+        self, name: str, start_ns: int, seconds: float, *, focus: Sequence[FloatArray] = (), number: int = 0
+    ) -> SimulatedVisit:
+        """A traversal whose odometry starts where the robot does; another `number`, another way."""
+        return _starting_with(name, self.route(start_ns, seconds, focus, number))
+
+    def route(self, start_ns: int, seconds: float, focus: Sequence[FloatArray], number: int) -> Route:
+        """A way for the robot."""
+        plan, obstacles, rng = self.interior.plan, self.interior.obstacles, self.dice.of(_Concern.ROUTES, number)
+        try:
+            return plan_route(plan, obstacles, rng, start_ns=start_ns, seconds=seconds, focus=focus)
+        except ValueError as error:  # whatever stands in the robot's way stands elsewhere in another world
+            raise SimulationError(f"the robot cannot get about: {error}", cure="choose another --seed") from error
+
+    def bystanders(self, visit: SimulatedVisit, rig: Rig, number: int = 0) -> Bystanders:
+        """Those who come by on a visit."""
+        plan, obstacles = self.interior.plan, self.interior.obstacles
+        panoramic = isinstance(rig.camera, EquirectangularCamera)
+        view_rad = 2 * np.pi if panoramic else 2 * np.arctan(rig.camera.width / 2 / rig.camera.focal_px())
+        watch = Watch(plan, obstacles, visit.route, float(view_rad))
+        return Bystanders(plan, obstacles, watch, self.dice.of(_Concern.PEOPLE, number))
+
+    def scenario(
+        self, name: str, rig: Rig, visits: Sequence[SimulatedVisit], stays: Sequence[Stay], passages: Sequence[Passage]
+    ) -> Scenario:
+        """All of it together."""
+        things = (*self.interior.things, *(passage.person for passage in passages))
+        motions = tuple(motion for passage in passages for motion in passage.motions)
+        world = World(self.fixtures, things, tuple(stays), motions)
+        return Scenario(name, self.dice.seed, self.interior.plan, world, rig, tuple(visits))
+
+
+def make_scenario(name: str, seed: int, *, seconds: float | None = None) -> Scenario:
+    """The scenario of a name, the same for the same seed; its visits last `seconds` each (default: as it likes best).
+
+    Raises `SimulationError` for an unknown name, a negative seed, or a time too short for what should happen.
+    """
+    if name not in _MAKERS:
+        raise SimulationError(f"there is no scenario {name!r}", cure=f"choose one of {', '.join(SCENARIOS)}")
+    if seed < 0:
+        raise SimulationError(f"a seed is not negative: {seed}", cure="choose a --seed of 0 or more")
+    if seconds is not None and seconds <= 0:
+        raise SimulationError(f"a visit takes time, not {seconds} s", cure="choose --seconds above 0")
+    maker, usual_s = _MAKERS[name]
+    for attempt in range(_ATTEMPTS - 1):
+        try:
+            return maker(_Dice(seed, attempt), seconds or usual_s)
+        except SimulationError:  # this draw of a world has no room for all that should be in it, or no way
+            continue
+    return maker(_Dice(seed, _ATTEMPTS - 1), seconds or usual_s)
+
+
+def _office(dice: _Dice, seconds: float) -> Scenario:
+    site, rig = _Site(dice, office_recipes), rgbd_rig()
+    visit = site.visit("office", MONDAY_NS, seconds)
+    bystanders = site.bystanders(visit, rig)
+    passages = [bystanders.pass_through(f"person-{number}") for number in (1, 2)]
+    return site.scenario("office", rig, [visit], stays_with(site.interior, Changed(), None), passages)
+
+
+def _office_twice(dice: _Dice, seconds: float) -> Scenario:
+    return _twice("office-twice", _Site(dice, office_recipes), OFFICE_CHANGES, seconds, people=True)
+
+
+def _demo(dice: _Dice, seconds: float) -> Scenario:
+    return _twice("demo", _Site(dice, lambda _: {"office": DEMO_ROOM}), DEMO_CHANGES, seconds, people=False)
+
+
+def _twice(name: str, site: _Site, changes: Sequence[Change], seconds: float, *, people: bool) -> Scenario:
+    """Two visits a day apart, and the changes half way between them."""
+    rig = rgbd_rig()
+    changed = change_interior(site.interior, changes, site.dice.of(_Concern.CHANGES))
+    focus = changed.places_xy(site.interior)
+    monday = site.visit("monday", MONDAY_NS, seconds, focus=focus)
+    tuesday = _from_elsewhere(site, monday, "tuesday", seconds, focus)
+    change_ns = (monday.route.end_ns + tuesday.route.start_ns) // 2
+    visits = [monday, tuesday]
+    passages = [
+        site.bystanders(visit, rig, number).pass_through(f"person-{number}")
+        for number, visit in enumerate(visits if people else [], start=1)
+    ]
+    return site.scenario(name, rig, visits, stays_with(site.interior, changed, change_ns), passages)
+
+
+def _from_elsewhere(
+    site: _Site, first: SimulatedVisit, name: str, seconds: float, focus: Sequence[FloatArray]
+) -> SimulatedVisit:
+    """A visit on the next day that starts in another place: a way whose beginning, if need be, is left out."""
+    start_ns, start_xy = first.route.start_ns + DAY_NS, first.T_world_odom[:2, 3]
+    for number in range(1, 1 + _ROUTES_DRAWN):
+        route = site.route(start_ns, seconds, focus, number)
+        left_out_s = _first_rest_s(route, start_xy)
+        if left_out_s is None:
+            continue
+        if left_out_s > 0:
+            route = _without_beginning(site.route(start_ns, seconds + left_out_s, focus, number), left_out_s)
+        visit = _starting_with(name, route)
+        if np.linalg.norm(visit.T_world_odom[:2, 3] - start_xy) >= _OTHER_START_M:
+            return visit
+    raise SimulationError("both visits start in the same place", cure="choose another --seed")
+
+
+def _starting_with(name: str, route: Route) -> SimulatedVisit:
+    return SimulatedVisit(name, route, route.T_world_base(np.array([route.start_ns]))[0])
+
+
+def _first_rest_s(route: Route, away_from_xy: FloatArray) -> float | None:
+    """When the robot first stands still somewhere else; `None` if it does not."""
+    stamps_ns = route.start_ns + np.round(route.times_s * 1e9).astype(np.int64)
+    still = np.linalg.norm(route.derivative(stamps_ns, 1)[:, :2], axis=1) < _STILL
+    elsewhere = np.linalg.norm(route.knots_xy - away_from_xy, axis=1) >= _OTHER_START_M
+    found = np.flatnonzero(still & elsewhere)
+    return float(route.times_s[found[0]]) if len(found) and found[0] < len(still) - 1 else None
+
+
+def _without_beginning(route: Route, left_out_s: float) -> Route:
+    """The way from its knot nearest to a time on, from the old start time, for exactly as much shorter."""
+    first = int(np.argmin(np.abs(route.times_s - left_out_s)))
+    times_s = route.times_s[first:] - route.times_s[first]
+    times_s *= (route.times_s[-1] - left_out_s) / times_s[-1]
+    return Route(route.start_ns, times_s, route.knots_xy[first:], route.knots_yaw[first:])
+
+
+def _panorama(dice: _Dice, seconds: float) -> Scenario:
+    """Someone carries the backpack elsewhere in its room; a trash can goes while the robot is somewhere else."""
+    site, rig = _Site(dice, lambda _: PANORAMA_ROOMS), panorama_rig()
+    interior = site.interior
+    bag = next(each for each in interior.placed if each.piece.label == "backpack")
+    bag_after = interior.another_place(bag, ON_FLOOR_OR_WALL, bag.room, dice.of(_Concern.CHANGES), at_least_m=1.8)
+    bins = [each for each in interior.placed if each.piece.label == "trash can"]
+    focus = [each.T_world_thing[:2, 3] for each in (bag, bag_after, *bins)]
+    visit = site.visit("panorama", MONDAY_NS, seconds, focus=focus)
+    bystanders = site.bystanders(visit, rig)
+    vanishing, vanished_ns = _vanishing(bins, bystanders)
+    carrying = bystanders.carry("person-1", interior.thing(bag.thing_id), bag.T_world_thing, bag_after.T_world_thing)
+    walking = bystanders.pass_through("person-2")
+    taken_ns, put_ns = carrying.carried_between_ns
+    special = (bag.thing_id, vanishing.thing_id)
+    stays = [
+        *(stay for stay in stays_with(interior, Changed(), None) if stay.thing_id not in special),
+        Stay(bag.thing_id, bag.T_world_thing, until_ns=taken_ns),
+        Stay(bag.thing_id, bag_after.T_world_thing, since_ns=put_ns),
+        Stay(vanishing.thing_id, vanishing.T_world_thing, until_ns=vanished_ns),
+    ]
+    return site.scenario("panorama", rig, [visit], stays, [carrying, walking])
+
+
+def _vanishing(bins: Sequence[Placed], bystanders: Bystanders) -> tuple[Placed, int]:
+    """One of these that the robot sees, loses from view and sees the place of again, and when meanwhile it goes."""
+    for each in bins[:-1]:
+        with suppress(SimulationError):
+            return each, bystanders.watch.unwatched_ns(each.T_world_thing[:2, 3])
+    return bins[-1], bystanders.watch.unwatched_ns(bins[-1].T_world_thing[:2, 3])
+
+
+def _tiny(dice: _Dice, seconds: float) -> Scenario:
+    site, rig = _Site(dice, lambda _: {"office": TINY_ROOM}), rgbd_rig()
+    table = site.interior.placed[0].T_world_thing[:2, 3]
+    visit = site.visit("tiny", MONDAY_NS, seconds, focus=[table])
+    passage = site.bystanders(visit, rig).pass_through("person-1")
+    return site.scenario("tiny", rig, [visit], stays_with(site.interior, Changed(), None), [passage])
+
+
+_MAKERS: Mapping[str, tuple[Callable[[_Dice, float], Scenario], float]] = {
+    "office": (_office, 100.0),
+    "office-twice": (_office_twice, 110.0),
+    "panorama": (_panorama, 70.0),
+    "demo": (_demo, 20.0),
+    "tiny": (_tiny, 4.0),
+}

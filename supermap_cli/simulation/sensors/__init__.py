@@ -1,0 +1,1 @@
+"""What a robot measures there: exact rays first, then each sensor with its errors."""

@@ -1,0 +1,90 @@
+"""What becomes of a furnished building between two visits, and the stays of everything in it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from supermap_cli.errors import SimulationError
+from supermap_cli.geometry.arrays import FloatArray
+from supermap_cli.geometry.boxes import footprint_gap_m
+from supermap_cli.simulation.world import Stay
+from supermap_cli.simulation.worlds.furnishing import Interior
+from supermap_cli.simulation.worlds.places import Placed
+from supermap_cli.simulation.worlds.recipes import Arrival, Change, Removal, Shift
+
+
+@dataclass(frozen=True)
+class Changed:
+    """The ids of things that are gone afterwards, are new, and stand elsewhere (with two places in the interior)."""
+
+    gone: frozenset[str] = frozenset()
+    new: frozenset[str] = frozenset()
+    moved: frozenset[str] = frozenset()
+
+    @property
+    def ids(self) -> frozenset[str]:
+        """All of them."""
+        return self.gone | self.new | self.moved
+
+    def places_xy(self, interior: Interior) -> list[FloatArray]:
+        """Where these things stand before or after, (2,) each."""
+        return [each.T_world_thing[:2, 3] for each in interior.placed if each.thing_id in self.ids]
+
+
+def change_interior(interior: Interior, changes: Sequence[Change], rng: np.random.Generator) -> Changed:
+    """Choose the things that change, and find places for what is new or moves: free before as well as afterwards.
+
+    Of several that fit a change the one that stands most freely is chosen, so that it can be seen well. Raises
+    `SimulationError` when there is none, or no place.
+    """
+    changed = Changed()
+    for change in changes:
+        if isinstance(change, Arrival):
+            thing = interior.add(change.line, change.room, rng)
+            changed = Changed(changed.gone, changed.new | {thing.thing_id}, changed.moved)
+            continue
+        thing = _most_open(interior, change.label, change.room if isinstance(change, Removal) else None, changed.ids)
+        if isinstance(change, Removal):
+            changed = Changed(changed.gone | {thing.thing_id}, changed.new, changed.moved)
+            continue
+        if isinstance(change, Shift):
+            interior.nudged(thing, change.distance_m, rng)
+        else:
+            interior.another_place(thing, change.place, change.room, rng, at_least_m=change.at_least_m)
+        changed = Changed(changed.gone, changed.new, changed.moved | {thing.thing_id})
+    return changed
+
+
+def stays_with(interior: Interior, changed: Changed, change_ns: int | None) -> tuple[Stay, ...]:
+    """Where everything stands until and since the time of the changes."""
+    begun: set[str] = set()
+    stays = []
+    for each in interior.placed:
+        second = each.thing_id in begun
+        begun.add(each.thing_id)
+        since_ns = change_ns if second or each.thing_id in changed.new else None
+        leaves = each.thing_id in changed.gone or (each.thing_id in changed.moved and not second)
+        stays.append(Stay(each.thing_id, each.T_world_thing, since_ns, change_ns if leaves else None, each.on))
+    return tuple(stays)
+
+
+def _most_open(interior: Interior, label: str, room: str | None, taken: frozenset[str]) -> Placed:
+    hosts = {each.on for each in interior.placed}
+    fitting = [
+        each
+        for each in interior.placed
+        if each.piece.label == label and each.room == (room or each.room) and each.on is None
+        and each.thing_id not in hosts | taken
+    ]  # fmt: skip
+    if not fitting:
+        raise SimulationError(f"there is no {label} to change", cure="choose another --seed")
+    return max(fitting, key=lambda thing: _gap_m(thing, interior.placed))
+
+
+def _gap_m(thing: Placed, others: Sequence[Placed]) -> float:
+    """How far the nearest other thing in its room is."""
+    boxes = [each.box for each in others if each.thing_id != thing.thing_id and each.room == thing.room]
+    return min((footprint_gap_m(thing.box, box) for box in boxes), default=float("inf"))

@@ -1,0 +1,174 @@
+"""A scenario becomes recordings that the program reads, and a truth that fits them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mcap.reader import NonSeekingReader
+
+import perfect_map
+import simulated
+import simulated_visits
+from supermap_cli.errors import SimulationError
+from supermap_cli.geometry.se3 import inverse
+from supermap_cli.hookspecs import RecordingRequest
+from supermap_cli.recordings import open_bag_recording
+from supermap_cli.simulation.detection.detector_errors import DetectorErrors
+from supermap_cli.simulation.recording.recorder import Recorded, record
+from supermap_cli.simulation.rigs import OdometryDrift
+from supermap_cli.simulation.sensors.camera_view import render
+from supermap_cli.simulation.sensors.scene import Scene
+from supermap_cli.truth_file import read_truth
+
+TOPICS = (
+    *("/camera/color/image_raw/compressed", "/imu/data", "/odom", "/detections", "/detections/masks"),
+    "/camera/aligned_depth_to_color/image_raw/compressedDepth",
+)
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Recorded:
+    folder = tmp_path_factory.mktemp("recorded")
+    return record(simulated_visits.two_visits(), folder, errors=DetectorErrors.perfect())
+
+
+def test_there_is_a_recording_for_each_visit_and_the_truth_and_nothing_else(recorded: Recorded) -> None:
+    assert [path.name for path in recorded.recordings] == ["monday.mcap", "tuesday.mcap"]
+    assert recorded.truth.name == "truth.json"
+    assert {path.name for path in recorded.truth.parent.iterdir()} == {"monday.mcap", "tuesday.mcap", "truth.json"}
+    truth = read_truth(recorded.truth)
+    assert (truth.scenario, truth.seed, truth.questions) == ("test", 3, recorded.ground_truth.questions)
+    assert [each.recording for each in truth.traversals] == ["monday.mcap", "tuesday.mcap"]
+
+
+def test_a_perfect_map_answers_all_the_questions(recorded: Recorded, tmp_path: Path) -> None:
+    texts = [each.text for each in recorded.ground_truth.questions]
+    assert {"chair in monday", "chair", "where was the chair", "chair earlier"} <= set(texts)
+    assert perfect_map.wrong_answers(recorded.ground_truth, tmp_path / "map.db") == []
+
+
+def test_what_happened_is_told(recorded: Recorded) -> None:
+    changes = [(each.kind, each.object_id, each.between) for each in recorded.ground_truth.changes]
+    assert changes == [
+        ("moved", "box-1", ("monday", "monday")),
+        ("disappeared", "chair-1", ("monday", "tuesday")),
+        ("disappeared", "cup-1", ("monday", "tuesday")),
+    ]
+
+
+def test_images_depth_and_masks_are_those_of_the_world_at_the_true_pose(recorded: Recorded) -> None:
+    scenario = simulated_visits.two_visits()
+    recording = open_bag_recording(recorded.recordings[0], RecordingRequest(fit_color=False))
+    frames, found = list(recording.frames()), {each.stamp_ns: each for each in recording.detections()}
+    assert len(frames) == 26
+    scene, route = Scene(scenario.world), scenario.visits[0].route
+    for frame in frames[::8]:
+        T_world_base = route.T_world_base(np.array([frame.stamp_ns]))[0]
+        view = render(scene, scenario.rig.camera, T_world_base @ frame.T_base_camera, frame.stamp_ns)
+        assert frame.depth_m is not None
+        returned = frame.depth_m > 0
+        assert returned.mean() > 0.8
+        np.testing.assert_allclose(frame.depth_m[returned], view.depth_m[returned], atol=6e-4)
+        assert np.abs(frame.rgb.astype(int) - view.rgb).mean() < 8
+        detections = found[frame.stamp_ns]
+        for label, mask in zip(detections.labels, detections.masks, strict=True):
+            assert mask is not None
+            (thing,) = np.unique(view.thing[mask.full(*view.thing.shape)])
+            np.testing.assert_array_equal(mask.full(*view.thing.shape), view.thing == thing)
+            assert scenario.world.things[thing - 1].label == label
+
+
+def test_odometry_starts_from_its_own_frame_and_the_truth_is_on_a_topic_of_its_own(recorded: Recorded) -> None:
+    scenario = simulated_visits.two_visits()
+    route = scenario.visits[0].route
+    own = list(open_bag_recording(recorded.recordings[0], RecordingRequest()).poses())
+    first = inverse(simulated_visits.T_WORLD_ODOM) @ route.T_world_base(np.array([own[0].stamp_ns]))[0]
+    np.testing.assert_allclose(own[0].T_odom_base, first, atol=1e-9)
+    request = RecordingRequest(topics={"odometry": "/ground_truth/odom"})
+    true = list(open_bag_recording(recorded.recordings[0], request).poses())
+    np.testing.assert_allclose(
+        np.array([each.T_odom_base for each in true]),
+        route.T_world_base(np.array([each.stamp_ns for each in true])),
+        atol=1e-9,
+    )
+
+
+def test_everything_lies_in_the_file_in_the_order_of_log_time_and_detections_come_late(tmp_path: Path) -> None:
+    slow = DetectorErrors(latency_min_s=0.3, latency_max_s=0.5)
+    scenario = simulated_visits.two_visits()
+    short = replace(
+        scenario, visits=(replace(scenario.visits[0], route=simulated_visits.route(simulated.START_NS, 1)),)
+    )
+    (path,) = record(short, tmp_path, errors=slow).recordings
+    with path.open("rb") as file:
+        stored = [
+            (channel.topic, message.log_time)
+            for _, channel, message in NonSeekingReader(file).iter_messages(log_time_order=False)
+        ]
+    assert {topic for topic, _ in stored} >= set(TOPICS)
+    assert [log_ns for _, log_ns in stored] == sorted(log_ns for _, log_ns in stored)
+    stamps = open_bag_recording(path, RecordingRequest()).detection_stamps_ns()
+    late_s = (np.array([log_ns for topic, log_ns in stored if topic == "/detections"]) - stamps) / 1e9
+    assert len(stamps) == 6
+    assert ((late_s >= 0.3) & (late_s < 0.8)).all()
+
+
+def test_the_lidar_rig_is_recorded_too(tmp_path: Path) -> None:
+    scenario = simulated_visits.two_visits(simulated_visits.small_panorama_rig())
+    short = replace(
+        scenario, visits=(replace(scenario.visits[0], route=simulated_visits.route(simulated.START_NS, 1)),)
+    )
+    (path,) = record(short, tmp_path).recordings
+    recording = open_bag_recording(path, RecordingRequest())
+    assert recording.streams == {"color", "lidar", "poses", "imu", "detections", "masks"}
+    route = short.visits[0].route
+    for sweep in recording.sweeps():
+        T = route.T_world_base(sweep.point_stamps_ns) @ sweep.T_base_lidar
+        points = np.einsum("nij,nj->ni", T[:, :3, :3], sweep.points_lidar) + T[:, :3, 3]
+        off_m = simulated.distance_to_surfaces(short.world, points, sweep.stamp_ns)
+        assert np.percentile(off_m, 90) < 0.05
+
+
+def test_the_same_seed_gives_the_same_bytes_and_another_one_other_noise(tmp_path: Path) -> None:
+    scenario = simulated_visits.two_visits(replace(simulated_visits.small_rig(), drift=OdometryDrift()))
+    short = replace(
+        scenario, visits=(replace(scenario.visits[0], route=simulated_visits.route(simulated.START_NS, 1)),)
+    )
+    files = [record(short, tmp_path / str(k), seed=seed) for k, seed in enumerate((5, 5, 6))]
+    same, again, other = ([path.read_bytes() for path in (*each.recordings, each.truth)] for each in files)
+    assert same == again
+    assert same[0] != other[0]
+
+
+def test_an_interrupted_run_leaves_nothing(tmp_path: Path) -> None:
+    def interrupt(name: str, done: int, total: int) -> None:
+        if done == 3:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        record(simulated_visits.two_visits(), tmp_path / "out", progress=interrupt)
+    assert list((tmp_path / "out").iterdir()) == []
+
+
+def test_files_are_not_overwritten_unasked(tmp_path: Path) -> None:
+    (tmp_path / "truth.json").write_text("mine", encoding="utf-8")
+    with pytest.raises(SimulationError, match=r"truth\.json would be overwritten.*--overwrite"):
+        record(simulated_visits.two_visits(), tmp_path)
+    assert (tmp_path / "truth.json").read_text(encoding="utf-8") == "mine"
+
+
+def test_a_folder_that_cannot_be_made_is_told(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("", encoding="utf-8")
+    with pytest.raises(SimulationError, match="no folder to write to"):
+        record(simulated_visits.two_visits(), tmp_path / "file" / "out")
+
+
+def test_progress_counts_every_visits_images(tmp_path: Path) -> None:
+    told: list[tuple[str, int, int]] = []
+    scenario = simulated_visits.two_visits()
+    short = replace(scenario, visits=(scenario.visits[1],))
+    record(short, tmp_path, progress=lambda *each: told.append(each))
+    assert told == [("tuesday", done, 11) for done in range(1, 12)]
