@@ -13,9 +13,9 @@ import numpy as np
 from sqlalchemy import Connection, Select, func, or_, select, text
 
 from supermap_cli.geometry.arrays import FloatArray, IntArray
-from supermap_cli.memory import rows
+from supermap_cli.memory import blobs, rows
 from supermap_cli.memory.values import ObservationRef, StoredInstance, StoredTraversal, StoredVisit
-from supermap_cli.types.memory import SpatialEdge, StateRecord, TemporalEdge
+from supermap_cli.types.memory import SpatialEdge, StateRecord, TemporalEdge, VoxelCloud
 from supermap_schema import models
 
 COUNTED = {
@@ -115,6 +115,9 @@ class MapReader:
                 models.Observation.score,
                 models.Observation.evidence_for,
                 models.Observation.evidence_against,
+                models.Observation.x,
+                models.Observation.y,
+                models.Observation.z,
                 models.Keyframe.traversal_id,
                 models.Keyframe.stamp_ns,
             )
@@ -123,6 +126,11 @@ class MapReader:
             .order_by(models.Keyframe.stamp_ns, models.Observation.id)
         )
         return tuple(rows.observation_ref(row, self.survivors) for row in self.connection.execute(statement))
+
+    def voxels(self, instance: StoredInstance) -> VoxelCloud:
+        """An instance's geometry, in its present or last place."""
+        found = self.connection.execute(select(models.Instance.voxels).where(models.Instance.number == instance.number))
+        return blobs.decode_voxels(found.scalar_one())
 
     @cached_property
     def spatial_edges(self) -> tuple[SpatialEdge, ...]:
@@ -145,14 +153,19 @@ class MapReader:
 
     def trajectory(self, traversal_id: int) -> tuple[IntArray, FloatArray]:
         """The robot's way in one traversal: (n,) stamps and (n, 3) positions in the map."""
+        stamps_ns, T_map_base = self.poses(traversal_id)
+        return stamps_ns, T_map_base[:, :3, 3]
+
+    def poses(self, traversal_id: int) -> tuple[IntArray, FloatArray]:
+        """One traversal's keyframes: (n,) stamps and (n, 4, 4) `T_map_base`."""
         statement = (
             select(models.Keyframe.stamp_ns, models.Keyframe.T_map_base)
             .where(models.Keyframe.traversal_id == traversal_id)
             .order_by(models.Keyframe.stamp_ns)
         )
         found = self.connection.execute(statement).all()
-        positions = [[row_of_T[3] for row_of_T in json.loads(row.T_map_base)[:3]] for row in found]
-        return np.array([row.stamp_ns for row in found], np.int64), np.array(positions, np.float64).reshape(-1, 3)
+        poses = [json.loads(row.T_map_base) for row in found]
+        return np.array([row.stamp_ns for row in found], np.int64), np.array(poses, np.float64).reshape(-1, 4, 4)
 
     def counts(self) -> dict[str, int]:
         """How many rows there are of what."""

@@ -236,6 +236,7 @@ def observation_ref(row: Row, survivors: Mapping[int, int]) -> ObservationRef:
         score=row.score,
         evidence_for=row.evidence_for,
         evidence_against=row.evidence_against,
+        centroid_map=_centroid(row),
     )
 
 

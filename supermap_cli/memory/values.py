@@ -103,7 +103,9 @@ class StoredInstance:
 
 @dataclass(frozen=True)
 class ObservationRef:
-    """Where to find one observation, and what it said. `instance_number` is the instance it counts for today."""
+    """Where to find one observation, and what it said. `instance_number` is the instance it counts for today;
+    `centroid_map` (3,) is where it saw it.
+    """
 
     id: int
     traversal_id: int
@@ -114,6 +116,7 @@ class ObservationRef:
     score: float
     evidence_for: int
     evidence_against: int
+    centroid_map: FloatArray
 
 
 @dataclass(frozen=True)

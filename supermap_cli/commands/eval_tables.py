@@ -1,0 +1,256 @@
+"""The scores of a map for people: each figure with what it says, then what was wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from supermap_cli.commands.tables import print_table
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from supermap_cli.evaluation.answers import AnswerScores, WrongAnswer
+    from supermap_cli.evaluation.identity import IdentityScores
+    from supermap_cli.evaluation.instances import InstanceScores
+    from supermap_cli.evaluation.objects import ObjectScores
+    from supermap_cli.evaluation.report import ChangeSection, Report
+    from supermap_cli.evaluation.semantics import SemanticScores
+    from supermap_cli.evaluation.shares import PrecisionRecall
+
+Cells = tuple[str, ...]
+
+POOR_IOU = 0.5
+"""Objects whose best instance shares no more of their points are listed."""
+
+
+@dataclass(frozen=True)
+class Figure:
+    """One line of a section: a figure and what it says in plain words. `None`: there was no occasion for it."""
+
+    name: str
+    value: float | None
+    meaning: str
+    unit: str = ""
+
+    @property
+    def cells(self) -> Cells:
+        """As text; whole numbers are counts."""
+        if self.value is None:
+            return self.name, "-", self.meaning
+        text = str(self.value) if isinstance(self.value, int) else f"{self.value:.3f}"
+        return self.name, text + self.unit, self.meaning
+
+
+@dataclass(frozen=True)
+class Mistakes:
+    """A list of what was wrong, under its heading."""
+
+    title: str
+    columns: Cells
+    rows: tuple[Cells, ...]
+
+
+def print_report(console: Console, report: Report) -> None:
+    """All sections of a report."""
+    off = ", ".join(f"{name} {rmse_m:.3f} m" for name, rmse_m in report.alignment_rmse_m.items())
+    console.print(f"{report.scenario}, seed {report.seed}; the robot's way off its true way: {off}\n", markup=False)
+    if report.map is not None:
+        _print_section(console, "Objects at the map's end", _of_objects(report.map), _wrong_objects(report.map))
+    if report.change is not None:
+        _print_section(console, "Change", _of_change(report.change), _wrong_changes(report.change))
+    if report.identity is not None:
+        _print_section(console, "Identity", _of_identity(report.identity), _wrong_identities(report.identity))
+    if report.instances is not None:
+        _print_section(
+            console, "Instances, on points", _of_instances(report.instances), _poor_instances(report.instances)
+        )
+    if report.semantics is not None:
+        _print_section(console, "Semantics, on points", _of_semantics(report.semantics), _confusions(report.semantics))
+    if report.query is not None:
+        _print_section(console, "Questions", _of_answers(report.query), _wrong_answers(report.query))
+
+
+def _print_section(console: Console, title: str, figures: Iterable[Figure], mistakes: Iterable[Mistakes]) -> None:
+    print_table(console, title, ("figure", "value#", "what it says"), (each.cells for each in figures))
+    for each in mistakes:
+        if each.rows:
+            print_table(console, each.title, each.columns, each.rows)
+
+
+# -- objects
+
+
+def _of_objects(scores: ObjectScores) -> Iterator[Figure]:
+    yield from _precision_recall("", scores.labelled, "same label, boxes overlap (IoU > 0.1), centroids within 0.3 m")
+    yield from _precision_recall(" without label", scores.unlabelled, "the same, whatever the label")
+    yield Figure("label accuracy", scores.label_accuracy, "of those in place, the share that is rightly called")
+    yield Figure("centroid error", scores.centroid_error_m, "mean over the right ones", " m")
+    yield Figure("box IoU", scores.iou, "mean over the right ones")
+    yield Figure("objects", scores.countable_objects, "real ones that some image showed well")
+    yield Figure("not judged", scores.ignored_objects, "real ones that no image showed well; finding them is no error")
+
+
+def _precision_recall(suffix: str, scores: PrecisionRecall, right: str) -> Iterator[Figure]:
+    yield Figure(f"F1{suffix}", scores.f1, f"precision and recall in one; right: {right}")
+    yield Figure(f"precision{suffix}", scores.precision, f"{scores.found} right, {scores.false} false")
+    yield Figure(f"recall{suffix}", scores.recall, f"{scores.found} found, {scores.missed} missed")
+
+
+def _wrong_objects(scores: ObjectScores) -> Iterator[Mistakes]:
+    for title, wrong in (("missed", scores.missed), ("false", scores.false)):
+        yield Mistakes(title, ("id", "label", "why"), tuple((each.id, each.label, each.reason) for each in wrong))
+
+
+# -- change
+
+
+def _of_change(section: ChangeSection) -> Iterator[Figure]:
+    recall, reported = section.recall, section.reported
+    for pooling, scores, how in (
+        ("per object", recall.per_object, "mean over changed places"),
+        ("per frame", recall.per_frame, "over all keyframes together"),
+    ):
+        yield Figure(
+            f"detection recall, {pooling}",
+            scores.detection_recall,
+            f"keyframes with a changed thing in view for which the map has it; {how}",
+        )
+        yield Figure(
+            f"change recall, {pooling}", scores.change_recall, "the same, and those with its empty place in view, too"
+        )
+    yield Figure("clean places", recall.clean_share, "emptied places where the map never has the thing after it left")
+    if reported.between is None or reported.overall is None:
+        return
+    yield from _precision_recall(
+        " of changes", reported.overall, f"kind, and place within 0.5 m; {' to '.join(reported.between)}"
+    )
+    for kind, scores_of_kind in (
+        ("appeared", reported.appeared),
+        ("disappeared", reported.disappeared),
+        ("moved", reported.moved),
+    ):
+        if scores_of_kind is not None:
+            counts = f"{scores_of_kind.found} found, {scores_of_kind.missed} missed, {scores_of_kind.false} false"
+            yield Figure(f"F1 {kind}", scores_of_kind.f1, counts)
+    if reported.lenient is not None:
+        yield Figure("F1, lenient", reported.lenient.f1, "a move may be reported as a disappearance and an appearance")
+    yield Figure("static reported", reported.static_reported, "things reported as changed that stand as before")
+
+
+def _wrong_changes(section: ChangeSection) -> Iterator[Mistakes]:
+    places = tuple(
+        (
+            f"{place.object_id} ({', '.join(place.changes)})",
+            f"{place.there_right} / {place.there_samples}",
+            f"{place.empty_right} / {place.empty_samples}",
+        )
+        for place in section.recall.places
+    )
+    yield Mistakes(
+        "changed places: keyframes the map is right about", ("place", "while there#", "while empty#"), places
+    )
+    reported = section.reported
+    missed = tuple(
+        (each.kind, each.object_id, "reported as two changes" if each.reported_as_two else "")
+        for each in reported.missed
+    )
+    yield Mistakes("changes missed", ("what", "id", "but"), missed)
+    false = tuple(
+        (each.kind, each.instance_id, f"{each.unchanged_object} stands as before" if each.unchanged_object else "")
+        for each in reported.false
+    )
+    yield Mistakes("changes falsely reported", ("what", "id", "but"), false)
+    not_shown = tuple((each,) for each in reported.unobservable)
+    yield Mistakes("changes that the images do not show: not judged", ("id",), not_shown)
+
+
+# -- identity
+
+
+def _of_identity(scores: IdentityScores) -> Iterator[Figure]:
+    yield Figure("instances per object", scores.instances_per_object, "1 is perfect: nothing is in the map twice")
+    yield Figure("switches", scores.switches, f"how often one of {scores.static_objects} still things changed its id")
+    yield Figure("relocated, found", scores.relocated_found, "share of moved things that the map has in the new place")
+    yield Figure("relocated, same id", scores.relocated_kept, "share of them that kept their id over the move")
+    yield Figure("stale", len(scores.stale), f"instances held to be there that are gone; {scores.vacated_places} left")
+    yield Figure("IDF1", scores.tracking.idf1, scores.tracking.note or "share of sightings under the right identity")
+    yield Figure("HOTA", scores.tracking.hota, "detection and association in one, over all overlaps")
+    yield Figure("DetA", scores.tracking.det_a, "its detection part")
+    yield Figure("AssA", scores.tracking.ass_a, "its association part")
+
+
+def _wrong_identities(scores: IdentityScores) -> Iterator[Mistakes]:
+    several = tuple((each.object_id, ", ".join(each.instances)) for each in scores.several)
+    yield Mistakes("in the map more than once", ("id", "as"), several)
+    lost = tuple(
+        (each.object_id, "-" if each.distance_m is None else f"{each.distance_m:.2f}", ", ".join(each.instances) or "-")
+        for each in scores.relocated
+        if each.kept is None
+    )
+    yield Mistakes("moved and not known again", ("id", "moved (m)#", "in the new place"), lost)
+    stale = tuple(
+        (each.instance_id, each.object_id, "yes" if each.seen_empty else "no, its place was not in view again")
+        for each in scores.stale
+    )
+    yield Mistakes("stale", ("instance", "was", "could have been seen to be gone"), stale)
+
+
+# -- instances and semantics, on points
+
+
+def _of_instances(scores: InstanceScores) -> Iterator[Figure]:
+    yield Figure("AP", scores.ap, "ScanNet's average precision: label and points right, mean over IoU .50 to .90")
+    yield Figure("AP50", scores.ap50, "the same at IoU .50")
+    yield Figure("AP25", scores.ap25, "the same at IoU .25")
+    yield Figure("AP without label", scores.regardless_ap, "the points right, whatever the label")
+    yield Figure("AP50 without label", scores.regardless_ap50, "the same at IoU .50")
+    yield Figure("AP25 without label", scores.regardless_ap25, "the same at IoU .25")
+
+
+def _poor_instances(scores: InstanceScores) -> Iterator[Mistakes]:
+    poor = tuple(
+        (each.object_id, each.instance_id or "-", f"{each.iou:.2f}", str(each.points))
+        for each in scores.objects
+        if each.iou <= POOR_IOU
+    )
+    yield Mistakes(f"shared points at most {POOR_IOU}", ("object", "best instance", "IoU#", "its points#"), poor)
+
+
+def _of_semantics(scores: SemanticScores) -> Iterator[Figure]:
+    for figures, what in (
+        (scores.without_background, "objects only"),
+        (scores.with_background, f"with background: {', '.join(scores.background_labels)} as one class"),
+    ):
+        suffix = "" if figures is scores.without_background else ", background"
+        yield Figure(f"mIoU{suffix}", figures.miou, f"IoU of labels on 5 cm voxels, mean over labels; {what}")
+        yield Figure(f"f-mIoU{suffix}", figures.fmiou, "the same, labels weighed by their size")
+        yield Figure(f"accuracy{suffix}", figures.accuracy, "share of voxels with the right label")
+        yield Figure(f"mean accuracy{suffix}", figures.mean_accuracy, "the same, mean over labels")
+
+
+def _confusions(scores: SemanticScores) -> Iterator[Mistakes]:
+    rows = tuple((each.true, each.predicted, str(each.voxels)) for each in scores.confusions)
+    yield Mistakes("mostly confused", ("is", "in the map", "voxels#"), rows)
+
+
+# -- questions
+
+
+def _of_answers(scores: AnswerScores) -> Iterator[Figure]:
+    yield Figure("answered right", scores.exact, f"share of {scores.asked} questions with exactly the right things")
+    yield Figure("overlap", scores.jaccard, "shared / all things of answer and truth (Jaccard), mean over questions")
+
+
+def _wrong_answers(scores: AnswerScores) -> Iterator[Mistakes]:
+    rows = tuple((each.text, ", ".join(each.expected) or "nothing", _answered(each)) for each in scores.wrong)
+    yield Mistakes("answered wrong", ("question", "right would be", "the map says"), rows)
+
+
+def _answered(wrong: WrongAnswer) -> str:
+    """The instances, each with what it really is."""
+    if wrong.answered is None:
+        return "(not understood)"
+    pairs = zip(wrong.answered, wrong.answered_objects, strict=True)
+    return ", ".join(f"{instance} (= {thing or 'nothing'})" for instance, thing in pairs) or "nothing"

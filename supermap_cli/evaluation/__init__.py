@@ -1,0 +1,1 @@
+"""How good a map is: the field's metrics, each with its source, against ground truth."""

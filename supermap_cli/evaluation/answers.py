@@ -1,0 +1,88 @@
+"""Questions in plain words, and whether the map names exactly the right things."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from supermap_cli.evaluation.estimate import EstimatedMap
+from supermap_cli.evaluation.known_truth import KnownTruth, known_truth
+from supermap_cli.evaluation.matching import identify
+from supermap_cli.evaluation.shares import mean, share
+from supermap_cli.types.truth import GroundTruth, TrueQuestion
+
+
+@dataclass(frozen=True)
+class WrongAnswer:
+    """A question that was not answered right: the true ids, what was answered, and what that is (`None`: nothing)."""
+
+    text: str
+    expected: tuple[str, ...]
+    answered: tuple[str, ...] | None
+    answered_objects: tuple[str | None, ...]
+    jaccard: float
+
+
+@dataclass(frozen=True)
+class AnswerScores:
+    """`exact` is the share of the `asked` questions whose answer is exactly the right set of things; `jaccard` the mean
+    over them of |right| / |expected or answered|, 1 where nothing is expected and nothing answered.
+
+    An instance stands for the true object that its newest state is (`matching.identify`: by place and time, whatever
+    the label, past places included). An instance that is nothing true, and a second one of the same object, are wrong.
+    Objects that no image showed well (`known_truth`) are neither expected nor wrong; questions that only they answer
+    are `left_out`. A question without an answer, or not understood, is answered wrong. `None` where nothing was asked.
+    """
+
+    exact: float | None
+    jaccard: float | None
+    asked: int
+    left_out: tuple[str, ...]
+    wrong: tuple[WrongAnswer, ...]
+
+
+def score_answers(estimate: EstimatedMap, truth: GroundTruth) -> AnswerScores:
+    """Judge the answers to the truth's questions."""
+    known = known_truth(estimate, truth)
+    countable = {place.object.id for place in known.places if place.countable}
+    fair = [each for each in truth.questions if not each.answer or countable.intersection(each.answer)]
+    object_of = _object_of_instances(estimate, known)
+    answers = {answer.text: answer.ids for answer in estimate.answers if answer.error is None}
+    judged = [_judge(question, answers.get(question.text), object_of, countable) for question in fair]
+    wrong = tuple(each for each in judged if each.answered is None or each.jaccard < 1)
+    return AnswerScores(
+        exact=share(len(judged) - len(wrong), len(judged)),
+        jaccard=mean(each.jaccard for each in judged),
+        asked=len(judged),
+        left_out=tuple(each.text for each in truth.questions if each not in fair),
+        wrong=wrong,
+    )
+
+
+def _object_of_instances(estimate: EstimatedMap, known: KnownTruth) -> dict[str, str]:
+    """Instance -> true object, by the newest of its states that is one."""
+    object_of = {}
+    for instance, states in zip(estimate.objects, identify(estimate, known), strict=True):
+        for state in states:
+            if state is not None:
+                object_of[instance.id] = state.object_id
+    return object_of
+
+
+def _judge(
+    question: TrueQuestion, ids: Sequence[str] | None, object_of: dict[str, str], countable: set[str]
+) -> WrongAnswer:
+    """The answer beside the expected one; right where its Jaccard index is 1 and there is an answer."""
+    expected = countable.intersection(question.answer)
+    objects = [object_of.get(each) for each in ids or ()]
+    counted = Counter(each for each in objects if each is None or each in countable)
+    right = sum(1 for each in counted if each in expected)
+    union = len(expected) + sum(counted.values()) - right
+    return WrongAnswer(
+        text=question.text,
+        expected=tuple(sorted(expected)),
+        answered=None if ids is None else tuple(ids),
+        answered_objects=tuple(objects),
+        jaccard=0.0 if ids is None else right / union if union else 1.0,
+    )

@@ -1,0 +1,204 @@
+"""What the map reports to have changed between its last two traversals, against what did."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from supermap_cli.evaluation.estimate import EstimatedChange, EstimatedMap
+from supermap_cli.evaluation.known_truth import KnownTruth, Place, known_truth
+from supermap_cli.evaluation.matching import identify, match_one_to_one
+from supermap_cli.evaluation.net_changes import NetChange, NetChanges, net_changes
+from supermap_cli.evaluation.shares import PrecisionRecall, precision_recall
+from supermap_cli.geometry.arrays import FloatArray
+from supermap_cli.types.truth import GroundTruth
+
+PLACE_M = 0.5
+"""A change is reported in the right place if its centroids lie within this of the true ones."""
+
+
+@dataclass(frozen=True)
+class MissedChange:
+    """A true change that the map does not report; `reported_as_two`: as a disappearance and an appearance."""
+
+    kind: str
+    object_id: str
+    label: str
+    reported_as_two: bool
+
+
+@dataclass(frozen=True)
+class FalseChange:
+    """A reported change that is none; `unchanged_object` names the true object that stands there as before, if any."""
+
+    kind: str
+    instance_id: str
+    label: str
+    unchanged_object: str | None
+
+
+@dataclass(frozen=True)
+class ChangeScores:
+    """Precision, recall and F1 of reported changes, in the manner of Khronos (Schmid et al., RSS 2024, whose evaluation
+    counts right, false and missed appearances and disappearances of associated objects), with moves as a third kind.
+
+    True changes are the net differences between how objects stand at the last keyframes of the last two mapped
+    traversals, `between`. A reported change is right if its kind is and its centroids lie within 0.5 m of the true ones
+    (moved: both), one-to-one, as many as possible. `overall` and the three kinds are strict: a true move that is
+    reported as a disappearance and an appearance is one missed and two false changes. `lenient` takes such a pair for
+    the move, found.
+
+    Not judged, `unobservable`, are changes that the images do not show: a thing left and its place was not in view
+    afterwards, a thing came and its place had not been in view before, a thing was never shown well. Reports that touch
+    only places of such changes, or of what came and went within the two traversals, are neither right nor wrong.
+    `static_reported` counts false changes of things that stand as they stood. The scores are `None` where the map holds
+    fewer than two traversals.
+    """
+
+    between: tuple[str, str] | None
+    overall: PrecisionRecall | None
+    appeared: PrecisionRecall | None
+    disappeared: PrecisionRecall | None
+    moved: PrecisionRecall | None
+    lenient: PrecisionRecall | None
+    static_reported: int
+    missed: tuple[MissedChange, ...]
+    false: tuple[FalseChange, ...]
+    unobservable: tuple[str, ...]
+
+
+def score_changes(estimate: EstimatedMap, truth: GroundTruth) -> ChangeScores:
+    """Judge the reported changes."""
+    known = known_truth(estimate, truth)
+    if len(known.traversals) < 2:
+        return ChangeScores(None, None, None, None, None, None, 0, (), (), ())
+    changes = net_changes(known)
+    reports = [Report.of(change, estimate) for change in estimate.changes]
+    verdict = _judge(reports, changes)
+    false = _false_rows(verdict.false, _unchanged_instances(estimate, known, changes))
+    return ChangeScores(
+        between=(known.traversals[-2].name, known.traversals[-1].name),
+        overall=verdict.of_kinds("appeared", "disappeared", "moved"),
+        appeared=verdict.of_kinds("appeared"),
+        disappeared=verdict.of_kinds("disappeared"),
+        moved=verdict.of_kinds("moved"),
+        lenient=verdict.lenient(),
+        static_reported=sum(row.unchanged_object is not None for row in false),
+        missed=tuple(
+            MissedChange(each.kind, each.object_id, each.label, each in verdict.as_two) for each in verdict.missed
+        ),
+        false=false,
+        unobservable=tuple(f"{each.object_id} {each.kind}" for each in changes.unobservable),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Report:
+    """A reported change with the ends (3,) that its kind has; what names no place lies where its instance lies."""
+
+    change: EstimatedChange
+    before: FloatArray | None
+    after: FloatArray | None
+
+    @classmethod
+    def of(cls, change: EstimatedChange, estimate: EstimatedMap) -> Report:
+        """Complete a change by the map's instance."""
+        own = next((each.centroid for each in estimate.objects if each.id == change.object_id), None)
+        before = change.position_before if change.position_before is not None else own
+        after = change.position_after if change.position_after is not None else own
+        return cls(
+            change,
+            None if change.kind == "appeared" else before,
+            None if change.kind == "disappeared" else after,
+        )
+
+    def offset_m(self, change: NetChange) -> float:
+        """How far its ends lie from those of a true change of its kind, at most; infinite for another kind."""
+        if self.change.kind != change.kind:
+            return np.inf
+        return max(_distance_m(self.before, change.before), _distance_m(self.after, change.after))
+
+    def touches_only(self, places: Iterable[Place]) -> bool:
+        """Whether each of its ends lies in one of these places."""
+        ends = [end for end in (self.before, self.after) if end is not None]
+        return bool(ends) and all(any(_distance_m(end, place) < PLACE_M for place in places) for end in ends)
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """True changes found and missed, false reports, and those missed moves that were reported as two changes."""
+
+    found: tuple[NetChange, ...]
+    missed: tuple[NetChange, ...]
+    false: tuple[Report, ...]
+    as_two: tuple[NetChange, ...]
+
+    def of_kinds(self, *kinds: str) -> PrecisionRecall:
+        """The strict counts of some kinds of change."""
+        return precision_recall(
+            sum(each.kind in kinds for each in self.found),
+            sum(each.change.kind in kinds for each in self.false),
+            sum(each.kind in kinds for each in self.missed),
+        )
+
+    def lenient(self) -> PrecisionRecall:
+        """The counts if two halves of a move make a move."""
+        halved = len(self.as_two)
+        return precision_recall(len(self.found) + halved, len(self.false) - 2 * halved, len(self.missed) - halved)
+
+
+def _judge(reports: Sequence[Report], changes: NetChanges) -> Verdict:
+    offsets_m = np.array([[report.offset_m(change) for change in changes.judged] for report in reports])
+    offsets_m = offsets_m.reshape(len(reports), len(changes.judged))
+    pairs = match_one_to_one(offsets_m < PLACE_M, 1 - np.minimum(offsets_m / PLACE_M, 1.0))
+    right, found = {row for row, _ in pairs}, {column for _, column in pairs}
+    missed = tuple(each for column, each in enumerate(changes.judged) if column not in found)
+    false = tuple(
+        report
+        for row, report in enumerate(reports)
+        if row not in right and not report.touches_only(changes.unjudged_places)
+    )
+    return Verdict(
+        found=tuple(each for column, each in enumerate(changes.judged) if column in found),
+        missed=missed,
+        false=false,
+        as_two=_moves_as_two(missed, false),
+    )
+
+
+def _moves_as_two(missed: Sequence[NetChange], false: Sequence[Report]) -> tuple[NetChange, ...]:
+    """The missed moves whose old place was reported empty and whose new place filled, each report used once."""
+    left = list(false)
+    as_two = []
+    for change in (each for each in missed if each.kind == "moved"):
+        gone = next((each for each in left if each.offset_m(NetChange(change.before, None)) < PLACE_M), None)
+        came = next((each for each in left if each.offset_m(NetChange(None, change.after)) < PLACE_M), None)
+        if gone is not None and came is not None:
+            as_two.append(change)
+            left.remove(gone)
+            left.remove(came)
+    return tuple(as_two)
+
+
+def _unchanged_instances(estimate: EstimatedMap, known: KnownTruth, changes: NetChanges) -> dict[str, str]:
+    """Instance -> the unchanged true object that one of its states is."""
+    of_instance = {}
+    for instance, states in zip(estimate.objects, identify(estimate, known), strict=True):
+        for state in states:
+            if state is not None and state.object_id in changes.unchanged:
+                of_instance[instance.id] = state.object_id
+    return of_instance
+
+
+def _false_rows(false: Iterable[Report], unchanged: dict[str, str]) -> tuple[FalseChange, ...]:
+    changes = [report.change for report in false]
+    return tuple(FalseChange(each.kind, each.object_id, each.label, unchanged.get(each.object_id)) for each in changes)
+
+
+def _distance_m(end: FloatArray | None, place: Place | None) -> float:
+    """From a reported end to a true one; infinite where one is missing, 0 where neither is."""
+    if end is None or place is None:
+        return 0.0 if end is None and place is None else np.inf
+    return float(np.linalg.norm(end - place.centroid))

@@ -1,0 +1,97 @@
+"""The map under evaluation, as values in the truth's world frame. The metrics see nothing else of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from supermap_cli.geometry.arrays import FloatArray, IntArray, check_shape
+from supermap_cli.geometry.boxes import Box3D
+from supermap_cli.types.memory import Presence
+
+
+@dataclass(frozen=True)
+class EstimatedState:
+    """An instance's stay in one place, as the memory has it: believed there from `first_seen_ns` until `gone_ns`."""
+
+    first_seen_ns: int
+    last_seen_ns: int
+    gone_ns: int | None
+    empty_before_ns: int | None
+    centroid: FloatArray
+    box: Box3D
+    label: str
+
+    def believed_at(self, stamp_ns: int) -> bool:
+        """Whether the memory holds, asked afterwards, that it stood there at that time."""
+        return self.first_seen_ns <= stamp_ns and (self.gone_ns is None or stamp_ns < self.gone_ns)
+
+
+@dataclass(frozen=True)
+class EstimatedObservation:
+    """One detection that the map gave to an instance: when, and where it saw it (3,)."""
+
+    stamp_ns: int
+    centroid: FloatArray
+
+
+@dataclass(frozen=True)
+class EstimatedObject:
+    """One instance of the map. `confidence` in [0, 1] ranks instances (AP needs it); `points` (n, 3) are the centres of
+    its occupied voxels, in its present or last place; `states` and `observations` are in the order of time.
+    """
+
+    id: str
+    label: str
+    presence: Presence
+    confidence: float
+    centroid: FloatArray
+    box: Box3D
+    points: FloatArray
+    states: tuple[EstimatedState, ...]
+    observations: tuple[EstimatedObservation, ...]
+
+    def __post_init__(self) -> None:
+        check_shape("centroid", self.centroid, (3,))
+        check_shape("points", self.points, (None, 3))
+
+    def state_at(self, stamp_ns: int) -> EstimatedState | None:
+        """Where the memory holds that it stood at a time; the newest state counts where two do."""
+        return next((state for state in reversed(self.states) if state.believed_at(stamp_ns)), None)
+
+
+@dataclass(frozen=True)
+class EstimatedChange:
+    """A change that the map reports between two traversals: kind appeared, disappeared or moved."""
+
+    kind: str
+    object_id: str
+    label: str
+    position_before: FloatArray | None
+    position_after: FloatArray | None
+    distance_m: float | None
+
+
+@dataclass(frozen=True)
+class EstimatedAnswer:
+    """What the map answers to one of the truth's questions: instance ids; none, and why, where it is not understood."""
+
+    text: str
+    ids: tuple[str, ...]
+    error: str | None = None
+
+
+@dataclass(frozen=True)
+class EstimatedMap:
+    """All that the metrics need of a map, laid over the truth.
+
+    `objects` are all believed instances, present or absent (doubted ones are left out). `keyframes_ns` (k,) are the
+    stamps of all mapped images, of all traversals; `alignment_rmse_m` says how well the robot's way in the map fits its
+    true way after the alignment, by traversal.
+    """
+
+    objects: tuple[EstimatedObject, ...]
+    changes: tuple[EstimatedChange, ...]
+    answers: tuple[EstimatedAnswer, ...]
+    keyframes_ns: IntArray
+    T_world_map: FloatArray
+    alignment_rmse_m: dict[str, float]

@@ -1,0 +1,167 @@
+"""Is one thing one thing? Doubles, switches, what kept its identity when it moved, and what stays on as a ghost."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from supermap_cli.evaluation.estimate import EstimatedMap
+from supermap_cli.evaluation.known_truth import KnownTruth, known_truth
+from supermap_cli.evaluation.matching import Identified, closeness, identify
+from supermap_cli.evaluation.shares import mean, share
+from supermap_cli.evaluation.switches import Switch, observers_of_static_objects, switches
+from supermap_cli.evaluation.tracking import TrackingScores, score_tracking
+from supermap_cli.types.truth import GroundTruth
+
+
+@dataclass(frozen=True)
+class ObjectInstances:
+    """A true object that is not exactly one instance."""
+
+    object_id: str
+    label: str
+    instances: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Relocated:
+    """An object that moved: which instances stand at its new place, and the one that also stood at the old one."""
+
+    object_id: str
+    label: str
+    distance_m: float | None
+    instances: tuple[str, ...]
+    kept: str | None
+
+
+@dataclass(frozen=True)
+class Stale:
+    """A present instance in a place that its object has left; `seen_empty`: a keyframe afterwards had it in view."""
+
+    instance_id: str
+    label: str
+    object_id: str
+    seen_empty: bool
+
+
+@dataclass(frozen=True)
+class IdentityScores:
+    """Who is who over time; which instance is which true object says `matching.identify`, whatever the labels.
+
+    - `instances_per_object`: the mean number of instances, present or not, that are one countable object at some time,
+      over the `found_objects` that are at least one; `several` lists those that are more, `never_found` the others.
+    - `switches`: of static objects (that stood in one place all the time), how often consecutive keyframes with
+      observations of an object give it to different instances (the IDSW of MOTChallenge, Leal-Taixe et al. 2015; which
+      object an observation shows says `switches.observers_of_static_objects`). `static_objects` were observed.
+    - relocated objects are those of the truth's moves whose both places images showed well: `relocated_found` is the
+      share that some instance is in the new place, `relocated_kept` the share that one and the same instance is in both
+      places. `None` where nothing moved.
+    - `stale`: present instances at the end that are near no standing object (`Closeness.near`) but near a place that an
+      object has left; `stale_share` is their share of all present instances, `None` where there are none.
+      `vacated_places` counts the well-shown places that are empty at the end and were in view since.
+    - `tracking`: IDF1 and HOTA.
+    """
+
+    instances_per_object: float | None
+    found_objects: int
+    several: tuple[ObjectInstances, ...]
+    never_found: tuple[ObjectInstances, ...]
+    switches: int
+    static_objects: int
+    switched: tuple[Switch, ...]
+    relocated_found: float | None
+    relocated_kept: float | None
+    relocated: tuple[Relocated, ...]
+    stale_share: float | None
+    vacated_places: int
+    stale: tuple[Stale, ...]
+    tracking: TrackingScores
+
+
+def score_identity(estimate: EstimatedMap, truth: GroundTruth) -> IdentityScores:
+    """Follow all identities through the map's time."""
+    known = known_truth(estimate, truth)
+    identified = identify(estimate, known)
+    objects = _instances_of_objects(estimate, known, identified)
+    found = [each for each in objects if each.instances]
+    observers = observers_of_static_objects(estimate, known, identified)
+    switched = switches(observers)
+    relocated = _relocated(estimate, truth, known, identified)
+    stale = _stale(estimate, known)
+    return IdentityScores(
+        instances_per_object=mean(len(each.instances) for each in found),
+        found_objects=len(found),
+        several=tuple(each for each in found if len(each.instances) > 1),
+        never_found=tuple(each for each in objects if not each.instances),
+        switches=len(switched),
+        static_objects=len(observers),
+        switched=switched,
+        relocated_found=share(sum(bool(each.instances) for each in relocated), len(relocated)),
+        relocated_kept=share(sum(each.kept is not None for each in relocated), len(relocated)),
+        relocated=relocated,
+        stale_share=share(len(stale), sum(each.presence == "present" for each in estimate.objects)),
+        vacated_places=sum(_seen_empty(k, known) for k, place in enumerate(known.places) if place.countable),
+        stale=stale,
+        tracking=score_tracking(estimate, known),
+    )
+
+
+def _instances_of_objects(
+    estimate: EstimatedMap, known: KnownTruth, identified: Sequence[Sequence[Identified | None]]
+) -> list[ObjectInstances]:
+    """Every countable object with all instances that are it at some time."""
+    labels = {place.object.id: place.object.label for place in known.places if place.countable}
+    instances: dict[str, list[str]] = {object_id: [] for object_id in labels}
+    for instance, states in zip(estimate.objects, identified, strict=True):
+        for object_id in {state.object_id for state in states if state is not None}:
+            if object_id in instances:
+                instances[object_id].append(instance.id)
+    return [ObjectInstances(each, labels[each], tuple(ids)) for each, ids in instances.items()]
+
+
+def _relocated(
+    estimate: EstimatedMap,
+    truth: GroundTruth,
+    known: KnownTruth,
+    identified: Sequence[Sequence[Identified | None]],
+) -> tuple[Relocated, ...]:
+    """Every true move between two places that images showed well."""
+    mapped = {traversal.name for traversal in known.traversals}
+    touched = [frozenset[int]().union(*(state.places for state in states if state)) for states in identified]
+    rows = []
+    for change in truth.changes:
+        old = known.place_of(change.object_id, change.from_state)
+        new = known.place_of(change.object_id, change.to_state)
+        if change.kind != "moved" or old is None or new is None or not mapped.issuperset(change.between):
+            continue
+        if known.places[old].countable and known.places[new].countable:
+            there = [each.id for each, places in zip(estimate.objects, touched, strict=True) if new in places]
+            both = [each.id for each, places in zip(estimate.objects, touched, strict=True) if {old, new} <= places]
+            label = known.places[new].object.label
+            kept = both[0] if both else None
+            rows.append(Relocated(change.object_id, label, change.distance_m, tuple(there), kept))
+    return tuple(rows)
+
+
+def _stale(estimate: EstimatedMap, known: KnownTruth) -> tuple[Stale, ...]:
+    present = [each for each in estimate.objects if each.presence == "present"]
+    near = closeness(present, known.places).near
+    standing = np.isin(np.arange(len(known.places)), known.standing)
+    rows = []
+    for instance, row in zip(present, near, strict=True):
+        left = np.flatnonzero(row & ~standing)
+        if len(left) and not (row & standing).any():
+            newest = int(left[-1])
+            place = known.places[newest]
+            rows.append(Stale(instance.id, instance.label, place.object.id, _seen_empty(newest, known)))
+    return tuple(rows)
+
+
+def _seen_empty(place: int, known: KnownTruth) -> bool:
+    """Whether an object has left a place, and a keyframe since then had it in view."""
+    until_ns = known.places[place].state.until_ns
+    if until_ns is None or place in known.standing:
+        return False
+    return bool(known.in_view_empty[place, known.stamps_ns >= until_ns].any())

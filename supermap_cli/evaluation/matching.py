@@ -1,0 +1,119 @@
+"""Who is who: which estimated thing is which true one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from supermap_cli.evaluation.estimate import EstimatedMap, EstimatedState
+from supermap_cli.evaluation.known_truth import KnownTruth
+from supermap_cli.geometry.arrays import BoolArray, FloatArray
+from supermap_cli.geometry.boxes import Box3D, box_iou
+
+MATCH_IOU = 0.1
+MATCH_DISTANCE_M = 0.3
+
+
+class Placed(Protocol):
+    """Whatever stands somewhere: an instance, one of its states, a true place."""
+
+    @property
+    def centroid(self) -> FloatArray:
+        """(3,) metres in the world."""
+
+    @property
+    def box(self) -> Box3D:
+        """Its box in the world."""
+
+
+@dataclass(frozen=True)
+class Closeness:
+    """How n estimated things lie to m true ones: `iou` (n, m) of their boxes, `distance_m` (n, m) of their centroids.
+
+    `near` (n, m) is the gate that all matching shares: IoU > `MATCH_IOU` and distance < `MATCH_DISTANCE_M`.
+    """
+
+    iou: FloatArray
+    distance_m: FloatArray
+
+    @property
+    def near(self) -> BoolArray:
+        """(n, m): close enough to be the same thing in the same place."""
+        gate: BoolArray = (self.iou > MATCH_IOU) & (self.distance_m < MATCH_DISTANCE_M)
+        return gate
+
+
+def closeness(estimated: Sequence[Placed], true: Sequence[Placed]) -> Closeness:
+    """Compare all pairs."""
+    iou = np.array([[box_iou(one.box, other.box) for other in true] for one in estimated], np.float64)
+    offsets = centroids(estimated)[:, None, :] - centroids(true)[None, :, :]
+    rounded_off = np.minimum(iou, 1.0).reshape(len(estimated), len(true))
+    return Closeness(rounded_off, np.linalg.norm(offsets, axis=2))
+
+
+def centroids(things: Sequence[Placed]) -> FloatArray:
+    """The centroids (n, 3) of n things."""
+    return np.array([each.centroid for each in things], np.float64).reshape(-1, 3)
+
+
+def same_label(first: str, second: str) -> bool:
+    """Whether two labels are one, whatever their case."""
+    return first.casefold() == second.casefold()
+
+
+def label_agreement(estimated: Sequence[str], true: Sequence[str]) -> BoolArray:
+    """(n, m): which labels are the same."""
+    agrees = np.array([[same_label(one, other) for other in true] for one in estimated], dtype=bool)
+    return agrees.reshape(len(estimated), len(true))
+
+
+def match_one_to_one(allowed: BoolArray, preference: FloatArray) -> tuple[tuple[int, int], ...]:
+    """The one-to-one pairs (row, column) among the allowed ones (n, m): as many as possible, and among those
+    assignments the one with the greatest sum of `preference` (n, m) in [0, 1] (Kuhn 1955, by scipy).
+    """
+    from scipy.optimize import linear_sum_assignment  # noqa: PLC0415 - heavy
+
+    if not allowed.any():
+        return ()
+    more_than_all_preferences = min(allowed.shape) + 1
+    gain = np.where(allowed, more_than_all_preferences + preference, 0.0)
+    rows, columns = linear_sum_assignment(gain, maximize=True)
+    return tuple((int(r), int(c)) for r, c in zip(rows, columns, strict=True) if allowed[r, c])
+
+
+@dataclass(frozen=True)
+class Identified:
+    """What one state of an instance is: a true object, in one or more of its places (positions in `places`)."""
+
+    object_id: str
+    places: frozenset[int]
+
+
+def identify(estimate: EstimatedMap, known: KnownTruth) -> tuple[tuple[Identified | None, ...], ...]:
+    """For every instance, what each of its states is; `None` where nothing true stood there then.
+
+    A state is the object whose place it is near (`Closeness.near`, whatever the label) and that stood there at some
+    time between the state's first and last sight; among several the one with the greatest IoU. What the map went on
+    believing after it last saw the thing does not count here.
+    """
+    return tuple(_identify(each.states, known) for each in estimate.objects)
+
+
+def _identify(states: Sequence[EstimatedState], known: KnownTruth) -> tuple[Identified | None, ...]:
+    close = closeness(states, known.places)
+    near = close.near
+    for row, state in enumerate(states):
+        for k in np.flatnonzero(near[row]):
+            near[row, k] = known.places[k].overlaps(state.first_seen_ns, state.last_seen_ns)
+    return tuple(_identified(near[row], close.iou[row], known) for row in range(len(states)))
+
+
+def _identified(near: BoolArray, iou: FloatArray, known: KnownTruth) -> Identified | None:
+    if not near.any():
+        return None
+    best = known.places[int(np.argmax(np.where(near, iou, -1.0)))].object.id
+    places = frozenset(int(k) for k in np.flatnonzero(near) if known.places[k].object.id == best)
+    return Identified(best, places)

@@ -1,0 +1,96 @@
+"""Lays a map over the truth: where the map frame stands in the world, by the robot's true way.
+
+Both frames are level, so that the motion between them has four degrees of freedom: a turn about the vertical and a
+translation, fitted in closed form by least squares (Umeyama 1991, without scale, in the plane). Beside the base's
+position a point one metre ahead of it and one to its left take part: a robot that hardly moved leaves no turn open.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from supermap_cli.errors import EvaluationError
+from supermap_cli.geometry.arrays import FloatArray
+from supermap_cli.geometry.se3 import make_transform, transform_points
+from supermap_cli.geometry.trajectory import Trajectory
+from supermap_cli.memory.reading import MapReader
+from supermap_cli.types.sensing import StampedPose
+from supermap_cli.types.truth import GroundTruth, TrueTraversal
+
+MAX_GAP_S = 1.0
+"""Between true poses farther apart than this nothing is interpolated."""
+
+LEVER_M = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
+"""Points of the base that are fitted: its origin, one ahead, one to the left."""
+
+
+@dataclass(frozen=True)
+class Overlay:
+    """`T_world_map` (4, 4), and by traversal the root mean square distance of its keyframes from their true places."""
+
+    T_world_map: FloatArray
+    rmse_m: dict[str, float]
+
+
+def lay_over_truth(reader: MapReader, truth: GroundTruth) -> Overlay:
+    """Fit the keyframes of all traversals to the true poses at their stamps; those outside the truth's time are left
+    out.
+
+    Raises `EvaluationError` where no keyframe lies in the truth's time.
+    """
+    ways = {each.name: way for each in reader.traversals if (way := _true_and_mapped(reader, each.id, truth))}
+    if not ways:
+        raise EvaluationError(
+            "no keyframe of the map lies in the time of this truth, which belongs to another recording",
+            where=str(reader.path),
+            cure="give the truth that was made with the recordings in the map",
+        )
+    T_world_base, T_map_base = (np.concatenate(poses) for poses in zip(*ways.values(), strict=True))
+    T_world_map = fit_level(_levers(T_map_base), _levers(T_world_base))
+    return Overlay(T_world_map, {name: _rmse_m(T_world_map, *way) for name, way in ways.items()})
+
+
+def fit_level(source: FloatArray, target: FloatArray) -> FloatArray:
+    """`T_target_source` (4, 4), a turn about z and a shift, that brings points (n, 3) nearest to others (n, 3)."""
+    low, high = source.mean(axis=0), target.mean(axis=0)
+    (x, y), (u, v) = (source - low)[:, :2].T, (target - high)[:, :2].T
+    yaw = np.arctan2((x * v - y * u).sum(), (x * u + y * v).sum())
+    R = np.array([[np.cos(yaw), -np.sin(yaw), 0], [np.sin(yaw), np.cos(yaw), 0], [0, 0, 1]])
+    return make_transform(R, high - R @ low)
+
+
+def _true_and_mapped(reader: MapReader, traversal_id: int, truth: GroundTruth) -> tuple[FloatArray, FloatArray] | None:
+    """True (n, 4, 4) and mapped (n, 4, 4) poses of those keyframes that some traversal of the truth knows."""
+    stamps_ns, T_map_base = reader.poses(traversal_id)
+    found = [
+        (T_world_base[known], T_map_base[known])
+        for each in truth.traversals
+        for T_world_base, known in [_true_way(each).at_many(stamps_ns)]
+        if known.any()
+    ]
+    if not found:
+        return None
+    world, mapped = zip(*found, strict=True)
+    return np.concatenate(world), np.concatenate(mapped)
+
+
+def _true_way(traversal: TrueTraversal) -> Trajectory:
+    def poses() -> Iterator[StampedPose]:
+        for stamp_ns, T_world_base in zip(traversal.stamps_ns.tolist(), traversal.T_world_base, strict=True):
+            yield StampedPose(stamp_ns, T_world_base)
+
+    return Trajectory(poses(), max_gap_s=MAX_GAP_S, hold_s=0.0)
+
+
+def _levers(T: FloatArray) -> FloatArray:
+    """The points of the base that are fitted, (3 n, 3), for poses (n, 4, 4)."""
+    points: FloatArray = np.einsum("nij,kj->nki", T[:, :3, :3], LEVER_M) + T[:, None, :3, 3]
+    return points.reshape(-1, 3)
+
+
+def _rmse_m(T_world_map: FloatArray, T_world_base: FloatArray, T_map_base: FloatArray) -> float:
+    off = transform_points(T_world_map, T_map_base[:, :3, 3]) - T_world_base[:, :3, 3]
+    return float(np.sqrt((off**2).sum(axis=1).mean()))

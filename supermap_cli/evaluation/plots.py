@@ -1,0 +1,169 @@
+"""Pictures of an evaluation: the map over the truth seen from above, and what changed over time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from supermap_cli.errors import EvaluationError
+from supermap_cli.evaluation.change_recall import Beliefs, changed_places
+from supermap_cli.evaluation.estimate import EstimatedMap
+from supermap_cli.evaluation.known_truth import KnownTruth, Place, known_truth
+from supermap_cli.evaluation.objects import ObjectScores
+from supermap_cli.geometry.arrays import FloatArray, IntArray
+from supermap_cli.geometry.boxes import Box3D
+from supermap_cli.types.truth import GroundTruth, TrueTraversal
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+GOOD, MISSED, FALSE, IGNORED = "#1a7f4b", "#d97706", "#c1121f", "#8a8a8a"
+WAY, WALL = "#7aa6d8", "#b8b8b8"
+ROW_IN = 0.26
+
+
+def draw(path: Path, estimate: EstimatedMap, truth: GroundTruth, scores: ObjectScores, *, what: Sequence[str]) -> None:
+    """Write a picture (.png, .svg or .pdf) of what is asked for: "map", "change", or both below each other, as far as
+    anything changed.
+
+    `scores` says who is who at the map's end.
+
+    Raises `EvaluationError` where the file cannot be written.
+    """
+    known = known_truth(estimate, truth)
+    changed = list(changed_places(known, truth))
+    if not changed and "map" in what:
+        what = ["map"]
+    heights = {"map": 7.0, "change": 1.2 + ROW_IN * max(len(changed), 1)}
+    figure = _figure((10.0, sum(heights[each] for each in what)))
+    panels = figure.subplots(len(what), squeeze=False, height_ratios=[heights[each] for each in what])[:, 0]
+    for panel, each in zip(panels, what, strict=True):
+        if each == "map":
+            _draw_map(panel, estimate, truth, scores)
+        else:
+            _draw_changes(panel, estimate, known, changed)
+    try:
+        figure.savefig(path, dpi=130)
+    except (OSError, ValueError) as error:
+        raise EvaluationError(
+            f"the picture cannot be written: {error}", where=str(path), cure="name a .png, .svg or .pdf file"
+        ) from error
+
+
+def _figure(size_in: tuple[float, float]) -> Figure:
+    """A figure that needs no display and leaves pyplot's state alone."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg  # noqa: PLC0415 - keeps start-up light
+    from matplotlib.figure import Figure  # noqa: PLC0415
+
+    figure = Figure(figsize=size_in, layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+# -- seen from above
+
+
+def _draw_map(panel: Axes, estimate: EstimatedMap, truth: GroundTruth, scores: ObjectScores) -> None:
+    walls = [each.points_world[:, :2] for each in truth.surfaces if each.label in {"wall", "door", "window"}]
+    if walls:
+        x, y = np.concatenate(walls).T
+        panel.scatter(x, y, s=0.3, color=WALL, linewidths=0, rasterized=True)
+    for traversal in truth.traversals:
+        panel.plot(*traversal.T_world_base[:, :2, 3].T, color=WAY, lw=0.8, zorder=1)
+    right = {each.object_id for each in scores.matched}
+    missed = {each.id for each in scores.missed}
+    for true in truth.objects:
+        state = true.state_at(int(estimate.keyframes_ns[-1]))
+        if true.kind == "object" and state is not None:
+            colour = GOOD if true.id in right else MISSED if true.id in missed else IGNORED
+            _outline(panel, state.box, colour, style="--", text=true.id if true.id in missed else "")
+    right = {each.instance_id for each in scores.matched}
+    false = {each.id for each in scores.false}
+    for each in estimate.objects:
+        if each.presence == "present":
+            colour = GOOD if each.id in right else FALSE if each.id in false else IGNORED
+            _outline(panel, each.box, colour, style="-", text=each.id, filled=True)
+    kinds = [("right", GOOD, "-"), ("its true box", GOOD, "--"), ("missed", MISSED, "--"), ("false", FALSE, "-")]
+    _explain(panel, [*kinds, ("hardly shown: not judged", IGNORED, "--"), ("the robot's true way", WAY, "-")])
+    panel.set(aspect="equal", xlabel="x (m)", ylabel="y (m)", title=f"The map over the truth: {truth.scenario}")
+
+
+def _outline(panel: Axes, box: Box3D, colour: str, *, style: str, text: str, filled: bool = False) -> None:
+    corners = np.vstack([box.footprint(), box.footprint()[:1]])
+    if filled:
+        panel.fill(*corners.T, color=colour, alpha=0.15, lw=0)
+    panel.plot(*corners.T, color=colour, ls=style, lw=1.0)
+    if text:
+        x, y, _ = box.center
+        panel.text(x, y, text, fontsize=5, ha="center", va="center", color=colour, zorder=4)
+
+
+# -- over time
+
+
+class TimeAxis:
+    """Sensor time on paper: the traversals side by side in seconds, with a gap for the time between them."""
+
+    def __init__(self, traversals: Sequence[TrueTraversal]) -> None:
+        lengths_s = [(each.end_ns - each.start_ns) / 1e9 for each in traversals]
+        starts_s = np.cumsum([0.0, *(length_s + 0.04 * sum(lengths_s) for length_s in lengths_s)])[:-1]
+        self.spans = [
+            (each.start_ns, each.end_ns, float(start_s)) for each, start_s in zip(traversals, starts_s, strict=True)
+        ]
+
+    def at(self, stamps_ns: IntArray) -> FloatArray:
+        """Where stamps (n,) within the traversals stand on paper (n,)."""
+        seconds = np.full(len(stamps_ns), np.nan)
+        for start_ns, end_ns, start_s in self.spans:
+            within = (stamps_ns >= start_ns) & (stamps_ns <= end_ns)
+            seconds[within] = start_s + (stamps_ns[within] - start_ns) / 1e9
+        return seconds
+
+    def bars(self, since_ns: int | None, until_ns: int | None) -> list[tuple[float, float]]:
+        """An interval as (start, length) bars in seconds on paper, one for each traversal it touches."""
+        bars = []
+        for start_ns, end_ns, start_s in self.spans:
+            low_ns = start_ns if since_ns is None else max(since_ns, start_ns)
+            high_ns = end_ns if until_ns is None else min(until_ns, end_ns)
+            if low_ns < high_ns:
+                bars.append((start_s + (low_ns - start_ns) / 1e9, (high_ns - low_ns) / 1e9))
+        return bars
+
+
+def _draw_changes(panel: Axes, estimate: EstimatedMap, known: KnownTruth, changed: Sequence[int]) -> None:
+    """A row for each changed place: the truth above; below it where the map holds it to be there, and every keyframe
+    that had the place in view, which is where `change_recall` asks: green where the map is right, red where not.
+    """
+    axis, beliefs = TimeAxis(known.traversals), Beliefs(estimate, known)
+    seconds = axis.at(known.stamps_ns)
+    for row, k in enumerate(changed):
+        place, believed = known.places[k], beliefs.there(k)
+        panel.broken_barh(axis.bars(place.state.since_ns, place.state.until_ns), (row - 0.4, 0.35), color=GOOD)
+        panel.plot(seconds[believed], np.full(believed.sum(), row + 0.15), "s", ms=1.5, color=WAY)
+        there, empty = known.in_view_with_object[k], known.in_view_empty[k]
+        right, wrong = (there & believed) | (empty & ~believed), (there & ~believed) | (empty & believed)
+        for asked, colour in ((right, GOOD), (wrong, FALSE)):
+            panel.plot(seconds[asked], np.full(asked.sum(), row + 0.3), "|", ms=5, color=colour)
+    for traversal, (start_ns, end_ns, start_s) in zip(known.traversals, axis.spans, strict=True):
+        panel.axvspan(start_s, start_s + (end_ns - start_ns) / 1e9, color="#f3f3f3", zorder=0)
+        panel.text(start_s, -0.95, f" {traversal.name}", fontsize=7, va="center")
+    panel.set_yticks(range(len(changed)), [_row_name(known.places[k]) for k in changed], fontsize=7)
+    panel.set(ylim=(max(len(changed), 1) - 0.4, -1.3), xlabel="time within the traversals (s)")
+    panel.set_title("What changed: when it stood where, and what the map holds")
+    kinds = [("stands there", GOOD, "-"), ("the map holds it to be there", WAY, "s")]
+    _explain(panel, [*kinds, ("in view: the map is right", GOOD, "|"), ("in view: the map is wrong", FALSE, "|")])
+
+
+def _row_name(place: Place) -> str:
+    """The object, and which of its places it is, where it has several."""
+    return place.object.id + (f", place {place.index + 1}" if len(place.object.states) > 1 else "")
+
+
+def _explain(panel: Axes, entries: Sequence[tuple[str, str, str]]) -> None:
+    """A legend of (text, colour, style) beside the panel; the style is that of a line, or a marker."""
+    handles = [panel.plot([], [], style, color=colour, label=text)[0] for text, colour, style in entries]
+    panel.legend(handles=handles, fontsize=7, loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False)

@@ -1,0 +1,160 @@
+"""A map as the metrics see it: what the memory holds and answers, laid over the truth."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from supermap_cli.errors import QueryError
+from supermap_cli.evaluation.estimate import (
+    EstimatedAnswer,
+    EstimatedChange,
+    EstimatedMap,
+    EstimatedObject,
+    EstimatedObservation,
+    EstimatedState,
+)
+from supermap_cli.evaluation.overlay import lay_over_truth
+from supermap_cli.geometry.arrays import FloatArray, IntArray
+from supermap_cli.geometry.boxes import Box3D
+from supermap_cli.geometry.se3 import transform_points
+from supermap_cli.mapping.voxel_map import voxel_map_from_cloud
+from supermap_cli.memory import open_store
+from supermap_cli.memory.reading import MapReader
+from supermap_cli.memory.values import StoredInstance
+from supermap_cli.query.diff import diff
+from supermap_cli.query.resolution import answer, label_in
+from supermap_cli.query.views import Vector
+from supermap_cli.truth_file import read_truth
+from supermap_cli.types.memory import StateRecord
+from supermap_cli.types.truth import GroundTruth
+
+CHANGES = ("appeared", "disappeared", "moved")
+"""What of a diff says that the world changed; the rest is what stayed, or what nobody can tell."""
+
+
+def read_map(db: str, truth_path: Path) -> tuple[EstimatedMap, GroundTruth]:
+    """A map database, laid over its truth.
+
+    Raises `TruthError` or `MemoryStoreError` for what cannot be read, `EvaluationError` where the two do not match.
+    """
+    truth = read_truth(truth_path)
+    with open_store(db, read_only=True) as store, store.reader() as reader:
+        return read_estimate(reader, truth), truth
+
+
+def read_estimate(reader: MapReader, truth: GroundTruth) -> EstimatedMap:
+    """All that the metrics need of a map, in the truth's world frame; answers and changes come by the same ways as for
+    `supermap query` and `supermap diff`.
+
+    Raises `EvaluationError` where map and truth do not belong together.
+    """
+    overlay = lay_over_truth(reader, truth)
+    to_world = ToWorld(overlay.T_world_map)
+    return EstimatedMap(
+        objects=tuple(_object(reader, each, to_world) for each in reader.believed),
+        changes=_changes(reader, to_world),
+        answers=tuple(_answer(reader, each.text) for each in truth.questions),
+        keyframes_ns=_keyframes_ns(reader),
+        T_world_map=overlay.T_world_map,
+        alignment_rmse_m=overlay.rmse_m,
+    )
+
+
+@dataclass(frozen=True)
+class ToWorld:
+    """Brings what stands in the map frame into the world; the two differ by a turn about z and a translation."""
+
+    T_world_map: FloatArray
+
+    def points(self, points_map: FloatArray) -> FloatArray:
+        """Points (n, 3)."""
+        return transform_points(self.T_world_map, points_map)
+
+    def point(self, point_map: FloatArray) -> FloatArray:
+        """One point (3,)."""
+        return self.points(point_map[None]).reshape(3)
+
+    def box(self, box_map: Box3D) -> Box3D:
+        """An upright box."""
+        turn = float(np.arctan2(self.T_world_map[1, 0], self.T_world_map[0, 0]))
+        return Box3D(self.point(box_map.center), box_map.size, box_map.yaw + turn)
+
+
+def _object(reader: MapReader, instance: StoredInstance, to_world: ToWorld) -> EstimatedObject:
+    return EstimatedObject(
+        id=instance.id,
+        label=instance.label,
+        presence=instance.presence,
+        confidence=_confidence(instance),
+        centroid=to_world.point(instance.centroid_map),
+        box=to_world.box(instance.box),
+        points=to_world.points(_solid_points(reader, instance)),
+        states=tuple(_state(each, label_in(instance, each), to_world) for each in instance.states),
+        observations=tuple(
+            EstimatedObservation(each.stamp_ns, to_world.point(each.centroid_map))
+            for each in reader.observations(instance)
+        ),
+    )
+
+
+def _confidence(instance: StoredInstance) -> float:
+    """The probability that it is real and what its label says."""
+    exists = 1 / (1 + np.exp(-instance.existence_log_odds))
+    return float(exists * instance.label_belief.get(instance.label, 0.0))
+
+
+def _solid_points(reader: MapReader, instance: StoredInstance) -> FloatArray:
+    """(n, 3) centres of the voxels that the map takes for the object's, in the map frame."""
+    voxels = voxel_map_from_cloud(reader.voxels(instance))
+    solid = voxels.solid()
+    return voxels.centers()[solid] if solid.any() else voxels.centers()
+
+
+def _state(state: StateRecord, label: str, to_world: ToWorld) -> EstimatedState:
+    return EstimatedState(
+        first_seen_ns=state.first_seen_ns,
+        last_seen_ns=state.last_seen_ns,
+        gone_ns=state.gone_ns,
+        empty_before_ns=state.empty_before_ns,
+        centroid=to_world.point(state.centroid_map),
+        box=to_world.box(state.box),
+        label=label,
+    )
+
+
+def _changes(reader: MapReader, to_world: ToWorld) -> tuple[EstimatedChange, ...]:
+    """What the map says of the change between its last two traversals."""
+    if len(reader.traversals) < 2:
+        return ()
+
+    def place(position: Vector | None) -> FloatArray | None:
+        return None if position is None else to_world.point(np.array(position))
+
+    return tuple(
+        EstimatedChange(
+            kind=each.kind,
+            object_id=each.id,
+            label=each.label,
+            position_before=place(each.position_before),
+            position_after=place(each.position_after),
+            distance_m=each.distance_m if each.kind == "moved" else None,
+        )
+        for each in diff(reader).changes
+        if each.kind in CHANGES
+    )
+
+
+def _answer(reader: MapReader, text: str) -> EstimatedAnswer:
+    try:
+        found = answer(text, reader)
+    except QueryError as error:
+        return EstimatedAnswer(text, (), str(error))
+    return EstimatedAnswer(text, tuple(each.id for each in found.instances))
+
+
+def _keyframes_ns(reader: MapReader) -> IntArray:
+    stamps_ns = [reader.poses(each.id)[0] for each in reader.traversals]
+    return np.sort(np.concatenate([*stamps_ns, np.zeros(0, np.int64)]))

@@ -1,0 +1,65 @@
+"""All scores of one map, as they leave the program."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass, field
+from typing import Literal, get_args
+
+from supermap_cli.evaluation.answers import AnswerScores, score_answers
+from supermap_cli.evaluation.change_recall import ChangeRecallScores, score_change_recall
+from supermap_cli.evaluation.changes import ChangeScores, score_changes
+from supermap_cli.evaluation.estimate import EstimatedMap
+from supermap_cli.evaluation.identity import IdentityScores, score_identity
+from supermap_cli.evaluation.instances import InstanceScores, score_instances
+from supermap_cli.evaluation.objects import ObjectScores, score_objects
+from supermap_cli.evaluation.semantics import SemanticScores, score_semantics
+from supermap_cli.types.truth import GroundTruth
+
+Section = Literal["map", "change", "identity", "instances", "semantics", "query"]
+SECTIONS: tuple[Section, ...] = get_args(Section)
+OPTIONAL = {"optional": True}
+
+
+@dataclass(frozen=True)
+class ChangeSection:
+    """The paper's recall of changed objects, and what the map reports as changed (as Khronos counts it)."""
+
+    recall: ChangeRecallScores
+    reported: ChangeScores
+
+
+@dataclass(frozen=True)
+class Report:
+    """The scores asked for. `alignment_rmse_m`: how far, by traversal, the robot's way in the map is off its true way
+    once the map is laid over the truth.
+    """
+
+    scenario: str
+    seed: int
+    alignment_rmse_m: dict[str, float]
+    map: ObjectScores | None = field(default=None, metadata=OPTIONAL)
+    change: ChangeSection | None = field(default=None, metadata=OPTIONAL)
+    identity: IdentityScores | None = field(default=None, metadata=OPTIONAL)
+    instances: InstanceScores | None = field(default=None, metadata=OPTIONAL)
+    semantics: SemanticScores | None = field(default=None, metadata=OPTIONAL)
+    query: AnswerScores | None = field(default=None, metadata=OPTIONAL)
+
+
+def score(estimate: EstimatedMap, truth: GroundTruth, sections: Collection[Section] = SECTIONS) -> Report:
+    """Score a map in the sections asked for."""
+    return Report(
+        scenario=truth.scenario,
+        seed=truth.seed,
+        alignment_rmse_m=estimate.alignment_rmse_m,
+        map=score_objects(estimate, truth) if "map" in sections else None,
+        change=_change(estimate, truth) if "change" in sections else None,
+        identity=score_identity(estimate, truth) if "identity" in sections else None,
+        instances=score_instances(estimate, truth) if "instances" in sections else None,
+        semantics=score_semantics(estimate, truth) if "semantics" in sections else None,
+        query=score_answers(estimate, truth) if "query" in sections else None,
+    )
+
+
+def _change(estimate: EstimatedMap, truth: GroundTruth) -> ChangeSection:
+    return ChangeSection(score_change_recall(estimate, truth), score_changes(estimate, truth))

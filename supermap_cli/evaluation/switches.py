@@ -1,0 +1,120 @@
+"""Identity switches: which instance the observations of a true object belong to, along its keyframes."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from supermap_cli.evaluation.estimate import EstimatedMap, EstimatedObject
+from supermap_cli.evaluation.known_truth import KnownTruth, Place
+from supermap_cli.evaluation.matching import Identified, centroids
+from supermap_cli.geometry.arrays import BoolArray, FloatArray, IntArray
+from supermap_cli.geometry.boxes import Box3D
+
+REACH_M = 0.15
+"""An observation is of a true object if its centroid lies within the object's box, enlarged by this on every side."""
+
+Observers = dict[str, dict[int, list[str]]]
+"""True object -> keyframe -> the instances that observed it then, the nearest observation first."""
+
+
+@dataclass(frozen=True)
+class Switch:
+    """At a keyframe, a static object's observations come from another instance than before."""
+
+    object_id: str
+    stamp_ns: int
+    before: str
+    after: str
+
+
+def switches(observers: Observers) -> tuple[Switch, ...]:
+    """Every change of instance along an object's keyframes; while the last instance goes on observing, none."""
+    found = []
+    for object_id, at in observers.items():
+        current: str | None = None
+        for stamp_ns, instances in at.items():
+            if current in instances:
+                continue
+            if current is not None:
+                found.append(Switch(object_id, stamp_ns, current, instances[0]))
+            current = instances[0]
+    return tuple(found)
+
+
+def observers_of_static_objects(
+    estimate: EstimatedMap, known: KnownTruth, identified: Sequence[Sequence[Identified | None]]
+) -> Observers:
+    """Who observed those objects that stood in one place all the time, and when.
+
+    An observation is of the object that its instance's state then is (`identified`), if it lies within reach of that
+    object's box, else of the object standing then with the nearest centroid among those within reach.
+    """
+    static = _static_objects(known)
+    seen: dict[str, dict[int, list[tuple[float, str]]]] = defaultdict(lambda: defaultdict(list))
+    for instance, states in zip(estimate.objects, identified, strict=True):
+        points, stamps_ns = _observations(instance)
+        own = _own_object(instance, states, stamps_ns)
+        for k, row in _observed_places(points, stamps_ns, own, known):
+            place = known.places[row]
+            if place.object.id in static:
+                distance_m = float(np.linalg.norm(place.centroid - points[k]))
+                seen[place.object.id][int(stamps_ns[k])].append((distance_m, instance.id))
+    return {
+        object_id: {stamp_ns: [instance_id for _, instance_id in sorted(at[stamp_ns])] for stamp_ns in sorted(at)}
+        for object_id, at in sorted(seen.items())
+    }
+
+
+def _static_objects(known: KnownTruth) -> set[str]:
+    stays: dict[str, list[Place]] = defaultdict(list)
+    for place in known.places:
+        stays[place.object.id].append(place)
+    return {each for each, places in stays.items() if len(places) == 1 and not places[0].object.motions}
+
+
+def _observations(instance: EstimatedObject) -> tuple[FloatArray, IntArray]:
+    """Where (n, 3) and when (n,) an instance was observed."""
+    points = np.array([each.centroid for each in instance.observations], np.float64).reshape(-1, 3)
+    return points, np.array([each.stamp_ns for each in instance.observations], np.int64)
+
+
+def _own_object(
+    instance: EstimatedObject, states: Sequence[Identified | None], stamps_ns: IntArray
+) -> list[str | None]:
+    """The true object that an instance is at each of these times."""
+    own: list[str | None] = [None] * len(stamps_ns)
+    for state, what in zip(instance.states, states, strict=True):
+        for k in np.flatnonzero((state.first_seen_ns <= stamps_ns) & (stamps_ns <= state.last_seen_ns)):
+            own[k] = what.object_id if what is not None else None
+    return own
+
+
+def _observed_places(
+    points: FloatArray, stamps_ns: IntArray, own: Sequence[str | None], known: KnownTruth
+) -> list[tuple[int, int]]:
+    """Pairs (observation, place) of those n observations that are of some object."""
+    if not len(points) or not known.places:
+        return []
+    fits = within([place.box for place in known.places], points, REACH_M) & known.present_at(stamps_ns).T
+    ids = [place.object.id for place in known.places]
+    is_own = fits & np.array([[each == one for each in ids] for one in own], dtype=bool)
+    candidates = np.where(is_own.any(axis=1, keepdims=True), is_own, fits)
+    distances_m = np.linalg.norm(points[:, None] - centroids(known.places)[None], axis=2)
+    nearest = np.argmin(np.where(candidates, distances_m, np.inf), axis=1)
+    return [(int(k), int(nearest[k])) for k in np.flatnonzero(candidates.any(axis=1))]
+
+
+def within(boxes: Sequence[Box3D], points: FloatArray, reach_m: float) -> BoolArray:
+    """Whether points (n, 3) lie within boxes (p) enlarged by `reach_m` on every side: (n, p)."""
+    yaw = np.array([box.yaw for box in boxes])
+    offsets = points[:, None, :] - np.array([box.center for box in boxes])[None]
+    c, s = np.cos(yaw), np.sin(yaw)
+    along = np.stack(
+        [c * offsets[..., 0] + s * offsets[..., 1], c * offsets[..., 1] - s * offsets[..., 0], offsets[..., 2]], axis=2
+    )
+    inside: BoolArray = (np.abs(along) <= np.array([box.size for box in boxes]) / 2 + reach_m).all(axis=2)
+    return inside

@@ -1,0 +1,57 @@
+"""What of the truth a map can be held to."""
+
+from dataclasses import replace
+
+import numpy as np
+
+import evaluated as e
+from supermap_cli.evaluation.known_truth import known_truth
+
+
+def test_an_empty_keyframe_list_knows_nothing():
+    truth = e.still_life()
+    known = known_truth(replace(e.perfect_map(truth), keyframes_ns=np.zeros(0, np.int64)), truth)
+    assert (known.traversals, known.end_ns, known.places, known.standing) == ((), None, (), ())
+    assert known.visible.shape == known.present.shape == (0, 0)
+
+
+def test_a_traversal_that_was_not_mapped_is_left_out_with_all_that_began_later():
+    truth = e.two_days()
+    known = known_truth(replace(e.perfect_map(truth), keyframes_ns=truth.traversals[0].stamps_ns), truth)
+    assert [each.name for each in known.traversals] == ["monday"]
+    assert {known.places[k].object.id for k in known.standing} == {"chair-1", "table-1", "plant-1", "bag-1"}
+    assert all(place.object.id != "cart-1" for place in known.places)
+
+
+def test_an_object_is_countable_once_an_image_shows_it_well_where_it_stands():
+    objects = (
+        e.thing("cup-1", e.stay((0, 0, 0))),
+        e.thing("pen-1", e.stay((1, 0, 0))),
+        e.thing("jar-1", e.stay((2, 0, 0))),
+    )
+
+    def look(object_id, state, second):
+        if object_id == "cup-1":
+            return e.Sight(pixels=99 if second < 4 else 100)
+        return e.Sight(pixels=99) if object_id == "pen-1" else e.Sight(visible=0.1)
+
+    truth = e.world(objects, [e.traversal("monday", 0, 9, objects, look)])
+    known = known_truth(e.empty_map(truth), truth)
+    assert [place.well_seen_ns for place in known.places] == [e.ns(4), None, None]
+    assert known.in_view_with_object.sum(axis=1).tolist() == [6, 0, 0]
+
+
+def test_keyframes_take_the_nearest_image_within_50_ms():
+    truth = e.still_life()
+    stamps_ns = np.array([e.ns(2) + 40_000_000, e.ns(5) - 60_000_000, e.ns(7)])
+    known = known_truth(replace(e.perfect_map(truth), keyframes_ns=stamps_ns), truth)
+    assert known.stamps_ns.tolist() == [stamps_ns[0], stamps_ns[2]]
+
+
+def test_a_place_is_empty_before_and_after_its_object_stands_there():
+    truth = e.two_days()
+    known = known_truth(e.empty_map(truth), truth)
+    plant, cart = known.place_of("plant-1", 0), known.place_of("cart-1", 0)
+    assert known.in_view_empty[plant].tolist() == [False] * 10 + [True] * 10
+    assert known.in_view_empty[cart].tolist() == [True] * 10 + [False] * 10
+    assert known.place_of("plant-1", None) is None
