@@ -1,6 +1,6 @@
 # The front door: `make demo` and `make test` need nothing but python3 (3.11 to 3.13), git and make.
 #
-#   make demo     set up, then run the main job on two small recordings: build, query, diff
+#   make demo     set up, then simulate two recordings of one place, build, query, diff and evaluate
 #   make test     set up, then everything CI checks: format, lint, types, imports, tests
 #   make setup    only set up: .venv with SuperMap and its tools
 #   make lint     ruff, mypy --strict, import-linter       make format   let ruff format and fix
@@ -77,43 +77,10 @@ wheel: $(INSTALLED)
 
 # -- showing
 
-SUPERMAP := SUPERMAP_DB=demo/office.db $(BIN)/supermap
-show = @echo; echo '$$ supermap $(1)'; $(SUPERMAP) $(1)
-
-demo: $(INSTALLED) demo/monday.mcap demo/tuesday.mcap
-	@rm -f demo/office.db demo/office.db-wal demo/office.db-shm
+demo: $(INSTALLED)
+	@PATH="$$PWD/$(BIN):$$PATH" supermap demo --folder demo
 	@echo
-	@echo "Two recordings of one simulated office, a day apart: colour, depth, odometry and recorded detections."
-	@echo "All that follows goes into one database, demo/office.db (SUPERMAP_DB)."
-	@echo
-	@echo "1. Is there all that a build needs?"
-	$(call show,inspect demo/monday.mcap)
-	@echo
-	@echo "2. Both recordings become one memory with two traversals."
-	$(call show,build demo/monday.mcap demo/tuesday.mcap)
-	@echo
-	@echo "3. Questions, and what an answer rests on. A thing that is not there is an answer, too."
-	$(call show,query "cup on the table")
-	$(call show,query "how many chairs in monday")
-	$(call show,query "piano")
-	@echo
-	@echo "4. What changed? On Tuesday one cup is gone, a chair has moved to a corner, and a suitcase has come."
-	$(call show,diff)
-	@echo
-	@echo "Try next:"
-	@echo "  export SUPERMAP_DB=demo/office.db PATH=\"\$$PWD/$(BIN):\$$PATH\""
-	@echo "  supermap show                        everything in the map now"
-	@echo "  supermap show dining-table-1         all about one object, with its relations"
-	@echo "  supermap query \"cup in monday\" --json"
-	@echo "  supermap inspect your-own.mcap       what a build would use of your recording"
-	@echo "The README goes on from here: \"Five minutes to an answer on your own bag\"."
-
-demo/monday.mcap: VISIT := 1
-demo/tuesday.mcap: VISIT := 2
-demo/%.mcap: tests/synthetic_room.py tests/room_messages.py | $(INSTALLED)
-	@mkdir -p demo
-	@echo "Rendering $@ ..."
-	@$(BIN)/python tests/synthetic_room.py $@ --visit $(VISIT)
+	@echo "(supermap lies in $(BIN): export PATH=\"\$$PWD/$(BIN):\$$PATH\")"
 
 clean:
 	rm -rf $(VENV) build dist demo .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache *.egg-info

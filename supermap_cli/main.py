@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from typing import Annotated
 
 import typer
 
-from supermap_cli.commands import build, db, diff, history, inspect, plugins, query, show
+from supermap_cli.commands import build, db, demo, diff, evaluate, history, inspect, plugins, query, show, simulate
 from supermap_cli.commands.from_plugins import CommandGroup
 from supermap_cli.errors import SupermapError
 from supermap_cli.version import __version__
@@ -48,13 +49,15 @@ def make_app() -> typer.Typer:
     ) -> None:
         """Turn a robot's recording into a 4D memory, and ask it."""
 
-    for command in (build, inspect, query, show, history, diff, plugins, db):
+    for command in (build, inspect, query, show, history, diff, simulate, evaluate, demo, plugins, db):
         command.register(app)
     return app
 
 
 def main() -> None:
     """Run the command line; a `SupermapError` becomes one line on stderr and exit code 1."""
+    # Before numpy is loaded: waking OpenBLAS's threads for (n, 3) arrays takes far longer than what they compute.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:
         make_app()()
     except SupermapError as error:

@@ -26,6 +26,7 @@ OWN = {
 READ_AT_RUN_TIME = [
     ("supermap_cli.mapping", "class_sizes.toml"),
     ("supermap_cli.query", "synonyms.toml"),
+    ("supermap_cli.simulation.detection", "look_alikes.toml"),
     ("supermap_onnx", "coco80.txt"),
     ("supermap_schema.json_schemas", "answer.schema.json"),
     ("supermap_schema.json_schemas", "definitions.json"),
@@ -40,8 +41,9 @@ def normal(distribution: str) -> str:
 
 
 def declared() -> set[str]:
-    """The distributions that the project depends on."""
-    return {normal(re.split(r"[<>=!~;\[ ]", line)[0]) for line in PROJECT["project"]["dependencies"]}
+    """The distributions that the project depends on, those that it can do without among them."""
+    lines = [*PROJECT["project"]["dependencies"], *PROJECT["project"]["optional-dependencies"]["eval"]]
+    return {normal(re.split(r"[<>=!~;\[ ]", line)[0]) for line in lines}
 
 
 def imported() -> set[str]:

@@ -16,7 +16,11 @@ from supermap_cli.config import UserConfig
 from supermap_cli.main import make_app
 
 CHECKOUT = Path(__file__).resolve().parents[1]
-DOCUMENTS = ("README.md", "ARCHITECTURE.md", "CHANGELOG.md", "examples/supermap-example-detector/README.md")
+DOCUMENTS = (
+    *("README.md", "ARCHITECTURE.md", "CHANGELOG.md"),
+    *("examples/supermap-example-detector/README.md", "examples/simulated_office/README.md"),
+    "examples/simulated_office/run.sh",
+)
 COMMANDS = re.compile(r"^(?:\$ |    )?supermap (.+)$", re.MULTILINE)
 
 

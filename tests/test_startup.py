@@ -11,7 +11,7 @@ import pytest
 
 import kitchen
 
-HEAVY = ("open3d", "onnxruntime", "cv2", "rosbags", "kiss_icp", "scipy")
+HEAVY = ("open3d", "onnxruntime", "cv2", "rosbags", "kiss_icp", "scipy", "matplotlib", "trackeval")
 
 RUN_AND_TELL = f"""
 import sys
@@ -53,7 +53,10 @@ def db(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.parametrize(
     "arguments",
-    [("--version",), ("--help",), ("build", "--help"), ("query", "--help"), ("db", "--help"), ("plugins",)],
+    [
+        *(("--version",), ("--help",), ("plugins",)),
+        *((command, "--help") for command in ("build", "query", "simulate", "eval", "demo", "db")),
+    ],
     ids=" ".join,
 )
 def test_help_and_plugins_import_nothing_heavy(arguments):
