@@ -2,6 +2,7 @@
 #
 #   make demo     set up, then simulate two recordings of one place, build, query, diff and evaluate
 #   make test     set up, then everything CI checks: format, lint, types, imports, tests
+#   make benchmark   simulate, build and score the worlds of the README's table; SEEDS=1,2,3, WORLDS=folder
 #   make setup    only set up: .venv with SuperMap and its tools
 #   make lint     ruff, mypy --strict, import-linter       make format   let ruff format and fix
 #   make wheel    build dist/*.whl                         make clean    remove what make made
@@ -18,7 +19,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup demo test lint format wheel clean
+.PHONY: help setup demo benchmark test lint format wheel clean
 
 help:
 	@sed -n 's/^#   //p' Makefile
@@ -81,6 +82,14 @@ demo: $(INSTALLED)
 	@PATH="$$PWD/$(BIN):$$PATH" supermap demo --folder demo
 	@echo
 	@echo "(supermap lies in $(BIN): export PATH=\"\$$PWD/$(BIN):\$$PATH\")"
+
+# -- measuring
+
+WORLDS ?= worlds
+SEEDS ?= 1,2,3
+
+benchmark: $(INSTALLED)
+	@$(BIN)/supermap eval benchmark --seeds $(SEEDS) --keep $(WORLDS)
 
 clean:
 	rm -rf $(VENV) build dist demo .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache *.egg-info

@@ -1,0 +1,205 @@
+"""`supermap eval benchmark`: simulated worlds of several seeds, built and scored: one table of all figures."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from supermap_cli.commands.common import JsonOption, err, out, print_json
+from supermap_cli.commands.tables import print_table
+from supermap_cli.errors import EvaluationError
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from supermap_cli.evaluation.report import Report
+
+EXAMPLES = """
+Examples:
+
+    supermap eval benchmark
+
+    supermap eval benchmark office --seeds 1,2 --keep worlds --json
+"""
+SCENARIOS = ("office", "office-twice", "panorama")
+TRUTH = "truth.json"
+MAP = "benchmark.db"
+
+
+@dataclass(frozen=True)
+class BenchmarkFigure:
+    """One line of the table: its values by seed, in the order of the seeds, and their mean over the worlds that gave
+    occasion for it; `None` where none did.
+    """
+
+    name: str
+    values: tuple[float | None, ...]
+    mean: float | None
+
+
+@dataclass(frozen=True)
+class BenchmarkTable:
+    """All figures of one scenario, a column for each seed."""
+
+    scenario: str
+    seeds: tuple[int, ...]
+    figures: tuple[BenchmarkFigure, ...]
+
+
+@dataclass(frozen=True)
+class Benchmark:
+    """The whole table."""
+
+    tables: tuple[BenchmarkTable, ...]
+
+
+def benchmark(
+    scenarios: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="SCENARIO...", help="What to simulate. [default: office office-twice panorama]"),
+    ] = None,
+    seeds: Annotated[str, typer.Option(metavar="N,N,...", help="Which worlds of each.")] = "1,2,3",
+    keep: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR",
+            help="Where the worlds are kept, and used again if they are there already. [default: nowhere]",
+            show_default=False,
+        ),
+    ] = None,
+    json: JsonOption = False,
+) -> None:
+    """Simulate worlds, build and score each, and print all figures with their means: the table in the README.
+
+    Kept worlds take up to 1 GB each and are what their seed says only as long as the simulator stays the same; the maps
+    in them (benchmark.db) are built anew.
+    """
+    from supermap_cli.query.views import to_document  # noqa: PLC0415 - keeps start-up light
+
+    chosen = parse_seeds(seeds)
+    tables = []
+    with _workplace(keep) as folder:
+        for scenario in scenarios or SCENARIOS:
+            reports = [_scored(scenario, seed, folder / scenario / str(seed)) for seed in chosen]
+            tables.append(BenchmarkTable(scenario, chosen, tabulate(reports)))
+            if not json:
+                _print(out(), tables[-1])
+    if json:
+        print_json(to_document(Benchmark(tuple(tables))))
+
+
+def parse_seeds(text: str) -> tuple[int, ...]:
+    """`"1,2,3"` -> (1, 2, 3). Raises `EvaluationError` for anything else."""
+    parts = [part.strip() for part in text.split(",")]
+    if not all(part.isascii() and part.isdigit() for part in parts):
+        raise EvaluationError(f"--seeds {text!r} is not understood", cure="write --seeds 1,2,3")
+    return tuple(dict.fromkeys(map(int, parts)))
+
+
+def tabulate(reports: Sequence[Report]) -> tuple[BenchmarkFigure, ...]:
+    """The figures of several worlds, by name, in the order of the first world that has them."""
+    columns = [dict(_figures(report)) for report in reports]
+    names = dict.fromkeys(name for column in columns for name in column)
+    return tuple(_figure(name, [column.get(name) for column in columns]) for name in names)
+
+
+def _figure(name: str, values: Sequence[float | None]) -> BenchmarkFigure:
+    known = [value for value in values if value is not None]
+    mean = sum(known) / len(known) if known else None
+    rounded = tuple(None if value is None else round(value, 4) for value in values)
+    return BenchmarkFigure(name, rounded, None if mean is None else round(mean, 4))
+
+
+def _figures(report: Report) -> Iterator[tuple[str, float | None]]:
+    """The figures that say how good a map is, in the words of the design's targets."""
+    if report.map is not None:
+        yield "objects: F1", report.map.labelled.f1
+        yield "objects: precision", report.map.labelled.precision
+        yield "objects: recall", report.map.labelled.recall
+        yield "objects: F1 without label", report.map.unlabelled.f1
+        yield "objects: box IoU of the right ones", report.map.iou
+        yield "objects: people left in the map", len(report.map.people)
+    if report.instances is not None:
+        yield "instances: AP", report.instances.ap
+        yield "instances: AP50", report.instances.ap50
+        yield "instances: AP25", report.instances.ap25
+    if report.semantics is not None:
+        yield "semantics: mIoU, objects only", report.semantics.without_background.miou
+        yield "semantics: mIoU, with background", report.semantics.with_background.miou
+        yield "semantics: f-mIoU, with background", report.semantics.with_background.fmiou
+        yield "semantics: accuracy, with background", report.semantics.with_background.accuracy
+    if report.identity is not None:
+        yield "identity: instances per object", report.identity.instances_per_object
+        yield "identity: switches of static objects", report.identity.switches
+        yield "identity: relocated, found", report.identity.relocated_found
+        yield "identity: relocated, same id", report.identity.relocated_kept
+        yield "identity: stale objects", len(report.identity.stale)
+        yield "identity: IDF1", report.identity.tracking.idf1
+        yield "identity: HOTA", report.identity.tracking.hota
+    if report.change is not None:
+        recall, reported = report.change.recall, report.change.reported
+        yield "change: detection recall, per object", recall.per_object.detection_recall
+        yield "change: change recall, per object", recall.per_object.change_recall
+        yield "change: detection recall, per frame", recall.per_frame.detection_recall
+        yield "change: change recall, per frame", recall.per_frame.change_recall
+        overall = reported.overall
+        yield "change: precision of the diff", None if overall is None else overall.precision
+        yield "change: recall of the diff", None if overall is None else overall.recall
+        yield "change: F1 of the diff", None if overall is None else overall.f1
+    if report.query is not None:
+        yield "questions answered exactly right", report.query.exact
+    yield "odometry: way off its true way (m)", max(report.alignment_rmse_m.values(), default=None)
+
+
+def _scored(scenario: str, seed: int, folder: Path) -> Report:
+    """Simulate a world, unless it is there, build it, and score it."""
+    from supermap_cli.commands.build import build_all, request  # noqa: PLC0415 - keeps start-up light
+    from supermap_cli.commands.simulate import detector_errors, simulate_scenario  # noqa: PLC0415
+    from supermap_cli.config import BuildConfig  # noqa: PLC0415
+    from supermap_cli.evaluation.reading import read_map  # noqa: PLC0415
+    from supermap_cli.evaluation.report import score  # noqa: PLC0415
+    from supermap_cli.truth_file import read_truth  # noqa: PLC0415
+
+    if not (folder / TRUTH).is_file():
+        simulate_scenario(scenario, folder, seed, None, detector_errors([], perfect=False), overwrite=False)
+    truth, db = read_truth(folder / TRUTH), folder / MAP
+    if (truth.scenario, truth.seed) != (scenario, seed):
+        raise EvaluationError(
+            f"this is {truth.scenario}, seed {truth.seed}, not {scenario}, seed {seed}",
+            where=str(folder / TRUTH),
+            cure="name another folder with --keep",
+        )
+    for old in (db, *folder.glob(f"{MAP}-*"), *folder.glob(f"{MAP}.*")):
+        old.unlink(missing_ok=True)
+    recordings, config = [folder / each.recording for each in truth.traversals], BuildConfig()
+    for summary in build_all(recordings, config, request(config, None, None), str(db), name=None, align="auto"):
+        err().print(f"{scenario}, seed {seed}: built {summary.traversal} in {summary.total_s:.0f} s", markup=False)
+    return score(*read_map(str(db), folder / TRUTH))
+
+
+@contextmanager
+def _workplace(keep: Path | None) -> Iterator[Path]:
+    """The folder to keep, or a temporary one."""
+    if keep is not None:
+        yield keep
+        return
+    with tempfile.TemporaryDirectory(prefix="supermap-") as folder:
+        yield Path(folder)
+
+
+def _print(console: Console, table: BenchmarkTable) -> None:
+    columns = (table.scenario, *(f"seed {seed}#" for seed in table.seeds), "mean#")
+    rows = ((figure.name, *map(_cell, figure.values), _cell(figure.mean)) for figure in table.figures)
+    print_table(console, "", columns, rows)
+
+
+def _cell(value: float | None) -> str:
+    if value is None:
+        return "-"
+    return str(value) if isinstance(value, int) else f"{value:.3f}"
