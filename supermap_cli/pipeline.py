@@ -268,7 +268,9 @@ class TraversalBuild:
             if len(records) == self.config.keyframes.batch:
                 yield self._take_batch(records, edges)
                 records, edges = [], {}
-        if records:
+        if self.tally.keyframes:
+            self.engine.leave()
+            self._relate(keyframe.stamp_ns, edges)
             yield self._take_batch(records, edges)
 
     def _map(
@@ -288,12 +290,16 @@ class TraversalBuild:
         with self.clock.stage("map"):
             self.engine.integrate(look, detections, track_ids)
         with self.clock.stage("graph"):
-            for edge in self.graph.update(self._nodes(), self.engine.touched, keyframe.stamp_ns):
-                edges[edge.subject, edge.relation, edge.object, edge.since_ns] = edge
+            self._relate(keyframe.stamp_ns, edges)
         with self.clock.stage("record"):
             record = self._record(keyframe, detected=detections is not None)
             self.engine.free_space.recall(self.traversal_number, record)
         return record
+
+    def _relate(self, stamp_ns: int, edges: dict[tuple[int, str, int, int], SpatialEdge]) -> None:
+        """Bring the scene graph up to date about what has changed."""
+        for edge in self.graph.update(self._nodes(), self.engine.touched, stamp_ns):
+            edges[edge.subject, edge.relation, edge.object, edge.since_ns] = edge
 
     def _with_masks(self, frame: CameraFrame, detections: Detections) -> Detections:
         if any(mask is None for mask in detections.masks):

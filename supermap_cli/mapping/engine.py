@@ -27,7 +27,6 @@ from supermap_cli.mapping.fusion import (
     fuse_points,
 )
 from supermap_cli.mapping.lifting import LiftedDetection, is_truncated, lift
-from supermap_cli.mapping.motion import ANIMATE
 from supermap_cli.mapping.objects import MapObject, ObjectMap
 from supermap_cli.mapping.pair_evidence import PairEvidence
 from supermap_cli.mapping.recall import RecallModel, ScoreModel, something_score
@@ -35,6 +34,7 @@ from supermap_cli.mapping.transitions import Transitions
 from supermap_cli.mapping.visibility import ObjectView, look_at
 from supermap_cli.types.detections import Detections, TrackPrior
 from supermap_cli.types.keyframe import Keyframe
+from supermap_cli.types.labels import ANIMATE
 from supermap_cli.types.memory import MapDelta, Observation
 
 STRONG_SCORE = 0.3
@@ -118,6 +118,12 @@ class MappingEngine:
         self._lose_animate(stamp_ns)
         self._confirm()
         self._merge(matched, stamp_ns)
+        self._forget()
+
+    def leave(self) -> None:
+        """The traversal ends: what moves by itself is believed to be nowhere from now on."""
+        self.turns.touched.clear()
+        self._lose_animate(None)
         self._forget()
 
     def take_changes(self) -> MapDelta:
@@ -286,10 +292,14 @@ class MappingEngine:
         elif view.observable_share >= lifecycle.OBSERVABLE_SHARE:
             fuse_geometry(seen, view)
 
-    def _lose_animate(self, stamp_ns: int) -> None:
-        """What moves by itself is believed in only while it is seen: nobody saw it go, but nothing keeps it there."""
+    def _lose_animate(self, stamp_ns: int | None) -> None:
+        """What moves by itself is believed in only while it is seen: nobody saw it go, but nothing keeps it there.
+
+        `None`: nobody looks any more.
+        """
         for each in self.objects:
-            if each.present and each.label in ANIMATE and stamp_ns - each.last_seen_ns > ANIMATE_MEMORY_NS:
+            lost = stamp_ns is None or stamp_ns - each.last_seen_ns > ANIMATE_MEMORY_NS
+            if lost and each.present and each.label in ANIMATE:
                 each.existence = min(each.existence, lifecycle.FORGET_LOG_ODDS)
 
     # -- lifecycle

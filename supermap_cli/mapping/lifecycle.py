@@ -10,10 +10,10 @@ from scipy.optimize import linear_sum_assignment
 
 from supermap_cli.mapping.belief import LabelBelief
 from supermap_cli.mapping.lifting import LiftedDetection
-from supermap_cli.mapping.motion import ANIMATE
 from supermap_cli.mapping.objects import MapObject, ObjectMap, OpenState
 from supermap_cli.mapping.visibility import ObjectView
 from supermap_cli.mapping.voxel_map import FINEST_VOXEL_M, VoxelMap
+from supermap_cli.types.labels import ANIMATE
 
 BIRTH_LOG_ODDS = -1.0
 """Before its first detection a thing is more likely not there."""

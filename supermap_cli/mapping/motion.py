@@ -8,9 +8,6 @@ import numpy as np
 
 from supermap_cli.geometry.arrays import FloatArray
 
-ANIMATE = frozenset({"person", "people", "pedestrian", "man", "woman", "child", "dog", "cat", "bird"})
-"""Classes that move by themselves: one that stands still is still no part of the room."""
-
 RECENT = 4
 """Sightings that decide whether something moves now."""
 

@@ -25,6 +25,7 @@ from supermap_cli.query.views import (
     traversal_view,
     vector,
 )
+from supermap_cli.types.labels import ANIMATE
 from supermap_cli.types.memory import StateRecord, TemporalEdge
 
 ChangeKind = Literal[
@@ -109,11 +110,13 @@ class Verdict:
 def diff(reader: MapReader, first: str | None = None, second: str | None = None) -> Diff:
     """Compare two traversals by name or number, in the order of time; without names the two newest.
 
-    With one name: the newest traversal against it. Raises `QueryError` where there are not two, or for unknown names.
+    With one name: the newest traversal against it. Who walked by has not changed the place. Raises `QueryError` where
+    there are not two, or for unknown names.
     """
     before, after = _choose(reader, first, second)
     comparison = Comparison(reader, before, after)
-    found = [change for each in reader.believed if (change := comparison.change(each)) is not None]
+    things = (each for each in reader.believed if each.label not in ANIMATE)
+    found = [change for each in things if (change := comparison.change(each)) is not None]
     found.sort(key=lambda change: KINDS.index(change.kind))
     tally = Counter(change.kind for change in found)
     return Diff(traversal_view(before), traversal_view(after), {kind: tally[kind] for kind in KINDS}, tuple(found))

@@ -95,3 +95,12 @@ def test_objects_within_reach_are_those_whose_bounds_are() -> None:
     for number, x in ((1, 1.0), (2, 2.0), (3, 4.0)):
         objects.add(an_object(number, (x, 0, 0)))
     assert [each.number for each in objects.within(np.zeros(3), 1.95)] == [1, 2]
+
+
+@pytest.mark.parametrize("yaw", [0.0, 0.35, -0.7])
+def test_two_sides_seen_of_a_thing_in_a_corner_give_its_own_heading(yaw: float) -> None:
+    front, side = filled((0.6, 0.02, 1.2), 0, (0, -0.3, 0)), filled((0.02, 0.6, 1.2), 0, (0.3, 0, 0))
+    c, z = np.cos(yaw), np.sin(yaw)
+    box = upright_box(np.concatenate([front, side]) @ np.array([[c, z, 0], [-z, c, 0], [0, 0, 1]]), 0.02)
+    np.testing.assert_allclose(box.size[:2], 0.62, atol=0.04)
+    assert abs(np.sin(2 * (box.yaw - yaw))) < 0.08

@@ -157,3 +157,19 @@ def test_a_person_who_was_last_seen_long_ago_has_left_though_nobody_looked() -> 
     run.pause(3)
     run.walk(s.ROOM, 1, target=(1.6, 4, 0.8))
     assert run.standing("person") == []
+
+
+def test_a_person_in_the_last_image_is_not_left_standing_when_the_traversal_ends() -> None:
+    run = s.Run()
+    run.walk((*s.ROOM, s.PERSON))
+    assert run.standing("person")
+    run.engine.leave()
+    assert run.standing("person") == []
+    assert "present" not in [each.presence for each in run.take().instances]
+
+
+def test_a_chair_in_the_last_image_is() -> None:
+    run = s.Run()
+    run.walk(CHAIR_WORLD)
+    run.engine.leave()
+    assert run.standing("chair")

@@ -150,3 +150,10 @@ def test_one_traversal_cannot_be_compared(tmp_path: Path) -> None:
         pytest.raises(QueryError, match="holds only 'monday'"),
     ):
         diff(reader)
+
+
+def test_who_walked_by_has_not_changed_the_place(tmp_path: Path) -> None:
+    states = (m.state(1, 0, (1, 5), gone=8),)
+    assert verdict(tmp_path / "chair.db", states, (SEEN, LOOKED)) is not None
+    person = m.instance(1, "person", seen=(1, 5))
+    assert verdict(tmp_path / "person.db", states, (SEEN, LOOKED), person) is None

@@ -1,0 +1,6 @@
+"""What labels say by themselves."""
+
+from __future__ import annotations
+
+ANIMATE = frozenset({"person", "people", "pedestrian", "man", "woman", "child", "dog", "cat", "bird"})
+"""Classes that move by themselves: one that stands still is still no part of the room."""
