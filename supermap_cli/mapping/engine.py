@@ -339,8 +339,9 @@ class MappingEngine:
             for each in self.objects
             if each.confirmed and each.present and each.state.index == 0 and each.first_seen_ns > lost_ns
         ]
+        standing = [each for each in self.objects if each.confirmed and each.present and each.first_seen_ns <= lost_ns]
         taken = set()
-        for match in lifecycle.relocations(gone, found):
+        for match in lifecycle.relocations(gone, found, standing):
             if turned.isdisjoint((match.gone, match.found)):
                 continue
             old, new = self.objects[match.gone], self.objects[match.found]

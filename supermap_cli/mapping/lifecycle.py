@@ -126,6 +126,10 @@ RELOCATION_MARGIN = 1.0
 """Log ratio (odds of 2.7) by which one explanation must beat all others before an identity is carried over."""
 
 
+OTHERS_WEIGHT = 4.0
+"""How many times likelier one more of a kind is than a thing that moved, for each of its kind that stands by."""
+
+
 @dataclass(frozen=True)
 class Relocation:
     """An object seen to be gone, and a new one that may be it: `probability` among all that were considered."""
@@ -136,16 +140,22 @@ class Relocation:
     certain: bool
 
 
-def relocations(gone: Iterable[MapObject], found: Iterable[MapObject]) -> list[Relocation]:
+def relocations(
+    gone: Iterable[MapObject], found: Iterable[MapObject], standing: Iterable[MapObject] = ()
+) -> list[Relocation]:
     """Match things that are gone with things that turned up: an assignment over all pairs.
 
     A pair is certain if neither another pair nor its being two things is nearly as likely; what else is likely is left
-    as a candidate.
+    as a candidate. `standing` is what has stood in its place all along: a thing in a place nobody had looked at may
+    well be one more of its kind.
     """
-    lost, new = list(gone), list(found)
+    lost, new, others = list(gone), list(found), list(standing)
     if not lost or not new:
         return []
     scores = np.array([[resemblance(a, b) for b in new] for a in lost])
+    for column, each in enumerate(new):
+        if each.state.empty_before_ns is None:
+            scores[:, column] -= np.log1p(OTHERS_WEIGHT * sum(look_alike(each, other) for other in others))
     rows, columns = linear_sum_assignment(np.maximum(scores, 0.0), maximize=True)
     assigned = set(zip(rows.tolist(), columns.tolist(), strict=True))
     likely = []
@@ -165,14 +175,24 @@ def resemblance(first: MapObject, second: MapObject) -> float:
     """
     if second.label in ANIMATE or second.first_seen_ns <= first.last_seen_ns:
         return -np.inf
+    came = 0.0 if second.state.empty_before_ns is not None else -1.0
+    return likeness(first, second) + 1.5 + came
+
+
+def likeness(first: MapObject, second: MapObject) -> float:
+    """How much more alike two objects are than two things of any kind (log ratio), by label, size and colour."""
     p, q = first.labels.probabilities(), second.labels.probabilities()
     agreement = sum(p[c] * q.get(c, 0.0) for c in p)
     sizes = np.array([np.sort(each.shape.box.size)[1:] for each in (first, second)])
     size_error = float(np.abs(np.log(sizes[0] / sizes[1])).max())
     colors = [each.voxels.rgb[each.voxels.solid()].mean(axis=0) for each in (first, second)]
     color_error = float(np.linalg.norm(colors[0] - colors[1])) / 255
-    came = 0.0 if second.state.empty_before_ns is not None else -1.0
-    return float(np.log((agreement + 0.02) / 0.15)) + 1.5 + came - 2.5 * size_error - 5.0 * color_error
+    return float(np.log((agreement + 0.02) / 0.15)) - 2.5 * size_error - 5.0 * color_error
+
+
+def look_alike(first: MapObject, second: MapObject) -> bool:
+    """Whether two objects may well be two of one make."""
+    return first.number != second.number and likeness(first, second) > 0
 
 
 def join(kept: MapObject, joined: MapObject) -> None:

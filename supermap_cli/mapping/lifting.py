@@ -25,9 +25,10 @@ MIN_POINTS = 12
 class LiftedDetection:
     """One detection in 3D.
 
-    `points_map` (n, 3) metres with `rgb` (n, 3); `centroid_map` (3,); `mask` is the detector's own, `core` what is
-    left of it without its rim (both on the region of `mask`), `rim_px` how wide that is; `truncated` says that the
-    image's border cuts it, so that its extent is only part of the object's.
+    `points_map` (n, 3) metres with `rgb` (n, 3); `centroid_map` (3,); `mask` is the detector's own, `core` the part of
+    it that is surely the object's: all but its rim, and of the rim what stands clear (both on the region of `mask`);
+    `rim_px` is how wide the rim is; `truncated` says that the image's border cuts it, so that its extent is only part
+    of the object's.
     """
 
     index: int
@@ -65,8 +66,9 @@ def lift(keyframe: Keyframe, view: DepthView, detections: Detections, track_ids:
         if mask is None or not mask.pixels.any():
             continue
         rim_px = erosion_px(int(mask.pixels.sum()), keyframe.camera.width)
-        core = erode(mask.pixels, rim_px)
-        one = _lift_core(keyframe, view, mask, core)
+        clear = standing_clear(view, mask, rim_px)
+        core = erode(mask.pixels, rim_px) | clear
+        one = _lift_core(keyframe, view, mask, core, clear)
         if one is None:
             continue
         points, rgb, depth = one
@@ -103,12 +105,14 @@ def is_truncated(box_xyxy: Float32Array | FloatArray, width: int, height: int) -
 
 
 def _lift_core(
-    keyframe: Keyframe, view: DepthView, mask: RegionMask, core: BoolArray
+    keyframe: Keyframe, view: DepthView, mask: RegionMask, core: BoolArray, clear: BoolArray
 ) -> tuple[FloatArray, UInt8Array, float] | None:
     v, u = np.nonzero(core)
     u, v = u + mask.u0, v + mask.v0
     depth = view.depth_m[v, u]
-    plain = (depth > 0) & (view.farthest_m[v, u] - view.nearest_m[v, u] < edge_step_m(depth))
+    step = edge_step_m(depth)
+    plain = view.farthest_m[v, u] - view.nearest_m[v, u] < step
+    plain = (depth > 0) & (plain | clear[v - mask.v0, u - mask.u0])
     if plain.sum() < MIN_POINTS:
         return None
     chosen = np.flatnonzero(plain)
@@ -133,6 +137,30 @@ def erode(mask: BoolArray, margin_px: int) -> BoolArray:
         if core.sum() * 3 >= area:
             return np.asarray(core, dtype=bool)
     return mask
+
+
+def standing_clear(view: DepthView, mask: RegionMask, rim_px: int) -> BoolArray:
+    """The pixels of a mask's rim, on its region, that stand clearly before all that is seen beside the mask near by.
+
+    A mask bleeds onto surfaces that go on beyond it; what stands before all of those is none of them. So thin parts,
+    legs, poles and leaves, which are nothing but rim, are kept. A pixel that lies behind its neighbours is left out:
+    at edges sensors mix both depths.
+    """
+    h, w = mask.pixels.shape
+    height, width = view.depth_m.shape
+    top, left = max(0, mask.v0 - rim_px), max(0, mask.u0 - rim_px)
+    rows, columns = slice(top, min(height, mask.v0 + h + rim_px)), slice(left, min(width, mask.u0 + w + rim_px))
+    depth = view.depth_m[rows, columns]
+    beside = depth > 0
+    at = (slice(mask.v0 - top, mask.v0 - top + h), slice(mask.u0 - left, mask.u0 - left + w))
+    beside[at] &= ~mask.pixels
+    kernel = np.ones((2 * rim_px + 1, 2 * rim_px + 1), np.uint8)
+    nearest_beside = cv2.erode(np.where(beside, depth, np.float32(np.inf)), kernel, borderType=cv2.BORDER_REPLICATE)[at]
+    own = depth[at]
+    step = edge_step_m(own)
+    before = own < nearest_beside - step
+    whole = own - view.nearest_m[rows, columns][at] < step
+    return np.asarray(mask.pixels & (own > 0) & np.isfinite(nearest_beside) & before & whole, dtype=bool)
 
 
 def edge_step_m(depth_m: Float32Array | FloatArray) -> FloatArray:

@@ -145,3 +145,21 @@ def test_a_mask_that_fills_its_region_is_eroded_at_the_regions_border() -> None:
 )
 def test_the_margin_grows_with_the_mask_and_the_image(side_px: int, width_px: int, margin_px: int) -> None:
     assert erosion_px(side_px**2, width_px) == margin_px
+
+
+LAMP = s.Thing("lamp", (1.6, 0, 0.75), (0.02, 0.02, 1.5))
+
+
+@pytest.mark.parametrize("bleeding_px", [0, 1])
+def test_a_pole_that_is_nothing_but_rim_is_lifted_and_the_wall_behind_it_is_not(bleeding_px: int) -> None:
+    scene = s.render((*s.ROOM, LAMP), s.looking((0, 0, 1.2), (1.6, 0, 0.8)))
+    mask = ndimage.binary_dilation(scene.mask(BOX), iterations=bleeding_px) if bleeding_px else scene.mask(BOX)
+    points = lift_mask(scene, mask, "lamp").points_map
+    assert np.ptp(points[:, 2]) > 0.9
+    assert outside_m(points, LAMP).max() < 0.03
+
+
+def test_the_rim_on_the_floor_beside_a_thing_is_not_lifted() -> None:
+    bled = ndimage.binary_dilation(SCENE.mask(BOX), iterations=3)
+    assert lift_mask(SCENE, bled).points_map[:, 2].min() > -0.001
+    assert outside_m(lift_mask(SCENE, bled).points_map, s.BOX).max() < 0.02

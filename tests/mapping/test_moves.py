@@ -157,3 +157,15 @@ def test_a_person_found_elsewhere_is_not_the_one_who_left() -> None:
     delta = arc(run, s.PERSON.at(2.4, 0.8))
     assert of_kind(delta, "moved") == []
     assert [each.number for each in run.standing("person")] == [2]
+
+
+@pytest.mark.parametrize("others", [0, 2])
+def test_one_more_of_a_kind_in_a_place_nobody_had_looked_at_need_not_have_moved(others: int) -> None:
+    standing = [s.CHAIR.at(2.2, 0.7 * k - 0.4) for k in range(others)]
+    run = s.Run()
+    arc(run, s.CHAIR.at(1.2, -1.0), *standing)
+    arc(run, *standing)
+    far = s.CHAIR.at(1.6, 3.4)
+    delta = arc(run, *standing, far, target=(1.6, 3.4, 0.4))
+    assert len(of_kind(delta, "moved")) == (0 if others else 1)
+    assert len(of_kind(delta, "candidate")) == (1 if others else 0)
