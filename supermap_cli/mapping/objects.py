@@ -15,6 +15,9 @@ from supermap_cli.mapping.motion import MotionState
 from supermap_cli.mapping.voxel_map import VoxelMap
 from supermap_cli.types.memory import Observation
 
+TRIM = (1.5, 98.5)
+"""A box leaves out what lies beyond these percentiles along each of its axes: strays."""
+
 YAWS = np.radians(np.arange(0.0, 90.0, 2.0))
 MOST_COLUMNS = 400
 CLOSEST_M = 0.03
@@ -158,14 +161,12 @@ def measure_shape(voxels: VoxelMap) -> ObjectShape:
 
 
 def upright_box(points_map: FloatArray, voxel_m: float) -> Box3D:
-    """The upright box (yaw only) that fits (n, 3) voxel centres best, without their outermost hundredth."""
-    low, high = np.percentile(points_map, (1, 99), axis=0)
+    """The upright box (yaw only) that fits (n, 3) voxel centres best, less what sticks out."""
+    low, high = np.percentile(points_map, TRIM, axis=0)
     inner = ((points_map >= low) & (points_map <= high)).all(axis=1)
-    points = points_map[inner] if inner.sum() >= 3 else points_map
-    yaw = best_yaw(points[:, :2], voxel_m)
+    yaw = best_yaw(points_map[inner, :2] if inner.sum() >= 3 else points_map[:, :2], voxel_m)
     axes = np.array([[np.cos(yaw), np.sin(yaw)], [-np.sin(yaw), np.cos(yaw)]])
-    own = points[:, :2] @ axes.T
-    nearest, farthest = own.min(axis=0), own.max(axis=0)
+    nearest, farthest = np.percentile(points_map[:, :2] @ axes.T, TRIM, axis=0)
     (w, h), (cx, cy) = farthest - nearest, (nearest + farthest) / 2 @ axes
     if h > w:
         w, h, yaw = h, w, yaw + np.pi / 2
