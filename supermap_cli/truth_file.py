@@ -117,6 +117,7 @@ def _traversal(traversal: TrueTraversal) -> dict[str, Any]:
     return {
         "name": traversal.name,
         "recording": traversal.recording,
+        "fingerprint": traversal.fingerprint,
         "start_ns": traversal.start_ns,
         "end_ns": traversal.end_ns,
         "T_world_odom": _transform(traversal.T_world_odom),
@@ -230,6 +231,7 @@ def _read_traversal(each: Document) -> TrueTraversal:
         stamps_ns=np.array(each["stamps_ns"], np.int64),
         T_world_base=_read_transforms(each["T_world_base"]),
         sightings=_read_sightings(each["sightings"]),
+        fingerprint=_optional(_text, each.get("fingerprint")),
     )
 
 

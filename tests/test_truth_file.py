@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 from hypothesis import given, settings
 from jsonschema import Draft202012Validator
 
+import kitchen_truth
 import truths
 from supermap_cli.errors import TruthError
 from supermap_cli.truth_file import from_document, read_truth, to_document, write_truth
@@ -23,6 +25,17 @@ SCHEMA = Draft202012Validator(load_schema("truth"))
 def test_a_truth_of_nothing_comes_back(tmp_path: Path) -> None:
     write_truth(truths.EMPTY, tmp_path / "truth.json")
     assert read_truth(tmp_path / "truth.json") == truths.EMPTY
+
+
+@pytest.mark.parametrize("fingerprint", ["c0ffee", None])
+def test_a_fingerprint_comes_back_and_may_be_missing(fingerprint: str | None) -> None:
+    truth = kitchen_truth.kitchen_truth()
+    document = to_document(replace(truth, traversals=(replace(truth.traversals[0], fingerprint=fingerprint),)))
+    assert from_document(document).traversals[0].fingerprint == fingerprint
+    if fingerprint is None:
+        del document["traversals"][0]["fingerprint"]
+        SCHEMA.validate(json.loads(json.dumps(document)))
+        assert from_document(document).traversals[0].fingerprint is None
 
 
 @settings(deadline=None, max_examples=60)

@@ -55,7 +55,8 @@ class Mistakes:
 def print_report(console: Console, report: Report) -> None:
     """All sections of a report."""
     off = ", ".join(f"{name} {rmse_m:.3f} m" for name, rmse_m in report.alignment_rmse_m.items())
-    console.print(f"{report.scenario}, seed {report.seed}; the robot's way off its true way: {off}\n", markup=False)
+    head = [f"{report.scenario}, seed {report.seed}", f"the robot's way off its true way: {off}", *_gaps(report)]
+    console.print("; ".join(head) + "\n", markup=False)
     if report.map is not None:
         _print_section(console, "Objects at the map's end", _of_objects(report.map), _wrong_objects(report.map))
     if report.change is not None:
@@ -70,6 +71,14 @@ def print_report(console: Console, report: Report) -> None:
         _print_section(console, "Semantics, on points", _of_semantics(report.semantics), _confusions(report.semantics))
     if report.query is not None:
         _print_section(console, "Questions", _of_answers(report.query), _wrong_answers(report.query))
+
+
+def _gaps(report: Report) -> Iterator[str]:
+    """What the truth knows of and the map does not."""
+    if names := report.not_mapped:
+        yield f"judged without {', '.join(names)}: {'it is' if len(names) == 1 else 'they are'} not in the map"
+    if names := report.partly_mapped:
+        yield f"judged with a part of {', '.join(names)}: the rest is not in the map"
 
 
 def _print_section(console: Console, title: str, figures: Iterable[Figure], mistakes: Iterable[Mistakes]) -> None:
@@ -118,7 +127,9 @@ def _of_change(section: ChangeSection) -> Iterator[Figure]:
             f"keyframes with a changed thing in view for which the map has it; {how}",
         )
         yield Figure(
-            f"change recall, {pooling}", scores.change_recall, "the same, and those with its empty place in view, too"
+            f"change recall, {pooling}",
+            scores.change_recall,
+            "the same, and those with the place it has left in view, too",
         )
     yield Figure("clean places", recall.clean_share, "emptied places where the map never has the thing after it left")
     if reported.between is None or reported.overall is None:
@@ -144,12 +155,15 @@ def _wrong_changes(section: ChangeSection) -> Iterator[Mistakes]:
         (
             f"{place.object_id} ({', '.join(place.changes)})",
             f"{place.there_right} / {place.there_samples}",
-            f"{place.empty_right} / {place.empty_samples}",
+            f"{place.left_right} / {place.left_samples}",
+            f"{place.before_right} / {place.before_samples}",
         )
         for place in section.recall.places
     )
     yield Mistakes(
-        "changed places: keyframes the map is right about", ("place", "while there#", "while empty#"), places
+        "changed places: keyframes the map is right about (those before it came count in no recall)",
+        ("place", "while there#", "after it left#", "before it came#"),
+        places,
     )
     reported = section.reported
     missed = tuple(
@@ -172,9 +186,14 @@ def _wrong_changes(section: ChangeSection) -> Iterator[Mistakes]:
 def _of_identity(scores: IdentityScores) -> Iterator[Figure]:
     yield Figure("instances per object", scores.instances_per_object, "1 is perfect: nothing is in the map twice")
     yield Figure("switches", scores.switches, f"how often one of {scores.static_objects} still things changed its id")
-    yield Figure("relocated, found", scores.relocated_found, "share of moved things that the map has in the new place")
+    yield Figure(
+        "relocated, found", scores.relocated_found, "share of moved things that the map noticed in the new place"
+    )
     yield Figure("relocated, same id", scores.relocated_kept, "share of them that kept their id over the move")
-    yield Figure("stale", len(scores.stale), f"instances held to be there that are gone; {scores.vacated_places} left")
+    places = "1 place" if scores.vacated_places == 1 else f"{scores.vacated_places} places"
+    yield Figure(
+        "stale", len(scores.stale), f"things held to be there that have left; images showed {places} left empty"
+    )
     yield Figure("IDF1", scores.tracking.idf1, scores.tracking.note or "share of sightings under the right identity")
     yield Figure("HOTA", scores.tracking.hota, "detection and association in one, over all overlaps")
     yield Figure("DetA", scores.tracking.det_a, "its detection part")
@@ -201,10 +220,12 @@ def _wrong_identities(scores: IdentityScores) -> Iterator[Mistakes]:
 
 
 def _of_instances(scores: InstanceScores) -> Iterator[Figure]:
-    yield Figure("AP", scores.ap, "ScanNet's average precision: label and points right, mean over IoU .50 to .90")
+    right = "ScanNet's average precision: label and points right, mean over IoU .50 to .90 and over labels"
+    yield Figure("AP", scores.ap, scores.note or right)
     yield Figure("AP50", scores.ap50, "the same at IoU .50")
     yield Figure("AP25", scores.ap25, "the same at IoU .25")
-    yield Figure("AP without label", scores.regardless_ap, "the points right, whatever the label")
+    together = "over all instances together, whatever the label (not a mean over labels)"
+    yield Figure("AP without label", scores.regardless_ap, together)
     yield Figure("AP50 without label", scores.regardless_ap50, "the same at IoU .50")
     yield Figure("AP25 without label", scores.regardless_ap25, "the same at IoU .25")
 
@@ -224,7 +245,8 @@ def _of_semantics(scores: SemanticScores) -> Iterator[Figure]:
         (scores.with_background, f"with background: {', '.join(scores.background_labels)} as one class"),
     ):
         suffix = "" if figures is scores.without_background else ", background"
-        yield Figure(f"mIoU{suffix}", figures.miou, f"IoU of labels on 5 cm voxels, mean over labels; {what}")
+        right = f"IoU of labels on 5 cm voxels, mean over labels; {what}"
+        yield Figure(f"mIoU{suffix}", figures.miou, scores.note or right)
         yield Figure(f"f-mIoU{suffix}", figures.fmiou, "the same, labels weighed by their size")
         yield Figure(f"accuracy{suffix}", figures.accuracy, "share of voxels with the right label")
         yield Figure(f"mean accuracy{suffix}", figures.mean_accuracy, "the same, mean over labels")
@@ -239,7 +261,8 @@ def _confusions(scores: SemanticScores) -> Iterator[Mistakes]:
 
 
 def _of_answers(scores: AnswerScores) -> Iterator[Figure]:
-    yield Figure("answered right", scores.exact, f"share of {scores.asked} questions with exactly the right things")
+    right = f"share of {scores.asked} questions with exactly the right things"
+    yield Figure("answered right", scores.exact, scores.note or right)
     yield Figure("overlap", scores.jaccard, "shared / all things of answer and truth (Jaccard), mean over questions")
 
 

@@ -97,21 +97,24 @@ def score_all(db: Db, truth: Truth, plot: Plot = None, json: JsonOption = False)
 def _evaluate(
     db: str, truth_path: Path, sections: Sequence[Section], *, plot: Path | None = None, as_json: bool
 ) -> None:
-    """Score, draw if asked to, and print."""
+    """Score and print, and draw if asked to; whether it can be drawn is checked before."""
     from supermap_cli.commands.eval_tables import print_report  # noqa: PLC0415 - keeps start-up light
+    from supermap_cli.evaluation.plots import check_picture  # noqa: PLC0415
     from supermap_cli.evaluation.reading import read_map  # noqa: PLC0415
     from supermap_cli.evaluation.report import score  # noqa: PLC0415
     from supermap_cli.query.views import to_document  # noqa: PLC0415
 
+    if plot is not None:
+        check_picture(plot)
     estimate, truth = read_map(db, truth_path)
     report = score(estimate, truth, sections)
     _warn_if_off(report, truth_path)
-    if plot is not None:
-        _draw(plot, estimate, truth, sections)
     if as_json:
         print_json(to_document(report))
     else:
         print_report(out(), report)
+    if plot is not None:
+        _draw(plot, estimate, truth, sections)
 
 
 def _warn_if_off(report: Report, truth_path: Path) -> None:

@@ -33,6 +33,9 @@ class AnswerScores:
     the label, past places included). An instance that is nothing true, and a second one of the same object, are wrong.
     Objects that no image showed well (`known_truth`) are neither expected nor wrong; questions that only they answer
     are `left_out`. A question without an answer, or not understood, is answered wrong. `None` where nothing was asked.
+
+    The truth's answers are those after all of its traversals. Of a map that lacks some, or a part of one, nothing is
+    asked: all questions are left out, and `note` says why.
     """
 
     exact: float | None
@@ -40,11 +43,14 @@ class AnswerScores:
     asked: int
     left_out: tuple[str, ...]
     wrong: tuple[WrongAnswer, ...]
+    note: str | None = None
 
 
 def score_answers(estimate: EstimatedMap, truth: GroundTruth) -> AnswerScores:
     """Judge the answers to the truth's questions."""
     known = known_truth(estimate, truth)
+    if known.gap is not None:
+        return AnswerScores(None, None, 0, tuple(each.text for each in truth.questions), (), known.gap)
     countable = {place.object.id for place in known.places if place.countable}
     fair = [each for each in truth.questions if not each.answer or countable.intersection(each.answer)]
     object_of = _object_of_instances(estimate, known)

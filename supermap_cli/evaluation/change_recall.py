@@ -20,11 +20,12 @@ class ChangedPlace:
     """One place of one changed object, over all keyframes that had it in view.
 
     `changes` says what happened there, in the order of time: "appeared", "disappeared", "moved here", "moved away". Of
-    `there_samples` keyframes in which the object stood there, `there_right` have an instance; of `empty_samples`
-    keyframes in which it did not, `empty_right` have none. `first_wrong_ns` is the first keyframe that is wrong.
+    `there_samples` keyframes in which the object stood there, `there_right` have an instance; of `left_samples`
+    keyframes after it had left, `left_right` have none. `first_wrong_ns` is the first of these keyframes that is wrong.
+    Of `before_samples` keyframes before it came, `before_right` have none; they count in no recall.
 
-    detection_recall = there_right / there_samples; change_recall = (there_right + empty_right) / (there_samples +
-    empty_samples); each `None` without samples.
+    detection_recall = there_right / there_samples; change_recall = (there_right + left_right) / (there_samples +
+    left_samples); each `None` without samples. Of what only appeared, the two are the same.
     """
 
     object_id: str
@@ -32,8 +33,10 @@ class ChangedPlace:
     changes: tuple[str, ...]
     there_samples: int
     there_right: int
-    empty_samples: int
-    empty_right: int
+    left_samples: int
+    left_right: int
+    before_samples: int
+    before_right: int
     detection_recall: float | None
     change_recall: float | None
     first_wrong_ns: int | None
@@ -56,8 +59,8 @@ class ChangeRecallScores:
     the map; what moved counts twice, as the old place that must become empty and the new one that must be filled. The
     map is asked afterwards, for the time t of every mapped keyframe that had the place in view (>= 0.3 of its front
     unhidden). While the object stood there, from the first image that showed it well (`known_truth`), t is a sample of
-    the *appearance interval*: right if an instance of the label is believed to be there at t. While it did not, t is a
-    sample of the *disappearance interval*: right if none is.
+    the *appearance interval*: right if an instance of the label is believed to be there at t. After it has left, t is a
+    sample of the *disappearance interval*: right if none is. Keyframes before it first came are in neither interval.
 
     An instance is there if its state at t (`EstimatedObject.state_at`) has its centroid within 0.3 m of the place's,
     and no nearer to another place of the same object or to another thing of the label that stands at t.
@@ -81,8 +84,8 @@ def score_change_recall(estimate: EstimatedMap, truth: GroundTruth) -> ChangeRec
     rows = tuple(_changed_place(place, changes, beliefs) for place, changes in changed_places(known, truth).items())
     there_right = sum(row.there_right for row in rows)
     there_samples = sum(row.there_samples for row in rows)
-    both_right = there_right + sum(row.empty_right for row in rows)
-    emptied = [row for row in rows if row.empty_samples]
+    both_right = there_right + sum(row.left_right for row in rows)
+    emptied = [row for row in rows if row.left_samples]
     return ChangeRecallScores(
         per_object=PooledRecall(
             mean(row.detection_recall for row in rows),
@@ -90,9 +93,9 @@ def score_change_recall(estimate: EstimatedMap, truth: GroundTruth) -> ChangeRec
         ),
         per_frame=PooledRecall(
             share(there_right, there_samples),
-            share(both_right, there_samples + sum(row.empty_samples for row in rows)),
+            share(both_right, there_samples + sum(row.left_samples for row in rows)),
         ),
-        clean_share=share(sum(row.empty_right == row.empty_samples for row in emptied), len(emptied)),
+        clean_share=share(sum(row.left_right == row.left_samples for row in emptied), len(emptied)),
         places=rows,
     )
 
@@ -162,19 +165,22 @@ class Beliefs:
 def _changed_place(place: int, changes: tuple[str, ...], beliefs: Beliefs) -> ChangedPlace:
     known = beliefs.known
     there = beliefs.there(place)
-    asked_there, asked_empty = known.in_view_with_object[place], known.in_view_empty[place]
-    wrong = np.flatnonzero((asked_there & ~there) | (asked_empty & there))
+    asked_there, asked_left = known.in_view_with_object[place], known.in_view_left[place]
+    asked_before = known.in_view_empty[place] & ~asked_left
+    wrong = np.flatnonzero((asked_there & ~there) | (asked_left & there))
     there_samples, there_right = int(asked_there.sum()), int((asked_there & there).sum())
-    empty_samples, empty_right = int(asked_empty.sum()), int((asked_empty & ~there).sum())
+    left_samples, left_right = int(asked_left.sum()), int((asked_left & ~there).sum())
     return ChangedPlace(
         object_id=known.places[place].object.id,
         label=known.places[place].object.label,
         changes=changes,
         there_samples=there_samples,
         there_right=there_right,
-        empty_samples=empty_samples,
-        empty_right=empty_right,
+        left_samples=left_samples,
+        left_right=left_right,
+        before_samples=int(asked_before.sum()),
+        before_right=int((asked_before & ~there).sum()),
         detection_recall=share(there_right, there_samples),
-        change_recall=share(there_right + empty_right, there_samples + empty_samples),
+        change_recall=share(there_right + left_right, there_samples + left_samples),
         first_wrong_ns=int(known.stamps_ns[wrong[0]]) if len(wrong) else None,
     )

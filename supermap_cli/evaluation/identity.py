@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from supermap_cli.evaluation.estimate import EstimatedMap
+from supermap_cli.evaluation.estimate import EstimatedMap, EstimatedObject
 from supermap_cli.evaluation.known_truth import KnownTruth, known_truth
 from supermap_cli.evaluation.matching import Identified, closeness, identify
 from supermap_cli.evaluation.shares import mean, share
@@ -27,7 +27,7 @@ class ObjectInstances:
 
 @dataclass(frozen=True)
 class Relocated:
-    """An object that moved: which instances stand at its new place, and the one that also stood at the old one."""
+    """An object that moved: which instances came to its new place, and the one that had stood at the old one."""
 
     object_id: str
     label: str
@@ -56,8 +56,9 @@ class IdentityScores:
       observations of an object give it to different instances (the IDSW of MOTChallenge, Leal-Taixe et al. 2015; which
       object an observation shows says `switches.observers_of_static_objects`). `static_objects` were observed.
     - relocated objects are those of the truth's moves whose both places images showed well: `relocated_found` is the
-      share that some instance is in the new place, `relocated_kept` the share that one and the same instance is in both
-      places. `None` where nothing moved.
+      share that some instance has a state in the new place which begins after the move (not before the last keyframe
+      before it), `relocated_kept` the share that such an instance has another state in the old place. One state near
+      both places is a move that went unnoticed, neither found nor kept. `None` where nothing moved.
     - `stale`: present instances at the end that are near no standing object (`Closeness.near`) but near a place that an
       object has left; `stale_share` is their share of all present instances, `None` where there are none.
       `vacated_places` counts the well-shown places that are empty at the end and were in view since.
@@ -129,7 +130,6 @@ def _relocated(
 ) -> tuple[Relocated, ...]:
     """Every true move between two places that images showed well."""
     mapped = {traversal.name for traversal in known.traversals}
-    touched = [frozenset[int]().union(*(state.places for state in states if state)) for states in identified]
     rows = []
     for change in truth.changes:
         old = known.place_of(change.object_id, change.from_state)
@@ -137,12 +137,28 @@ def _relocated(
         if change.kind != "moved" or old is None or new is None or not mapped.issuperset(change.between):
             continue
         if known.places[old].countable and known.places[new].countable:
-            there = [each.id for each, places in zip(estimate.objects, touched, strict=True) if new in places]
-            both = [each.id for each, places in zip(estimate.objects, touched, strict=True) if {old, new} <= places]
+            not_before_ns = int(known.stamps_ns[known.stamps_ns < change.stamp_ns].max(initial=0))
+            there, both = [], []
+            for each, what in zip(estimate.objects, identified, strict=True):
+                arrived = _states_in(new, each, what, since_ns=not_before_ns)
+                if arrived:
+                    there.append(each.id)
+                if arrived and _states_in(old, each, what) - arrived:
+                    both.append(each.id)
             label = known.places[new].object.label
-            kept = both[0] if both else None
-            rows.append(Relocated(change.object_id, label, change.distance_m, tuple(there), kept))
+            rows.append(Relocated(change.object_id, label, change.distance_m, tuple(there), both[0] if both else None))
     return tuple(rows)
+
+
+def _states_in(
+    place: int, instance: EstimatedObject, what: Sequence[Identified | None], *, since_ns: int = 0
+) -> set[int]:
+    """Which states of an instance stand in a place, of those that begin at a time or later."""
+    return {
+        k
+        for k, (state, identified) in enumerate(zip(instance.states, what, strict=True))
+        if identified is not None and place in identified.places and state.first_seen_ns >= since_ns
+    }
 
 
 def _stale(estimate: EstimatedMap, known: KnownTruth) -> tuple[Stale, ...]:
@@ -161,7 +177,4 @@ def _stale(estimate: EstimatedMap, known: KnownTruth) -> tuple[Stale, ...]:
 
 def _seen_empty(place: int, known: KnownTruth) -> bool:
     """Whether an object has left a place, and a keyframe since then had it in view."""
-    until_ns = known.places[place].state.until_ns
-    if until_ns is None or place in known.standing:
-        return False
-    return bool(known.in_view_empty[place, known.stamps_ns >= until_ns].any())
+    return bool(known.in_view_left[place].any())

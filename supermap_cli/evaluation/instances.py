@@ -52,14 +52,16 @@ class ObjectOverlap:
 @dataclass(frozen=True)
 class InstanceScores:
     """AP (mean over IoU .50 to .90), AP50 and AP25 by ScanNet's definition (`average_precision`), per label and as the
-    mean over labels; and the same `regardless_of_label`.
+    mean over labels; and the same over all instances together, whatever the label, as if all had one (`regardless_`,
+    which is no mean over labels).
 
     The points are the samples of all surfaces that images showed, as things stand at the end. True instances are the
     countable objects (of 100 points or more; `too_small` names the others); points of ignored objects are void; the
     building is background, where an instance is wrong (the script would take it for void). Predictions are the present
     instances; the samples of one are those to which it has the nearest point of the map, within 5 cm. So no sample has
     two instances, although ScanNet would let it: an object that the map holds twice is shared out between the two.
-    `None` where there is no true instance.
+    `None` where there is no true instance, and where the map lacks a part of the truth's traversals: which surface was
+    seen is known for all of them together only. `note` says so.
     """
 
     ap: float | None
@@ -71,11 +73,14 @@ class InstanceScores:
     labels: tuple[LabelPrecision, ...]
     objects: tuple[ObjectOverlap, ...]
     too_small: tuple[str, ...]
+    note: str | None = None
 
 
 def score_instances(estimate: EstimatedMap, truth: GroundTruth) -> InstanceScores:
     """Judge the shapes of the present instances."""
     known = known_truth(estimate, truth)
+    if known.gap is not None:
+        return InstanceScores(None, None, None, None, None, None, (), (), (), known.gap)
     surface = seen_surface(truth, known)
     present = [each for each in estimate.objects if each.presence == "present"]
     nearest = nearest_instances(surface.points, present)

@@ -3,7 +3,8 @@
 A map is judged as it is at its end, the last mapped keyframe. Traversals with no keyframe in the map do not count. An
 object is *countable* in a place if some image, taken while it stood there and not after the end, showed at least
 `COUNTABLE_PIXELS` pixels of it and `COUNTABLE_VISIBLE` of its front; what no image showed so well is *ignored*: it need
-not be found, and finding it is no error (as COCO's crowds and ScanNet's void points).
+not be found, and finding it is no error (as COCO's crowds and ScanNet's void points). Only images near a mapped
+keyframe count, within `NEAR_KEYFRAME_NS`: a map cannot know what the others showed.
 """
 
 from __future__ import annotations
@@ -26,6 +27,12 @@ IN_VIEW = 0.3
 SAME_IMAGE_NS = 50_000_000
 """A keyframe is the truth's image whose stamp is nearest, if not farther than this."""
 
+NEAR_KEYFRAME_NS = 250_000_000
+"""An image shows the map something only if a keyframe was taken within this time of it."""
+
+MARGIN_NS = 2_000_000_000
+"""A traversal is mapped in part if its first or last keyframe lies farther than this from its first or last image."""
+
 
 @dataclass(frozen=True, eq=False)
 class Place:
@@ -42,12 +49,23 @@ class Place:
 
     @property
     def centroid(self) -> FloatArray:
-        """Mean (3,) of the object's surface there."""
+        """Mean (3,) of that part of the object's surface there which the images showed (of all of it where they showed
+        none): a map can know no more.
+        """
+        return self._centroid
+
+    @cached_property
+    def _centroid(self) -> FloatArray:
+        for only_seen in (True, False):
+            surface = self.object.surface_world(self.state, only_seen=only_seen)
+            if len(surface):
+                centroid: FloatArray = surface.mean(axis=0)
+                return centroid
         return self.state.centroid
 
     @property
     def box(self) -> Box3D:
-        """The object's box there."""
+        """The whole object's box there."""
         return self.state.box
 
     @property
@@ -68,13 +86,27 @@ class KnownTruth:
     `places` (p) are all stays of all objects that began before the end. `stamps_ns` (k,) are the mapped keyframes that
     the truth has an image of; `visible` (p, k) is the share of each place's front that each shows, whether or not the
     object is there.
+
+    Of the truth's traversals, the map has keyframes of `traversals`, but only of a part of those in `partly_mapped`,
+    and none of those in `not_mapped` (names).
     """
 
     traversals: tuple[TrueTraversal, ...]
+    not_mapped: tuple[str, ...]
+    partly_mapped: tuple[str, ...]
     end_ns: int | None
     places: tuple[Place, ...]
     stamps_ns: IntArray
     visible: Float32Array
+
+    @property
+    def gap(self) -> str | None:
+        """What the map lacks of the truth's traversals, in words; `None` where it is whole.
+
+        What the truth tells of all traversals together (surfaces seen, answers) cannot be held against less.
+        """
+        lacks = [*self.not_mapped, *(f"a part of {name}" for name in self.partly_mapped)]
+        return f"not judged: the map lacks {' and '.join(lacks)}" if lacks else None
 
     @cached_property
     def standing(self) -> tuple[int, ...]:
@@ -111,8 +143,15 @@ class KnownTruth:
 
     @cached_property
     def in_view_empty(self) -> BoolArray:
-        """(p, k): in view, and the object is not there."""
+        """(p, k): in view, and the object is not there: not yet, or no more."""
         return self.in_view & ~self.present
+
+    @cached_property
+    def in_view_left(self) -> BoolArray:
+        """(p, k): in view, and the object has left it."""
+        last = np.iinfo(np.int64).max
+        until = [last if each.state.until_ns is None else each.state.until_ns for each in self.places]
+        return self.in_view_empty & (np.array(until, np.int64)[:, None] <= self.stamps_ns[None, :])
 
     def place_of(self, object_id: str, index: int | None) -> int | None:
         """The position in `places` of an object's stay; `None` where it is none or began after the end."""
@@ -142,10 +181,12 @@ def known_truth(estimate: EstimatedMap, truth: GroundTruth) -> KnownTruth:
     row_of = {stay: row for row, stay in enumerate(stays)}
     visible = [_visible(each.sightings, frames, row_of) for each, (frames, _) in zip(mapped, images, strict=True)]
     stamps_ns = np.concatenate([np.zeros(0, np.int64), *(stamps for _, stamps in images)])
-    well_seen = _well_seen(mapped, end_ns)
+    well_seen = _well_seen(mapped, keyframes_ns)
     places = tuple(Place(truth.objects[number], index, well_seen.get((number, index))) for number, index in stays)
     return KnownTruth(
         traversals=mapped,
+        not_mapped=tuple(each.name for each in truth.traversals if not len(_keyframes_in(each, keyframes_ns))),
+        partly_mapped=tuple(each.name for each in mapped if _is_partly_mapped(each, keyframes_ns)),
         end_ns=end_ns,
         places=places,
         stamps_ns=stamps_ns,
@@ -157,17 +198,28 @@ def _keyframes_in(traversal: TrueTraversal, keyframes_ns: IntArray) -> IntArray:
     return keyframes_ns[(keyframes_ns >= traversal.start_ns) & (keyframes_ns <= traversal.end_ns)]
 
 
+def _is_partly_mapped(traversal: TrueTraversal, keyframes_ns: IntArray) -> bool:
+    """Whether keyframes are missing at a mapped traversal's beginning or end."""
+    own_ns = _keyframes_in(traversal, keyframes_ns)
+    images_ns = traversal.stamps_ns if len(traversal.stamps_ns) else np.array([traversal.start_ns, traversal.end_ns])
+    return bool(own_ns[0] - images_ns[0] > MARGIN_NS or images_ns[-1] - own_ns[-1] > MARGIN_NS)
+
+
 def _images_of(traversal: TrueTraversal, keyframes_ns: IntArray) -> tuple[IntArray, IntArray]:
     """The truth's frames (k,) that a traversal's keyframes are, and the keyframes' stamps (k,)."""
     stamps_ns = _keyframes_in(traversal, keyframes_ns)
-    known_ns = traversal.stamps_ns
-    if not len(known_ns):
+    if not len(traversal.stamps_ns):
         return np.zeros(0, np.int64), np.zeros(0, np.int64)
-    after = np.clip(np.searchsorted(known_ns, stamps_ns), 0, len(known_ns) - 1)
-    before = np.maximum(after - 1, 0)
-    nearest = np.where(np.abs(known_ns[before] - stamps_ns) < np.abs(known_ns[after] - stamps_ns), before, after)
-    close = np.abs(known_ns[nearest] - stamps_ns) <= SAME_IMAGE_NS
+    nearest = _nearest(stamps_ns, traversal.stamps_ns)
+    close = np.abs(traversal.stamps_ns[nearest] - stamps_ns) <= SAME_IMAGE_NS
     return nearest[close], stamps_ns[close]
+
+
+def _nearest(stamps_ns: IntArray, others_ns: IntArray) -> IntArray:
+    """(n,): which of others (m,), ascending and at least one, is nearest to each of the stamps (n,)."""
+    after = np.clip(np.searchsorted(others_ns, stamps_ns), 0, len(others_ns) - 1)
+    before = np.maximum(after - 1, 0)
+    return np.where(np.abs(others_ns[before] - stamps_ns) < np.abs(others_ns[after] - stamps_ns), before, after)
 
 
 def _visible(sightings: TrueSightings, frames: IntArray, row_of: dict[tuple[int, int], int]) -> Float32Array:
@@ -181,14 +233,16 @@ def _visible(sightings: TrueSightings, frames: IntArray, row_of: dict[tuple[int,
     return visible[:, frames]
 
 
-def _well_seen(traversals: tuple[TrueTraversal, ...], end_ns: int | None) -> dict[tuple[int, int], int]:
-    """When each stay (object, state) was first shown well, where it was."""
+def _well_seen(traversals: tuple[TrueTraversal, ...], keyframes_ns: IntArray) -> dict[tuple[int, int], int]:
+    """When each stay (object, state) was first shown well, where it was, by an image near a keyframe."""
     first: dict[tuple[int, int], int] = {}
     for traversal in traversals:
         seen = traversal.sightings
         stamps_ns = traversal.stamps_ns[seen.frame]
         well = seen.present & (seen.pixels >= COUNTABLE_PIXELS) & (seen.visible >= COUNTABLE_VISIBLE)
-        well &= (seen.state >= 0) & (stamps_ns <= (-1 if end_ns is None else end_ns))
+        nearest_ns = keyframes_ns[_nearest(stamps_ns, keyframes_ns)]
+        well &= (seen.state >= 0) & (np.abs(nearest_ns - stamps_ns) <= NEAR_KEYFRAME_NS)
+        well &= stamps_ns <= keyframes_ns[-1]
         for number, index, stamp_ns in zip(
             seen.object[well].tolist(), seen.state[well].tolist(), stamps_ns[well].tolist(), strict=True
         ):

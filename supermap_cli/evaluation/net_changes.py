@@ -91,7 +91,8 @@ def _last_keyframe_ns(known: KnownTruth, which: int) -> int:
 
 
 def _distance_m(change: NetChange) -> float:
-    first, last = change.places[0], change.places[-1]
+    """How far the object as a whole moved, whatever of it was seen."""
+    first, last = change.places[0].state, change.places[-1].state
     return float(np.linalg.norm(last.centroid - first.centroid))
 
 

@@ -7,12 +7,13 @@ position a point one metre ahead of it and one to its left take part: a robot th
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from supermap_cli.errors import EvaluationError
+from supermap_cli.evaluation.pairing import pair_traversals
 from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.geometry.se3 import make_transform, transform_points
 from supermap_cli.geometry.trajectory import Trajectory
@@ -39,14 +40,16 @@ def lay_over_truth(reader: MapReader, truth: GroundTruth) -> Overlay:
     """Fit the keyframes of all traversals to the true poses at their stamps; those outside the truth's time are left
     out.
 
-    Raises `EvaluationError` where no keyframe lies in the truth's time.
+    Raises `EvaluationError` where the truth is not that of the map's recordings (`pair_traversals`), and where no
+    keyframe lies in its time.
     """
-    ways = {each.name: way for each in reader.traversals if (way := _true_and_mapped(reader, each.id, truth))}
+    pairs = pair_traversals(reader, truth)
+    ways = {each.name: way for each in reader.traversals if (way := _true_and_mapped(reader, each.id, pairs[each.id]))}
     if not ways:
         raise EvaluationError(
-            "no keyframe of the map lies in the time of this truth, which belongs to another recording",
+            "no keyframe of the map lies in the time of this truth",
             where=str(reader.path),
-            cure="give the truth that was made with the recordings in the map",
+            cure="build the map of all of the recording, or give the truth of the part that is mapped",
         )
     T_world_base, T_map_base = (np.concatenate(poses) for poses in zip(*ways.values(), strict=True))
     T_world_map = fit_level(_levers(T_map_base), _levers(T_world_base))
@@ -62,12 +65,14 @@ def fit_level(source: FloatArray, target: FloatArray) -> FloatArray:
     return make_transform(R, high - R @ low)
 
 
-def _true_and_mapped(reader: MapReader, traversal_id: int, truth: GroundTruth) -> tuple[FloatArray, FloatArray] | None:
-    """True (n, 4, 4) and mapped (n, 4, 4) poses of those keyframes that some traversal of the truth knows."""
+def _true_and_mapped(
+    reader: MapReader, traversal_id: int, true: Sequence[TrueTraversal]
+) -> tuple[FloatArray, FloatArray] | None:
+    """True (n, 4, 4) and mapped (n, 4, 4) poses of those keyframes of a traversal at which the truth has poses."""
     stamps_ns, T_map_base = reader.poses(traversal_id)
     found = [
         (T_world_base[known], T_map_base[known])
-        for each in truth.traversals
+        for each in true
         for T_world_base, known in [_true_way(each).at_many(stamps_ns)]
         if known.any()
     ]

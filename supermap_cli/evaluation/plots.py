@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 GOOD, MISSED, FALSE, IGNORED = "#1a7f4b", "#d97706", "#c1121f", "#8a8a8a"
 WAY, WALL = "#7aa6d8", "#b8b8b8"
 ROW_IN = 0.26
+SUFFIXES = (".png", ".svg", ".pdf")
 
 
 def draw(path: Path, estimate: EstimatedMap, truth: GroundTruth, scores: ObjectScores, *, what: Sequence[str]) -> None:
@@ -49,9 +51,19 @@ def draw(path: Path, estimate: EstimatedMap, truth: GroundTruth, scores: ObjectS
     try:
         figure.savefig(path, dpi=130)
     except (OSError, ValueError) as error:
-        raise EvaluationError(
-            f"the picture cannot be written: {error}", where=str(path), cure="name a .png, .svg or .pdf file"
-        ) from error
+        cure = "name another file with --plot"
+        raise EvaluationError(f"the picture cannot be written: {error}", where=str(path), cure=cure) from error
+
+
+def check_picture(path: Path) -> None:
+    """Whether a picture can be drawn to a file, before anything is computed for it. Raises `EvaluationError` if not."""
+    folder = path.parent
+    if path.suffix.lower() not in SUFFIXES:
+        raise EvaluationError("a picture of an unknown kind", where=str(path), cure="name a .png, .svg or .pdf file")
+    if not folder.is_dir():
+        raise EvaluationError("there is no such folder", where=str(folder), cure="make it, or name another file")
+    if path.is_dir() or not os.access(path if path.exists() else folder, os.W_OK):
+        raise EvaluationError("the picture cannot be written there", where=str(path), cure="name another file")
 
 
 def _figure(size_in: tuple[float, float]) -> Figure:
@@ -136,7 +148,8 @@ class TimeAxis:
 
 def _draw_changes(panel: Axes, estimate: EstimatedMap, known: KnownTruth, changed: Sequence[int]) -> None:
     """A row for each changed place: the truth above; below it where the map holds it to be there, and every keyframe
-    that had the place in view, which is where `change_recall` asks: green where the map is right, red where not.
+    that had the place in view while the thing stood there or after it had left, which is what `change_recall` rests
+    on: green where the map is right, red where not.
     """
     axis, beliefs = TimeAxis(known.traversals), Beliefs(estimate, known)
     seconds = axis.at(known.stamps_ns)
@@ -144,8 +157,8 @@ def _draw_changes(panel: Axes, estimate: EstimatedMap, known: KnownTruth, change
         place, believed = known.places[k], beliefs.there(k)
         panel.broken_barh(axis.bars(place.state.since_ns, place.state.until_ns), (row - 0.4, 0.35), color=GOOD)
         panel.plot(seconds[believed], np.full(believed.sum(), row + 0.15), "s", ms=1.5, color=WAY)
-        there, empty = known.in_view_with_object[k], known.in_view_empty[k]
-        right, wrong = (there & believed) | (empty & ~believed), (there & ~believed) | (empty & believed)
+        there, left = known.in_view_with_object[k], known.in_view_left[k]
+        right, wrong = (there & believed) | (left & ~believed), (there & ~believed) | (left & believed)
         for asked, colour in ((right, GOOD), (wrong, FALSE)):
             panel.plot(seconds[asked], np.full(asked.sum(), row + 0.3), "|", ms=5, color=colour)
     for traversal, (start_ns, end_ns, start_s) in zip(known.traversals, axis.spans, strict=True):

@@ -12,6 +12,7 @@ from supermap_cli.evaluation.changes import ChangeScores, score_changes
 from supermap_cli.evaluation.estimate import EstimatedMap
 from supermap_cli.evaluation.identity import IdentityScores, score_identity
 from supermap_cli.evaluation.instances import InstanceScores, score_instances
+from supermap_cli.evaluation.known_truth import known_truth
 from supermap_cli.evaluation.objects import ObjectScores, score_objects
 from supermap_cli.evaluation.semantics import SemanticScores, score_semantics
 from supermap_cli.types.truth import GroundTruth
@@ -32,12 +33,15 @@ class ChangeSection:
 @dataclass(frozen=True)
 class Report:
     """The scores asked for. `alignment_rmse_m`: how far, by traversal, the robot's way in the map is off its true way
-    once the map is laid over the truth.
+    once the map is laid over the truth. Of the truth's traversals, `not_mapped` are not in the map and `partly_mapped`
+    only in part.
     """
 
     scenario: str
     seed: int
     alignment_rmse_m: dict[str, float]
+    not_mapped: tuple[str, ...] = ()
+    partly_mapped: tuple[str, ...] = ()
     map: ObjectScores | None = field(default=None, metadata=OPTIONAL)
     change: ChangeSection | None = field(default=None, metadata=OPTIONAL)
     identity: IdentityScores | None = field(default=None, metadata=OPTIONAL)
@@ -48,10 +52,13 @@ class Report:
 
 def score(estimate: EstimatedMap, truth: GroundTruth, sections: Collection[Section] = SECTIONS) -> Report:
     """Score a map in the sections asked for."""
+    known = known_truth(estimate, truth)
     return Report(
         scenario=truth.scenario,
         seed=truth.seed,
         alignment_rmse_m=estimate.alignment_rmse_m,
+        not_mapped=known.not_mapped,
+        partly_mapped=known.partly_mapped,
         map=score_objects(estimate, truth) if "map" in sections else None,
         change=_change(estimate, truth) if "change" in sections else None,
         identity=score_identity(estimate, truth) if "identity" in sections else None,

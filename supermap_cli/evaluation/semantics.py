@@ -112,6 +112,9 @@ class SemanticScores:
     `without_background` those that are truly of a countable object (ConceptGraphs' and HOV-SG's ignored classes: wall,
     floor, ceiling, door, window); a background prediction on an object is an error in both. Ignored objects
     (`known_truth`) are void. `labels` are those of `with_background`, `confusions` its ten greatest errors.
+
+    Of a map that lacks a part of the truth's traversals nothing is judged, and `note` says so: which surface was seen
+    is known for all of them together only.
     """
 
     with_background: SemanticFigures
@@ -120,11 +123,15 @@ class SemanticScores:
     background_labels: tuple[str, ...]
     labels: tuple[LabelFigures, ...]
     confusions: tuple[Confusion, ...]
+    note: str | None = None
 
 
 def score_semantics(estimate: EstimatedMap, truth: GroundTruth) -> SemanticScores:
     """Judge what the map calls every visible surface."""
     known = known_truth(estimate, truth)
+    if known.gap is not None:
+        nothing = SemanticFigures(None, None, None, None)
+        return SemanticScores(nothing, nothing, 0, (), (), (), known.gap)
     surface = seen_surface(truth, known)
     present = [each for each in estimate.objects if each.presence == "present"]
     names = _names(surface)

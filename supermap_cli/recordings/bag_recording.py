@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import heapq
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
@@ -15,18 +14,18 @@ from supermap_cli.geometry.arrays import IntArray
 from supermap_cli.recordings import messages
 from supermap_cli.recordings.camera_frames import CameraFrames
 from supermap_cli.recordings.detection_messages import DetectionArrival, join_masks, read_detections
+from supermap_cli.recordings.fingerprint import content_fingerprint, window_fingerprint
 from supermap_cli.recordings.images import decode_numbers
 from supermap_cli.recordings.opening import MARGIN_NS, OpenedRecording, no_poses
 from supermap_cli.recordings.pointclouds import read_points
 from supermap_cli.recordings.poses import recorded_poses
 from supermap_cli.recordings.probing import Topic
-from supermap_cli.recordings.storage import RawMessage, storage_files
+from supermap_cli.recordings.storage import RawMessage
 from supermap_cli.types.detections import Detections
 from supermap_cli.types.sensing import CameraFrame, ImuSample, StampedPose, Sweep
 
 _LATE_NS = 5_000_000_000
 _REORDER_NS = 500_000_000
-_FINGERPRINT_BYTES = 1 << 18
 
 Stamped = TypeVar("Stamped", StampedPose, Sweep, ImuSample)
 
@@ -96,18 +95,9 @@ class BagRecording:
         return self._opened.notes.lines
 
     def fingerprint(self) -> str:
-        """Hex digest of the files' sizes, their first and last 256 KiB, what is in them, and the window."""
-        digest = hashlib.sha256()
-        for path in storage_files(self.path):
-            size = path.stat().st_size
-            with path.open("rb") as file:
-                digest.update(f"{size}\n".encode() + file.read(_FINGERPRINT_BYTES))
-                file.seek(max(0, size - _FINGERPRINT_BYTES))
-                digest.update(file.read(_FINGERPRINT_BYTES))
-        for channel in self._opened.storage.channels:
-            digest.update(f"{channel.topic} {channel.msgtype} {channel.count}\n".encode())
-        digest.update(f"{self.start_ns} {self.end_ns}".encode())
-        return digest.hexdigest()
+        """Hex digest of what is in the files, and of the window."""
+        content = content_fingerprint(self.path, self._opened.storage.channels)
+        return window_fingerprint(content, self.start_ns, self.end_ns)
 
     def frame_stamps_ns(self) -> IntArray:
         """(n,) int64 stamps of all usable colour frames, ascending, without decoding any image."""

@@ -126,6 +126,9 @@ class TrueSightings:
 class TrueTraversal:
     """One recording: its file's name, its odometry's frame in the world, and the true poses and sightings of those
     images that a detector looked at: `stamps_ns` (f,), `T_world_base` (f, 4, 4).
+
+    `fingerprint` is that of the whole recording (`recordings.fingerprint`), whatever its path; `None` where it is not
+    known, as it may be in a truth that was annotated by hand.
     """
 
     name: str
@@ -136,6 +139,7 @@ class TrueTraversal:
     stamps_ns: IntArray
     T_world_base: FloatArray
     sightings: TrueSightings
+    fingerprint: str | None = None
 
     def __post_init__(self) -> None:
         check_transform("T_world_odom", self.T_world_odom)

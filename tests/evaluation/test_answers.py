@@ -79,6 +79,15 @@ def test_labels_do_not_matter_but_places_do():
     assert [each.text for each in score_answers(shifted, truth).wrong] == ["the table"]
 
 
+def test_of_a_map_that_lacks_a_traversal_nothing_is_asked():
+    truth = e.two_days()
+    monday = replace(e.perfect_map(truth), keyframes_ns=truth.traversals[0].stamps_ns)
+    scores = score_answers(monday, truth)
+    assert (scores.exact, scores.jaccard, scores.asked, scores.wrong) == (None, None, 0, ())
+    assert scores.left_out == ("where was the plant", "the bag")
+    assert scores.note == "not judged: the map lacks tuesday"
+
+
 def test_what_no_image_showed_well_is_not_asked_for():
     objects = e.still_life().objects
     look = lambda object_id, state, second: e.Sight(pixels=9 if object_id != "chair-1" else 1000)  # noqa: E731

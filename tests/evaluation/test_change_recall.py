@@ -10,7 +10,7 @@ from supermap_cli.evaluation.change_recall import score_change_recall
 
 def rows(scores):
     return {
-        (row.object_id, row.changes[0]): (row.there_right, row.there_samples, row.empty_right, row.empty_samples)
+        (row.object_id, row.changes[0]): (row.there_right, row.there_samples, row.left_right, row.left_samples)
         for row in scores.places
     }
 
@@ -36,9 +36,9 @@ def test_a_perfect_map_is_right_in_every_frame_and_a_move_counts_at_both_ends():
     scores = score_change_recall(e.perfect_map(truth), truth)
     assert rows(scores) == {
         ("plant-1", "disappeared"): (10, 10, 10, 10),
-        ("cart-1", "appeared"): (10, 10, 10, 10),
+        ("cart-1", "appeared"): (10, 10, 0, 0),
         ("bag-1", "moved away"): (10, 10, 10, 10),
-        ("bag-1", "moved here"): (10, 10, 10, 10),
+        ("bag-1", "moved here"): (10, 10, 0, 0),
     }
     assert scores.per_object.change_recall == scores.per_frame.change_recall == scores.clean_share == 1
 
@@ -46,7 +46,19 @@ def test_a_perfect_map_is_right_in_every_frame_and_a_move_counts_at_both_ends():
 def test_an_empty_map_detects_nothing_and_is_right_about_every_empty_place():
     truth = e.two_days()
     scores = score_change_recall(e.empty_map(truth), truth)
-    assert (scores.per_frame.detection_recall, scores.per_frame.change_recall, scores.clean_share) == (0, 0.5, 1)
+    assert (scores.per_frame.detection_recall, scores.per_frame.change_recall, scores.clean_share) == (0, 20 / 60, 1)
+
+
+def test_keyframes_before_a_thing_came_are_reported_and_count_in_no_recall():
+    truth = e.two_days()
+    too_early = with_state(e.perfect_map(truth), "cart-1", first_seen_ns=e.ns(7))
+    scores = score_change_recall(too_early, truth)
+    cart = next(row for row in scores.places if row.object_id == "cart-1")
+    assert (cart.before_right, cart.before_samples, cart.first_wrong_ns) == (7, 10, None)
+    assert cart.change_recall == cart.detection_recall == 1
+    assert (scores.per_frame.change_recall, scores.clean_share) == (1, 1)
+    bag = next(row for row in scores.places if row.changes == ("moved away",))
+    assert bag.before_samples == 0
 
 
 def test_a_disappearance_noticed_late_costs_its_frames():
@@ -56,13 +68,13 @@ def test_a_disappearance_noticed_late_costs_its_frames():
     assert scores.places[0].change_recall == 17 / 20
     assert scores.places[0].first_wrong_ns == e.ns(100)
     assert scores.per_object.change_recall == pytest.approx((17 / 20 + 3) / 4)
-    assert (scores.per_frame.change_recall, scores.clean_share) == (77 / 80, 3 / 4)
+    assert (scores.per_frame.change_recall, scores.clean_share) == (57 / 60, 1 / 2)
 
 
 def test_an_appearance_noticed_late_costs_its_frames():
     truth = e.two_days()
     scores = score_change_recall(with_state(e.perfect_map(truth), "cart-1", first_seen_ns=e.ns(102)), truth)
-    assert rows(scores)["cart-1", "appeared"] == (8, 10, 10, 10)
+    assert rows(scores)["cart-1", "appeared"] == (8, 10, 0, 0)
     assert scores.per_frame.detection_recall == 38 / 40
 
 
@@ -93,7 +105,7 @@ def test_a_shift_smaller_than_the_gate_must_be_noticed():
     assert score_change_recall(perfect, truth).per_frame.change_recall == 1
     first = replace(perfect.objects[0].states[0], gone_ns=None)
     scores = score_change_recall(e.altered(perfect, "chair-1", lambda each: replace(each, states=(first,))), truth)
-    assert rows(scores) == {("chair-1", "moved away"): (5, 5, 0, 5), ("chair-1", "moved here"): (0, 5, 5, 5)}
+    assert rows(scores) == {("chair-1", "moved away"): (5, 5, 0, 5), ("chair-1", "moved here"): (0, 5, 0, 0)}
 
 
 def test_another_thing_of_the_label_in_the_place_is_no_false_positive():

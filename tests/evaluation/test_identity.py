@@ -119,13 +119,36 @@ def test_a_moved_thing_that_got_another_id_is_found_but_not_kept():
     assert [each.object_id for each in scores.several] == ["bag-1"]
 
 
-def test_a_thing_that_moved_within_the_gate_unnoticed_is_still_one_identity():
-    objects = (e.thing("chair-1", e.stay((0, 0, 0), until=5), e.stay((0.2, 0, 0), since=5)),)
-    changes = (e.change("moved", "chair-1", 0, 1, 5, ("monday", "monday"), 0.2),)
-    truth = e.world(objects, [e.traversal("monday", 0, 9, objects)], changes=changes)
+def nudged():
+    """A chair that is moved by 0.25 m after second 4, less than the gate."""
+    objects = (e.thing("chair-1", e.stay((0, 0, 0), until=5), e.stay((0.25, 0, 0), since=5)),)
+    changes = (e.change("moved", "chair-1", 0, 1, 5, ("monday", "monday"), 0.25),)
+    return e.world(objects, [e.traversal("monday", 0, 9, objects)], changes=changes)
+
+
+def test_a_small_move_that_the_map_noticed_is_found_and_kept():
+    truth = nudged()
+    scores = score_identity(e.perfect_map(truth), truth)
+    assert (scores.relocated_found, scores.relocated_kept) == (1, 1)
+
+
+@pytest.mark.parametrize("x", [0, 0.125, 0.25])
+def test_one_state_near_both_places_has_not_noticed_the_move(x):
+    truth = nudged()
     [chair] = e.perfect_map(truth).objects
     lazy = replace(chair, states=(replace(chair.states[0], last_seen_ns=e.ns(9), gone_ns=None),))
-    assert score_identity(e.with_objects(e.perfect_map(truth), [lazy]), truth).relocated_kept == 1
+    estimate = e.with_objects(e.perfect_map(truth), [e.shifted_object(lazy, (x, 0, 0))])
+    scores = score_identity(estimate, truth)
+    assert (scores.relocated_found, scores.relocated_kept, scores.instances_per_object) == (0, 0, 1)
+
+
+@pytest.mark.parametrize(("begins", "found"), [(4, 1), (3, 0)])
+def test_the_state_in_the_new_place_begins_not_before_the_last_keyframe_before_the_move(begins, found):
+    truth = nudged()
+    [chair] = e.perfect_map(truth).objects
+    early = replace(chair, states=(chair.states[0], replace(chair.states[1], first_seen_ns=e.ns(begins))))
+    scores = score_identity(e.with_objects(e.perfect_map(truth), [early]), truth)
+    assert (scores.relocated_found, scores.relocated_kept) == (found, found)
 
 
 def test_a_ghost_is_stale_and_counts_against_idf1_while_its_place_is_in_view():

@@ -98,6 +98,14 @@ def test_things_that_no_image_showed_well_are_void():
     assert figures(scores) == regardless(scores) == (1, 1, 1)
 
 
+def test_a_map_of_a_part_of_the_truth_is_not_judged():
+    truth = e.still_life()
+    half = replace(e.perfect_map(truth), keyframes_ns=e.keyframes(truth)[:5])
+    scores = score_instances(half, truth)
+    assert figures(scores) == regardless(scores) == (None, None, None)
+    assert (scores.objects, scores.note) == ((), "not judged: the map lacks a part of monday")
+
+
 def test_objects_of_few_points_are_named():
     truth = e.still_life()
     chair, *others = truth.objects

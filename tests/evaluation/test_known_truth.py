@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 import evaluated as e
 from supermap_cli.evaluation.known_truth import known_truth
@@ -41,6 +42,51 @@ def test_an_object_is_countable_once_an_image_shows_it_well_where_it_stands():
     assert known.in_view_with_object.sum(axis=1).tolist() == [6, 0, 0]
 
 
+def test_what_only_images_between_the_keyframes_showed_well_is_not_countable():
+    objects = e.still_life().objects[:1]
+    look = lambda object_id, state, second: e.Sight(pixels=1000 if second == 4 else 99)  # noqa: E731
+    truth = e.world(objects, [e.traversal("monday", 0, 9, objects, look)])
+    estimate = e.empty_map(truth)
+    for stamps_ns, seen in (
+        (e.ns(4) + np.array([-4 * e.SECOND, 250_000_000, 5 * e.SECOND]), e.ns(4)),
+        (e.ns(4) + np.array([-4 * e.SECOND, 260_000_000, 5 * e.SECOND]), None),
+    ):
+        [place] = known_truth(replace(estimate, keyframes_ns=stamps_ns), truth).places
+        assert place.well_seen_ns == seen
+
+
+@pytest.mark.parametrize(
+    ("mapped", "not_mapped", "partly_mapped", "gap"),
+    [
+        (lambda at: at >= 0, (), (), None),
+        (lambda at: (at >= 2) & (at != 50) & (at <= 107), (), (), None),
+        (lambda at: at >= 3, (), ("monday",), "not judged: the map lacks a part of monday"),
+        (lambda at: at <= 106, (), ("tuesday",), "not judged: the map lacks a part of tuesday"),
+        (lambda at: at < 50, ("tuesday",), (), "not judged: the map lacks tuesday"),
+        (lambda at: at > 105, ("monday",), ("tuesday",), "not judged: the map lacks monday and a part of tuesday"),
+    ],
+)
+def test_a_map_of_less_than_all_traversals_has_a_gap(mapped, not_mapped, partly_mapped, gap):
+    truth = e.two_days()
+    stamps_ns = e.keyframes(truth)
+    known = known_truth(replace(e.perfect_map(truth), keyframes_ns=stamps_ns[mapped(stamps_ns / e.SECOND)]), truth)
+    assert (known.not_mapped, known.partly_mapped, known.gap) == (not_mapped, partly_mapped, gap)
+
+
+def test_a_place_is_judged_by_the_middle_of_what_was_seen_and_by_its_whole_box():
+    [cube] = e.still_life().objects[:1]
+    for seen, x in (
+        (cube.surface_object[:, 0] > 0.19, 0.2),
+        (np.zeros(384, bool), 0.0),
+        (np.ones(384, bool), 0.0),
+    ):
+        objects = (replace(cube, surface_seen=seen),)
+        truth = e.world(objects, [e.traversal("monday", 0, 9, objects)])
+        [place] = known_truth(e.empty_map(truth), truth).places
+        np.testing.assert_allclose(place.centroid, [x, 0, 0.2], atol=1e-6)
+        np.testing.assert_allclose(place.box.center, [0, 0, 0.2])
+
+
 def test_keyframes_take_the_nearest_image_within_50_ms():
     truth = e.still_life()
     stamps_ns = np.array([e.ns(2) + 40_000_000, e.ns(5) - 60_000_000, e.ns(7)])
@@ -54,4 +100,6 @@ def test_a_place_is_empty_before_and_after_its_object_stands_there():
     plant, cart = known.place_of("plant-1", 0), known.place_of("cart-1", 0)
     assert known.in_view_empty[plant].tolist() == [False] * 10 + [True] * 10
     assert known.in_view_empty[cart].tolist() == [True] * 10 + [False] * 10
+    assert known.in_view_left[plant].tolist() == [False] * 10 + [True] * 10
+    assert not known.in_view_left[cart].any()
     assert known.place_of("plant-1", None) is None

@@ -30,7 +30,7 @@ def test_a_perfect_map_is_perfect():
     truth = e.two_days()
     scores = score_objects(e.perfect_map(truth), truth)
     assert counts(scores.labelled) == counts(scores.unlabelled) == (4, 0, 0)
-    assert (scores.labelled.f1, scores.label_accuracy, scores.centroid_error_m) == (1, 1, 0)
+    assert (scores.labelled.f1, scores.label_accuracy, scores.centroid_error_m) == (1, 1, pytest.approx(0, abs=1e-6))
     assert scores.iou == pytest.approx(1)
 
 

@@ -117,7 +117,7 @@ def test_drift_is_told_by_traversal(tmp_path):
 
 
 def test_the_truth_of_another_recording_is_refused(tmp_path):
-    with pytest.raises(EvaluationError, match=r"belongs to another recording.*give the truth"):
+    with pytest.raises(EvaluationError, match=r"belongs to other recordings.*give the truth"):
         read_drive(tmp_path / "map.db", {0.0: np.eye(4)}, truth(([500, 501], [np.eye(4), np.eye(4)])))
 
 

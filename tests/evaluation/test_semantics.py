@@ -83,6 +83,14 @@ def test_a_perfect_map_is_perfect_even_close_to_a_wall():
     assert (scores.background_labels, scores.confusions) == (("wall", "window"), ())
 
 
+def test_a_map_of_a_part_of_the_truth_is_not_judged():
+    truth = e.still_life()
+    half = replace(e.perfect_map(truth), keyframes_ns=e.keyframes(truth)[:5])
+    scores = score_semantics(half, truth)
+    assert values(scores.with_background) == values(scores.without_background) == (None,) * 4
+    assert (scores.voxels, scores.note) == (0, "not judged: the map lacks a part of monday")
+
+
 def test_a_doubled_map_is_as_good_as_a_single_one():
     truth = e.still_life()
     assert values(score_semantics(e.doubled(e.perfect_map(truth)), truth).with_background) == (1, 1, 1, 1)

@@ -39,12 +39,15 @@ Seen = tuple[Float32Array, BoolArray]
 
 @dataclass(frozen=True)
 class WatchedVisit:
-    """One visit as it was recorded: `sights` are those of the images at `stamps_ns`, one each."""
+    """One visit as it was recorded: `sights` are those of the images at `stamps_ns`, one each; `fingerprint` is that of
+    the complete recording.
+    """
 
     visit: SimulatedVisit
     recording: str
     stamps_ns: IntArray
     sights: tuple[Sights, ...]
+    fingerprint: str | None = None
 
 
 def make_truth(
@@ -143,6 +146,7 @@ def _traversal(watched: WatchedVisit, world: World) -> TrueTraversal:
         stamps_ns=watched.stamps_ns,
         T_world_base=visit.route.T_world_base(watched.stamps_ns),
         sightings=_sightings(watched.sights, world),
+        fingerprint=watched.fingerprint,
     )
 
 

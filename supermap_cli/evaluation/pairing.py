@@ -1,0 +1,52 @@
+"""Which traversal of a map is which of the truth: by the fingerprints of the recordings, never by their names."""
+
+from __future__ import annotations
+
+from supermap_cli.errors import EvaluationError
+from supermap_cli.memory.reading import MapReader
+from supermap_cli.memory.values import StoredTraversal
+from supermap_cli.recordings.fingerprint import window_fingerprint
+from supermap_cli.types.truth import GroundTruth, TrueTraversal
+
+Pairs = dict[int, tuple[TrueTraversal, ...]]
+"""By the id of a map's traversal, those of the truth that it is; several only where they are told by their time."""
+
+
+def pair_traversals(reader: MapReader, truth: GroundTruth) -> Pairs:
+    """Find every traversal of the map in the truth. The truth may know of more.
+
+    Raises `EvaluationError` where the truth belongs to other recordings, and where the map holds a traversal that it
+    does not know: what that one changed could not be judged.
+    """
+    pairs = {each.id: _in_truth(each, truth) for each in reader.traversals}
+    if not any(pairs.values()):
+        raise EvaluationError(
+            "this truth belongs to other recordings than those in the map",
+            where=str(reader.path),
+            cure="give the truth.json that lies beside the recordings in the map",
+        )
+    if strangers := [each.name for each in reader.traversals if not pairs[each.id]]:
+        raise EvaluationError(
+            f"the truth does not know {', '.join(strangers)}, which the map holds: objects at its end cannot be judged",
+            where=str(reader.path),
+            cure="build a map of the recordings that the truth is about, and no others",
+        )
+    return pairs
+
+
+def _in_truth(mapped: StoredTraversal, truth: GroundTruth) -> tuple[TrueTraversal, ...]:
+    """By fingerprint; by time where the truth has none."""
+    same = [each for each in truth.traversals if _is_same_recording(mapped, each)]
+    unnamed = [each for each in truth.traversals if each.fingerprint is None]
+    return tuple(same or [each for each in unnamed if _meet(mapped, each)])
+
+
+def _is_same_recording(mapped: StoredTraversal, true: TrueTraversal) -> bool:
+    """Whether it is a build of that recording, or of a stretch of it."""
+    if true.fingerprint is None:
+        return False
+    return mapped.fingerprint == window_fingerprint(true.fingerprint, mapped.start_ns, mapped.end_ns)
+
+
+def _meet(mapped: StoredTraversal, true: TrueTraversal) -> bool:
+    return mapped.start_ns <= true.end_ns and true.start_ns <= mapped.end_ns
