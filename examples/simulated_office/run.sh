@@ -7,6 +7,14 @@ folder=${1:-simulated-office}
 seed=${2:-1}
 export SUPERMAP_DB=$folder/office.db
 
+# What an earlier run left in the folder is replaced; what anything else left there is not.
+for file in truth.json monday.mcap tuesday.mcap office.db; do
+    if [ -e "$folder/$file" ] && ! head -c 200 "$folder/truth.json" 2>/dev/null | grep -q '"scenario":"office-twice"'; then
+        echo "error: $file would be overwritten ($folder): name another folder" >&2
+        exit 1
+    fi
+done
+
 # A world and two recordings of it, a day apart, each in an odometry frame of its own. Between the visits a plant, a
 # trash can and a chair have gone, a bucket, a cart and a safety sign have come, and three things stand elsewhere.
 # What is exactly true goes into truth.json. The seed decides everything.

@@ -63,7 +63,9 @@ def ablation(
     world: Annotated[
         str, typer.Argument(metavar="SCENARIO|FOLDER", help="A scenario to simulate, or a folder with one, simulated.")
     ],
-    seed: Annotated[int | None, typer.Option(help="Which world to simulate. [default: 1]", show_default=False)] = None,
+    seed: Annotated[
+        int | None, typer.Option(min=0, help="Which world to simulate. [default: 1]", show_default=False)
+    ] = None,
     keep: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Where to simulate and build, and leave both. [default: nowhere]")
     ] = None,

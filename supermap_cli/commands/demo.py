@@ -6,6 +6,7 @@ import re
 import shlex
 import sys
 import time
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from textwrap import fill
@@ -13,8 +14,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from supermap_cli.errors import SimulationError, TruthError
+
 if TYPE_CHECKING:
-    from supermap_cli.types.truth import GroundTruth
+    from supermap_cli.evaluation.changes import ChangeScores
+    from supermap_cli.evaluation.estimate import EstimatedMap
+    from supermap_cli.types.truth import GroundTruth, TrueChange
 
 EXAMPLES = """
 Examples:
@@ -24,6 +29,9 @@ Examples:
     supermap demo --folder /tmp/demo --seed 7
 """
 TRUTH, DB, PICTURE = "truth.json", "map.db", "evaluation.png"
+SCENARIO = "demo"
+REPLACED = ("monday.mcap", "tuesday.mcap", DB, PICTURE)
+"""What an earlier demo left behind, besides its truth."""
 
 
 def register(app: typer.Typer) -> None:
@@ -36,29 +44,102 @@ def demo(
     folder: Annotated[Path, typer.Option(metavar="DIR", help="Where recordings, map and picture go.")] = Path(
         "supermap-demo"
     ),
-    seed: Annotated[int, typer.Option(help="Which world: each seed gives another one.")] = 1,
+    seed: Annotated[int, typer.Option(min=0, help="Which world: each seed gives another one.")] = 1,
 ) -> None:
     """Simulate two visits to one place, map them, ask, compare, and hold the map against the truth."""
+    check_folder(folder)
     shown = Shown(ctx.find_root().command, folder)
     began = time.monotonic()
     shown.simulate(seed)
     truth = shown.truth()
     shown.build(truth)
     shown.ask(truth)
-    shown.compare()
+    shown.compare(truth)
     shown.evaluate()
     shown.what_next(time.monotonic() - began)
 
 
+def check_folder(folder: Path) -> None:
+    """Raise `SimulationError` where the demo would overwrite what it has not made itself."""
+    from supermap_cli.truth_file import read_truth  # noqa: PLC0415 - keeps start-up light
+
+    cure = "name another --folder"
+    if (folder / TRUTH).exists():
+        try:
+            scenario = read_truth(folder / TRUTH).scenario
+        except TruthError as error:
+            raise SimulationError(f"{TRUTH} is not the demo's", where=str(folder), cure=cure) from error
+        if scenario != SCENARIO:
+            raise SimulationError(f"there is a world of its own: {scenario}", where=str(folder), cure=cure)
+    elif there := [name for name in REPLACED if (folder / name).exists()]:
+        raise SimulationError(f"{', '.join(there)} would be overwritten", where=str(folder), cure=cure)
+
+
 def three_questions(truth: GroundTruth) -> tuple[str, ...]:
-    """Of the truth's questions that have an answer: the count of most things, a relation, and one about the past."""
+    """Of the truth's questions that have an answer: the count of most things, a relation, and one about the past of
+    something that changed.
+    """
+    changed = {each.object_id for each in truth.changes}
     asked = sorted((each for each in truth.questions if each.answer), key=lambda each: -len(each.answer))
-    kinds = ((r"^how many",), (r" near the ", r" (on|under|in) the "), (r"^where was", r" earlier$"))
+    past = [each for each in asked if changed.intersection(each.answer)]
+    kinds = (
+        (asked, (r"^how many",)),
+        (asked, (r" near the ", r" (on|under|in) the ")),
+        (past, (r"^where was", r" earlier$")),
+    )
     found = (
-        next((each.text for pattern in patterns for each in asked if re.search(pattern, each.text)), None)
-        for patterns in kinds
+        next((each.text for pattern in patterns for each in fitting if re.search(pattern, each.text)), None)
+        for fitting, patterns in kinds
     )
     return tuple(text for text in found if text is not None)
+
+
+def true_changes(truth: GroundTruth) -> str:
+    """What became of the world's things, in plain words."""
+    told = [_in_words(each, truth.object(each.object_id).label) for each in truth.changes]
+    return f"In truth: {_listed(told) or 'nothing'}."
+
+
+def comparison(scores: ChangeScores) -> str:
+    """How much of what really changed the map reports, what it missed, and what it invented."""
+    if scores.overall is None:
+        return "The map holds one visit only: there is nothing to compare."
+    found, missed, false = scores.overall.found, scores.missed, scores.false
+    lines = [f"Held against the truth: the map found {found} of {found + len(missed)} true changes."]
+    if missed:
+        told = (f"{each.label} ({each.kind}{', told as two' * each.reported_as_two})" for each in missed)
+        lines.append(f"It missed: {_listed(told)}.")
+    if false:
+        lines.append(f"It reports what did not happen so: {_listed(f'{each.label} ({each.kind})' for each in false)}.")
+    if scores.unobservable:
+        lines.append(f"Not judged, as no image shows it well: {_listed(scores.unobservable)}.")
+    return " ".join(lines)
+
+
+def answers_judged(asked: Sequence[str], estimate: EstimatedMap, truth: GroundTruth) -> str:
+    """Which of the questions the map answered with exactly the right things; those that can be judged."""
+    from supermap_cli.evaluation.answers import score_answers  # noqa: PLC0415 - keeps start-up light
+
+    scores = score_answers(estimate, truth)
+    asked = [text for text in asked if text not in scores.left_out]
+    expected = {each.text: each.expected for each in scores.wrong}
+    wrong = [f'"{text}" (right: {", ".join(expected[text]) or "none"})' for text in asked if text in expected]
+    if not asked:
+        return "None of the questions above can be judged by what the images show."
+    if not wrong:
+        return f"It answered all {len(asked)} questions above right."
+    return f"Of the {len(asked)} questions above it answered {len(wrong)} wrong: {_listed(wrong)}."
+
+
+def _in_words(change: TrueChange, label: str) -> str:
+    if change.kind == "moved":
+        return f"the {label} was moved by {change.distance_m:.2f} m"
+    return f"the {label} is gone" if change.kind == "disappeared" else f"a new {label} is there"
+
+
+def _listed(parts: Iterable[str]) -> str:
+    *all_but_last, last = parts or [""]
+    return f"{', '.join(all_but_last)} and {last}" if all_but_last else last
 
 
 @dataclass(frozen=True)
@@ -71,11 +152,11 @@ class Shown:
     def simulate(self, seed: int) -> None:
         """A world, two recordings of it, and the truth."""
         self.say(
-            "1. A world. A robot with a colour and a depth camera drives twice through the same rooms; in between "
+            "1. A world. A robot with a colour and a depth camera drives through one room on two days; in between "
             "things are taken away, brought and moved. What it records is what a real robot would: noisy depth, an "
             "odometry that drifts, a detector that misses and confuses. The exact truth goes into a file of its own."
         )
-        self.run("simulate", "demo", "--out", str(self.folder), "--seed", str(seed), "--overwrite")
+        self.run("simulate", SCENARIO, "--out", str(self.folder), "--seed", str(seed), "--overwrite")
 
     def build(self, truth: GroundTruth) -> None:
         """Both recordings into one map."""
@@ -92,17 +173,23 @@ class Shown:
         for question in three_questions(truth):
             self.run("query", question, "--db", self.path(DB))
 
-    def compare(self) -> None:
-        """What changed."""
+    def compare(self, truth: GroundTruth) -> None:
+        """What changed: in truth, by the map, and how the two agree."""
+        from supermap_cli.evaluation.changes import score_changes  # noqa: PLC0415 - keeps start-up light
+
+        self.say(f"4. What changed? {true_changes(truth)}")
         self.say(
-            "4. What changed? A thing has disappeared only where its place was seen empty, and appeared only where its "
-            "place had been seen empty before; what nobody looked at again is said to be just that."
+            "And what does the map say? A thing has disappeared only where its place was seen empty, and appeared only "
+            "where its place had been seen empty before; what nobody looked at again is said to be just that."
         )
         self.run("diff", "--db", self.path(DB))
+        estimate = self.estimate()
+        self.say(comparison(score_changes(estimate, truth)))
+        self.say(answers_judged(three_questions(truth), estimate, truth))
 
     def evaluate(self) -> None:
         """The map against the truth."""
-        self.say("5. How good is all that? Now the truth comes in, and the map is scored by the field's own metrics.")
+        self.say("5. How good is all of the map? It is scored against the truth by the field's own metrics.")
         self.run("eval", "all", self.path(DB), self.path(TRUTH), "--plot", self.path(PICTURE))
 
     def what_next(self, seconds: float) -> None:
@@ -111,22 +198,32 @@ class Shown:
             f"That was all of it, in {seconds / 60:.1f} minutes. {self.path(PICTURE)} shows the map over the truth."
         )
         self.say("Try next:")
-        for line in (
-            f"export SUPERMAP_DB={shlex.quote(self.path(DB))}",
-            "supermap show                        # everything in the map now",
-            "supermap show chair-1                # all about one object, with its relations",
-            "supermap history chair-1             # where it stood when",
-            "supermap demo --seed 2               # another world",
-            "supermap simulate --help             # larger worlds, and one with a panorama camera and a LiDAR",
-            "supermap inspect your-own.mcap       # what a build would use of your own recording",
+        one = next((each.id for each in self.estimate().objects), None)
+        about_one = (
+            (f"supermap show {one}", "all about one object, with its relations"),
+            (f"supermap history {one}", "where it stood when"),
+        )
+        typer.echo(f"  export SUPERMAP_DB={shlex.quote(self.path(DB))}")
+        for command, what in (
+            ("supermap show", "everything in the map now"),
+            *(about_one if one is not None else ()),
+            ("supermap demo --seed 2", "another world"),
+            ("supermap simulate --help", "larger worlds, and one with a panorama camera and a LiDAR"),
+            ("supermap inspect your-own.mcap", "what a build would use of your own recording"),
         ):
-            typer.echo(f"  {line}")
+            typer.echo(f"  {command:<36} # {what}")
 
     def truth(self) -> GroundTruth:
         """What was simulated: the names of the recordings, and questions that have an answer."""
         from supermap_cli.truth_file import read_truth  # noqa: PLC0415 - keeps start-up light
 
         return read_truth(self.folder / TRUTH)
+
+    def estimate(self) -> EstimatedMap:
+        """The map that was built, laid over the truth."""
+        from supermap_cli.evaluation.reading import read_map  # noqa: PLC0415 - keeps start-up light
+
+        return read_map(self.path(DB), self.folder / TRUTH)[0]
 
     def path(self, name: str) -> str:
         """A file of the demo."""

@@ -85,19 +85,20 @@ def simulate_scenario(
     name: str, folder: Path, seed: int, seconds: float | None, errors: DetectorErrors, *, overwrite: bool
 ) -> Recorded:
     """Make a scenario and record it, with progress bars."""
-    from supermap_cli.simulation.recording.recorder import record  # noqa: PLC0415 - heavy imports only when a simulation starts
-    from supermap_cli.simulation.scenarios import make_scenario  # noqa: PLC0415
-
     if threading.current_thread() is threading.main_thread():
         signal.signal(signal.SIGTERM, signal.default_int_handler)  # stopped politely, it leaves no half recording
-    with err().status(f"making {name}"):
-        scenario = make_scenario(name, seed, seconds=seconds)
-    with progress_bars(scenario) as progress:
-        try:
+    try:
+        # Heavy imports, only when a simulation starts.
+        from supermap_cli.simulation.recording.recorder import record  # noqa: PLC0415
+        from supermap_cli.simulation.scenarios import make_scenario  # noqa: PLC0415
+
+        with err().status(f"making {name}"):
+            scenario = make_scenario(name, seed, seconds=seconds)
+        with progress_bars(scenario) as progress:
             return record(scenario, folder, errors=errors, seed=seed, overwrite=overwrite, progress=progress)
-        except KeyboardInterrupt:
-            err().print("interrupted: nothing was written", markup=False)
-            raise
+    except KeyboardInterrupt:
+        err().print("interrupted: nothing was written", markup=False)
+        raise
 
 
 def detector_errors(given: list[str], *, perfect: bool) -> DetectorErrors:

@@ -24,10 +24,12 @@ from supermap_cli.simulation.worlds.changing import Changed, change_interior, st
 from supermap_cli.simulation.worlds.furnishing import Interior, Line
 from supermap_cli.simulation.worlds.places import Placed
 from supermap_cli.simulation.worlds.recipes import (
+    BUCKET,
     DEMO_CHANGES,
     DEMO_ROOM,
     OFFICE_CHANGES,
     ON_FLOOR_OR_WALL,
+    PANORAMA_BUCKET_ROOMS,
     PANORAMA_ROOMS,
     TINY_ROOM,
     Change,
@@ -37,9 +39,9 @@ from supermap_cli.simulation.worlds.recipes import (
 SCENARIOS: dict[str, str] = {
     "office": "three rooms and a corridor, 41 objects, one visit; people walk through",
     "office-twice": "the same rooms on two days: three things gone, three new, two moved by metres, one by 0.25 m",
-    "panorama": "360-degree camera and LiDAR: a bag is carried about, a trash can vanishes out of view",
+    "panorama": "360-degree camera and LiDAR: a bag is carried; out of view a trash can vanishes, a bucket appears",
     "demo": "one room on two days, 16 objects: one gone, one new, one moved by metres, one by 0.25 m",
-    "tiny": "one room, 9 objects, a few seconds",
+    "tiny": "one room, 9 objects, a few seconds; one person walks up and down",
 }
 """What each scenario is, by name."""
 
@@ -48,6 +50,7 @@ MONDAY_NS = 1_767_603_600_000_000_000
 DAY_NS = 86_400_000_000_000
 _ATTEMPTS = 6
 _ROUTES_DRAWN = 6
+_PANORAMAS_DRAWN = 3
 _OTHER_START_M = 1.0
 _STILL = 0.02
 
@@ -210,35 +213,53 @@ def _without_beginning(route: Route, left_out_s: float) -> Route:
 
 
 def _panorama(dice: _Dice, seconds: float) -> Scenario:
-    """Someone carries the backpack elsewhere in its room; a trash can goes while the robot is somewhere else."""
-    site, rig = _Site(dice, lambda _: PANORAMA_ROOMS), panorama_rig()
+    """Someone carries the backpack elsewhere in its room; while the robot is somewhere else, a trash can goes and a
+    bucket comes. The places of all of them are free before and after.
+    """
+    site = _Site(dice, lambda _: PANORAMA_ROOMS)
     interior = site.interior
     bag = next(each for each in interior.placed if each.piece.label == "backpack")
-    bag_after = interior.another_place(bag, ON_FLOOR_OR_WALL, bag.room, dice.of(_Concern.CHANGES), at_least_m=1.8)
-    bins = [each for each in interior.placed if each.piece.label == "trash can"]
+    interior.another_place(bag, ON_FLOOR_OR_WALL, bag.room, dice.of(_Concern.CHANGES), at_least_m=1.8)
+    arriving = dice.of(_Concern.CHANGES, 1)
+    for room in PANORAMA_BUCKET_ROOMS:
+        interior.add(BUCKET, room, arriving)
+    for number in range(_PANORAMAS_DRAWN - 1):
+        with suppress(SimulationError):  # on this way the robot is not where it should be when things happen
+            return _panorama_on_a_way(site, seconds, number)
+    return _panorama_on_a_way(site, seconds, _PANORAMAS_DRAWN - 1)
+
+
+def _panorama_on_a_way(site: _Site, seconds: float, number: int) -> Scenario:
+    """What happens while the robot takes one of its ways."""
+    interior, rig = site.interior, panorama_rig()
+    (bag, bag_after), bins, buckets = (
+        [each for each in interior.placed if each.piece.label == label] for label in ("backpack", "trash can", "bucket")
+    )
     focus = [each.T_world_thing[:2, 3] for each in (bag, bag_after, *bins)]
-    visit = site.visit("panorama", MONDAY_NS, seconds, focus=focus)
-    bystanders = site.bystanders(visit, rig)
-    vanishing, vanished_ns = _vanishing(bins, bystanders)
+    visit = site.visit("panorama", MONDAY_NS, seconds, focus=focus, number=number)
+    bystanders = site.bystanders(visit, rig, number)
+    vanishing, vanished_ns = _unwatched(bins, bystanders.watch)
+    appearing, appeared_ns = _unwatched(buckets, bystanders.watch)
     carrying = bystanders.carry("person-1", interior.thing(bag.thing_id), bag.T_world_thing, bag_after.T_world_thing)
     walking = bystanders.pass_through("person-2")
     taken_ns, put_ns = carrying.carried_between_ns
-    special = (bag.thing_id, vanishing.thing_id)
+    special = (bag.thing_id, vanishing.thing_id, appearing.thing_id)
     stays = [
         *(stay for stay in stays_with(interior, Changed(), None) if stay.thing_id not in special),
         Stay(bag.thing_id, bag.T_world_thing, until_ns=taken_ns),
         Stay(bag.thing_id, bag_after.T_world_thing, since_ns=put_ns),
         Stay(vanishing.thing_id, vanishing.T_world_thing, until_ns=vanished_ns),
+        Stay(appearing.thing_id, appearing.T_world_thing, since_ns=appeared_ns),
     ]
     return site.scenario("panorama", rig, [visit], stays, [carrying, walking])
 
 
-def _vanishing(bins: Sequence[Placed], bystanders: Bystanders) -> tuple[Placed, int]:
-    """One of these that the robot sees, loses from view and sees the place of again, and when meanwhile it goes."""
-    for each in bins[:-1]:
+def _unwatched(things: Sequence[Placed], watch: Watch) -> tuple[Placed, int]:
+    """The first of these whose place the robot sees, loses from view and sees again, and the middle of meanwhile."""
+    for each in things[:-1]:
         with suppress(SimulationError):
-            return each, bystanders.watch.unwatched_ns(each.T_world_thing[:2, 3])
-    return bins[-1], bystanders.watch.unwatched_ns(bins[-1].T_world_thing[:2, 3])
+            return each, watch.unwatched_ns(each.T_world_thing[:2, 3])
+    return things[-1], watch.unwatched_ns(things[-1].T_world_thing[:2, 3])
 
 
 def _tiny(dice: _Dice, seconds: float) -> Scenario:

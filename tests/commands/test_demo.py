@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import re
 import shlex
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -10,13 +13,23 @@ from typing import Any
 import pytest
 import typer
 
+import cli
+import evaluated
+import kitchen
 import kitchen_truth
-from supermap_cli.commands.demo import demo, three_questions
-from supermap_cli.types.truth import GroundTruth, TrueQuestion
+from supermap_cli.commands.demo import answers_judged, comparison, demo, three_questions
+from supermap_cli.errors import SimulationError
+from supermap_cli.evaluation.changes import ChangeScores, FalseChange, MissedChange
+from supermap_cli.evaluation.estimate import EstimatedAnswer
+from supermap_cli.evaluation.shares import precision_recall
+from supermap_cli.types.truth import GroundTruth, TrueChange, TrueQuestion
+
+NOTHING_COMPARED = ChangeScores(None, None, None, None, None, None, 0, (), (), ())
+DEMO_TRUTH = replace(kitchen_truth.kitchen_truth(), scenario="demo")
 
 
 class Recorder:
-    """Stands for the command line: notes what it is called with; `simulate` leaves a truth behind."""
+    """Stands for the command line: notes what it is called with; `simulate` leaves a truth behind, `build` a map."""
 
     def __init__(self, folder: Path, failing: str = "") -> None:
         self.folder = folder
@@ -27,7 +40,9 @@ class Recorder:
         self.calls.append(args)
         if args[0] == "simulate":
             self.folder.mkdir(exist_ok=True)
-            kitchen_truth.write_kitchen_truth(self.folder / "truth.json")
+            kitchen_truth.write_kitchen_truth(self.folder / "truth.json", DEMO_TRUTH)
+        if args[0] == "build":
+            kitchen.make_kitchen(self.folder / "map.db")
         return int(args[0] == self.failing)
 
 
@@ -35,8 +50,9 @@ def run(recorder: Recorder) -> None:
     demo(SimpleNamespace(find_root=lambda: SimpleNamespace(command=recorder)), recorder.folder, seed=3)  # type: ignore[arg-type]
 
 
-def questions(*asked: tuple[str, tuple[str, ...]]) -> GroundTruth:
-    return GroundTruth("world", 0, (), (), (), (), tuple(TrueQuestion(*each) for each in asked))
+def questions(*asked: tuple[str, tuple[str, ...]], changed: Sequence[str] = "abcd") -> GroundTruth:
+    changes = tuple(TrueChange("disappeared", each, 0, None, 5, 5, None, ("monday", "tuesday")) for each in changed)
+    return GroundTruth("world", 0, (), (), (), changes, tuple(TrueQuestion(*each) for each in asked))
 
 
 def test_it_shows_what_it_runs_and_runs_what_it_shows(tmp_path, capsys):
@@ -56,11 +72,75 @@ def test_it_simulates_builds_asks_compares_and_evaluates(tmp_path):
     assert query[1] == "vase on the table"
 
 
-def test_an_earlier_map_is_made_anew(tmp_path):
+def test_an_earlier_demo_is_made_anew(tmp_path):
     recorder = Recorder(tmp_path)
-    (tmp_path / "map.db").write_text("old")
     run(recorder)
-    assert not (tmp_path / "map.db").exists()
+    (tmp_path / "map.db-wal").write_text("old")
+    run(recorder)
+    assert len(recorder.calls) == 10
+    assert not (tmp_path / "map.db-wal").exists()
+
+
+@pytest.mark.parametrize("name", ["map.db", "monday.mcap", "tuesday.mcap", "evaluation.png"])
+def test_what_no_demo_made_is_left_alone(name, tmp_path):
+    (tmp_path / name).write_text("mine")
+    recorder = Recorder(tmp_path)
+    with pytest.raises(SimulationError, match=f"{name} would be overwritten.*name another --folder"):
+        run(recorder)
+    assert recorder.calls == []
+    assert (tmp_path / name).read_text() == "mine"
+
+
+@pytest.mark.parametrize("foreign", [kitchen_truth.kitchen_truth(), None])
+def test_the_truth_of_another_world_is_left_alone(foreign, tmp_path, capsys):
+    if foreign is None:
+        (tmp_path / "truth.json").write_text("{}")
+    else:
+        kitchen_truth.write_kitchen_truth(tmp_path / "truth.json", foreign)
+    recorder = Recorder(tmp_path)
+    with pytest.raises(SimulationError, match="name another --folder"):
+        run(recorder)
+    assert recorder.calls == []
+    assert capsys.readouterr().out == ""
+
+
+def test_it_tells_what_really_changed_then_what_the_map_says_and_how_far_that_is_right(tmp_path, capsys):
+    run(Recorder(tmp_path / "demo"))
+    told = " ".join(capsys.readouterr().out.split())
+    truly = told.index("the cup is gone, the chair was moved by 3.61 m and a new vase is there")
+    assert truly < told.index("$ supermap diff") < told.index("the map found 3 of 3 true changes.")
+
+
+def test_what_it_says_to_try_next_is_in_the_map(tmp_path, capsys):
+    run(Recorder(tmp_path / "demo"))
+    (shown,) = re.findall(r"supermap show (\S+-\d+)", capsys.readouterr().out)
+    result = cli.supermap("show", shown, "--db", tmp_path / "demo" / "map.db")
+    assert result.exit_code == 0, result.output
+
+
+def test_what_was_missed_and_invented_is_said():
+    missed = (MissedChange("moved", "armchair-1", "armchair", reported_as_two=True),)
+    false = (FalseChange("disappeared", "book-1", "book", None), FalseChange("appeared", "mug-2", "mug", None))
+    scores = replace(NOTHING_COMPARED, overall=precision_recall(3, 2, 1), missed=missed, false=false)
+    told = comparison(scores)
+    assert "found 3 of 4 true changes" in told
+    assert "It missed: armchair (moved, told as two)." in told
+    assert "did not happen so: book (disappeared) and mug (appeared)." in told
+    assert "nothing to compare" in comparison(NOTHING_COMPARED)
+
+
+def test_right_answers_are_counted():
+    truth = evaluated.still_life()
+    perfect = evaluated.perfect_map(truth)
+    assert answers_judged(("the table", "a piano"), perfect, truth) == "It answered all 2 questions above right."
+    assert "None of the questions" in answers_judged((), perfect, truth)
+
+
+def test_wrong_answers_are_said_with_the_right_ones():
+    truth = evaluated.still_life()
+    answers = (EstimatedAnswer("the table", ()), EstimatedAnswer("a piano", ()))
+    told = answers_judged(("the table", "a piano"), replace(evaluated.perfect_map(truth), answers=answers), truth)
+    assert told == 'Of the 2 questions above it answered 1 wrong: "the table" (right: table-1).'
 
 
 def test_it_ends_where_a_command_fails(tmp_path):
@@ -86,3 +166,8 @@ def test_it_ends_where_a_command_fails(tmp_path):
 )
 def test_questions_are_a_count_a_relation_and_one_about_the_past(asked, chosen):
     assert three_questions(questions(*asked)) == chosen
+
+
+def test_the_question_about_the_past_is_of_something_that_changed():
+    asked = (("where was the plant", ("plant",)), ("bag earlier", ("bag",)))
+    assert three_questions(questions(*asked, changed=("bag",))) == ("bag earlier",)

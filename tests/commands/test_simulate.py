@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import subprocess
 from pathlib import Path
 
 import pytest
@@ -10,7 +11,10 @@ import pytest
 import cli
 from supermap_cli.commands.simulate import detector_errors
 from supermap_cli.errors import ConfigError, SimulationError
+from supermap_cli.simulation import scenarios
 from supermap_cli.simulation.scenarios import SCENARIOS
+
+EXAMPLE = Path(__file__).parents[2] / "examples" / "simulated_office" / "run.sh"
 
 
 def test_the_list_names_every_scenario_and_every_error_of_the_detector() -> None:
@@ -85,3 +89,36 @@ def test_nothing_is_written_for_a_number_of_seconds_that_makes_no_sense(tmp_path
 def test_json_goes_to_stdout_alone(tmp_path: Path) -> None:
     result = cli.supermap("simulate", "tiny", "--out", tmp_path, "--seconds", "1", "--json")
     assert json.loads(result.stdout)["scenario"] == "tiny"
+
+
+@pytest.mark.parametrize("command", [("simulate", "tiny"), ("demo",), ("eval", "ablation", "tiny")])
+def test_a_negative_seed_is_wrong_usage_and_nothing_begins(
+    command: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    result = cli.supermap(*command, "--seed", "-1")
+    assert result.exit_code == 2
+    assert result.stdout == ""
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_interrupt_while_the_world_is_made_says_that_nothing_was_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupt(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(scenarios, "make_scenario", interrupt)
+    result = cli.supermap("simulate", "tiny", "--out", tmp_path / "out")
+    assert "interrupted: nothing was written" in result.stderr
+    assert result.exit_code != 0
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("name", ["truth.json", "monday.mcap", "office.db"])
+def test_the_example_leaves_alone_what_it_has_not_made(name: str, tmp_path: Path) -> None:
+    (tmp_path / name).write_text("mine", encoding="utf-8")
+    ran = subprocess.run(["bash", str(EXAMPLE), str(tmp_path)], capture_output=True, text=True, check=False)
+    assert ran.returncode == 1
+    assert f"{name} would be overwritten" in ran.stderr
+    assert (tmp_path / name).read_text(encoding="utf-8") == "mine"

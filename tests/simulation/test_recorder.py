@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 from dataclasses import replace
 from pathlib import Path
 
@@ -149,8 +150,17 @@ def test_an_interrupted_run_leaves_nothing(tmp_path: Path) -> None:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        record(simulated_visits.two_visits(), tmp_path / "out", progress=interrupt)
-    assert list((tmp_path / "out").iterdir()) == []
+        record(simulated_visits.two_visits(), tmp_path / "new" / "out", progress=interrupt)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_interrupted_run_leaves_a_folder_that_was_there(tmp_path: Path) -> None:
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        record(simulated_visits.two_visits(), tmp_path, progress=interrupt)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_files_are_not_overwritten_unasked(tmp_path: Path) -> None:
@@ -160,10 +170,37 @@ def test_files_are_not_overwritten_unasked(tmp_path: Path) -> None:
     assert (tmp_path / "truth.json").read_text(encoding="utf-8") == "mine"
 
 
+def never(*_: object) -> None:
+    raise AssertionError("it simulates, though it cannot write")
+
+
+@pytest.mark.parametrize("overwrite", [False, True])
+def test_a_folder_where_a_file_should_be_is_told_before_anything_is_simulated(tmp_path: Path, overwrite: bool) -> None:
+    (tmp_path / "truth.json").mkdir()
+    with pytest.raises(SimulationError, match=r"truth\.json is a folder.*--out"):
+        record(simulated_visits.two_visits(), tmp_path, overwrite=overwrite, progress=never)
+
+
 def test_a_folder_that_cannot_be_made_is_told(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("", encoding="utf-8")
-    with pytest.raises(SimulationError, match="no folder to write to"):
-        record(simulated_visits.two_visits(), tmp_path / "file" / "out")
+    with pytest.raises(SimulationError, match=r"cannot write: .*file/out.*--out"):
+        record(simulated_visits.two_visits(), tmp_path / "file" / "out", progress=never)
+
+
+@pytest.mark.skipif(not Path("/proc/self").exists(), reason="there is no /proc here")
+@pytest.mark.parametrize("name", ["", "supermap-out"])
+def test_a_folder_that_cannot_be_written_to_is_told(name: str) -> None:
+    with pytest.raises(SimulationError, match=r"cannot write: .*/proc.*--out"):
+        record(simulated_visits.two_visits(), Path("/proc") / name, progress=never)
+
+
+def test_a_full_disk_is_told_and_leaves_nothing(tmp_path: Path) -> None:
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    with pytest.raises(SimulationError, match=r"No space left on device.*out.*there is space"):
+        record(simulated_visits.two_visits(), tmp_path / "out", progress=full)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_progress_counts_every_visits_images(tmp_path: Path) -> None:

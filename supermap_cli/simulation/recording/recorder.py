@@ -5,7 +5,7 @@ from __future__ import annotations
 import heapq
 from collections import deque
 from collections.abc import Callable, Generator, Iterator
-from contextlib import closing
+from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass
 from enum import IntEnum
 from operator import attrgetter, itemgetter
@@ -18,6 +18,7 @@ from supermap_cli.errors import SimulationError
 from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.geometry.cameras import EquirectangularCamera
 from supermap_cli.lookahead import LookAhead
+from supermap_cli.recordings.fingerprint import recording_fingerprint
 from supermap_cli.simulation.detection.detector import SimulatedDetector
 from supermap_cli.simulation.detection.detector_errors import DetectorErrors
 from supermap_cli.simulation.recording.messages import Outgoing, RecordingFile, RigMessages
@@ -84,28 +85,48 @@ def record(
     where files are in the way or cannot be written.
     """
     recordings = tuple(folder / f"{visit.name}.mcap" for visit in scenario.visits)
-    _make_room((*recordings, folder / TRUTH_FILE), overwrite=overwrite)
-    robot = _Robot(scenario, errors or DetectorErrors(), scenario.seed if seed is None else seed)
-    with TemporaryDirectory(prefix=".supermap-simulate-", dir=folder) as unfinished:
-        watched = [
-            robot.pay(number, Path(unfinished) / path.name, progress or _silent)
-            for number, path in enumerate(recordings)
-        ]
-        with robot.clock.stage("truth"):
-            truth = make_truth(scenario, watched, robot.coverage.things, robot.coverage.fixtures)
-            write_truth(truth, Path(unfinished) / TRUTH_FILE)
-        for path in (*recordings, folder / TRUTH_FILE):
-            (Path(unfinished) / path.name).replace(path)
+    with _writing(folder):
+        _check_targets((*recordings, folder / TRUTH_FILE), overwrite=overwrite)
+        with TemporaryDirectory(prefix=".supermap-simulate-", dir=folder) as unfinished:
+            robot = _Robot(scenario, errors or DetectorErrors(), scenario.seed if seed is None else seed)
+            watched = [
+                robot.pay(number, Path(unfinished) / path.name, progress or _silent)
+                for number, path in enumerate(recordings)
+            ]
+            with robot.clock.stage("truth"):
+                truth = make_truth(scenario, watched, robot.coverage.things, robot.coverage.fixtures)
+                write_truth(truth, Path(unfinished) / TRUTH_FILE)
+            for path in (*recordings, folder / TRUTH_FILE):
+                (Path(unfinished) / path.name).replace(path)
     return Recorded(recordings, folder / TRUTH_FILE, truth, robot.clock.timings())
 
 
-def _make_room(paths: tuple[Path, ...], *, overwrite: bool) -> None:
-    folder = paths[0].parent
+@contextmanager
+def _writing(folder: Path) -> Iterator[None]:
+    """The folder to write to; where that fails or is interrupted, the folders that were made for it are gone again.
+
+    Raises `SimulationError` for what the disk refuses.
+    """
+    made: list[Path] = []
     try:
+        made += [each for each in (folder, *folder.parents) if not each.exists()]
         folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
+        yield
+    except BaseException as error:
+        for each in made:
+            with suppress(OSError):  # somebody else has put something there, or it never came to be
+                each.rmdir()
+        if isinstance(error, OSError):
+            cure = "see that there is space and that it may be written to, or name another folder with --out"
+            raise SimulationError(f"cannot write: {error.strerror or error}", where=str(folder), cure=cure) from error
+        raise
+
+
+def _check_targets(paths: tuple[Path, ...], *, overwrite: bool) -> None:
+    folder = paths[0].parent
+    if folders := [path.name for path in paths if path.is_dir()]:
         cure = "name another folder with --out"
-        raise SimulationError(f"no folder to write to: {error.strerror}", where=str(folder), cure=cure) from error
+        raise SimulationError(f"{', '.join(folders)} is a folder, not a file", where=str(folder), cure=cure)
     there = [path.name for path in paths if path.exists()]
     if there and not overwrite:
         cure = "name another folder with --out, or replace them with --overwrite"
@@ -142,7 +163,8 @@ class _Robot:
                 with self.clock.stage("store"):
                     file.write(message)
         stamps_ns, sights = zip(*visit.watched, strict=True) if visit.watched else ((), ())
-        return WatchedVisit(visit.visit, path.name, np.array(stamps_ns, np.int64), tuple(sights))
+        fingerprint = recording_fingerprint(path)
+        return WatchedVisit(visit.visit, path.name, np.array(stamps_ns, np.int64), tuple(sights), fingerprint)
 
 
 class _Visit:

@@ -76,6 +76,9 @@ PANORAMA_ROOMS: Mapping[str, Sequence[Line]] = {
     "kitchen": (*KITCHEN, Line("trash can", AlongWall(), model="bin"), Line("backpack", AlongWall())),
     CORRIDOR: CORRIDOR_THINGS,
 }
+BUCKET = Line("bucket", ON_FLOOR_OR_WALL)
+PANORAMA_BUCKET_ROOMS = ("office", "kitchen")
+"""Each has a bucket in the end; one of the two comes during the visit."""
 
 TINY_ROOM = (
     Line("table", OnFloor(from_wall_m=0.4)),
