@@ -17,6 +17,9 @@ from supermap_cli.types.keyframe import Keyframe
 MAX_POINTS = 2000
 """More pixels of one mask than this are thinned out evenly: voxels get no fuller from them."""
 
+NEAR_END = 20
+"""A body begins where this percentile of its points lies."""
+
 MIN_POINTS = 12
 """Fewer pixels than this are no evidence of a shape."""
 
@@ -175,20 +178,27 @@ def main_component(points_camera: FloatArray, depth_m: float) -> BoolArray:
     """(n,) which points belong to the depth-connected body that most of the mask's points belong to.
 
     Points are joined over 26-connected voxels as wide as what one pixel's noise and thinning leave between neighbours;
-    further bodies count when they are a good part of the mask and lie mostly within 0.15 m of the main one's bounds.
+    further bodies count when they are a good part of the mask and begin within 0.15 m of what is kept so far: a table's
+    top goes on behind the chair that cuts it in two.
     """
     cell = max(0.03, 0.02 * depth_m)
     codes = pack_keys(voxel_keys(points_camera, cell))
     unique, inverse = np.unique(codes, return_inverse=True)
     component = connected_components(unique)[inverse]
     counts = np.bincount(component)
-    main: BoolArray = component == int(np.argmax(counts))
-    low, high = points_camera[main].min(axis=0), points_camera[main].max(axis=0)
-    reach = 0.5 * float((high - low).max())
-    kept = main.copy()
-    for number in np.flatnonzero(counts >= 0.15 * counts.max()):
-        body = component == number
-        gap = np.maximum(np.maximum(low - points_camera[body], points_camera[body] - high), 0)
-        if float(np.median(np.linalg.norm(gap, axis=1))) < min(reach, 0.15):
-            kept |= body
+    kept: BoolArray = component == int(np.argmax(counts))
+    others = {int(number) for number in np.flatnonzero(counts >= 0.15 * counts.max())} - {int(np.argmax(counts))}
+    low, high = points_camera[kept].min(axis=0), points_camera[kept].max(axis=0)
+    reach_m = min(0.5 * float((high - low).max()), 0.15)
+    joined = True
+    while joined:
+        low, high = points_camera[kept].min(axis=0), points_camera[kept].max(axis=0)
+        joined = False
+        for number in sorted(others):
+            body = component == number
+            gap = np.maximum(np.maximum(low - points_camera[body], points_camera[body] - high), 0)
+            if float(np.percentile(np.linalg.norm(gap, axis=1), NEAR_END)) < reach_m:
+                kept |= body
+                others.remove(number)
+                joined = True
     return kept

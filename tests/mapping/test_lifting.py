@@ -163,3 +163,12 @@ def test_the_rim_on_the_floor_beside_a_thing_is_not_lifted() -> None:
     bled = ndimage.binary_dilation(SCENE.mask(BOX), iterations=3)
     assert lift_mask(SCENE, bled).points_map[:, 2].min() > -0.001
     assert outside_m(lift_mask(SCENE, bled).points_map, s.BOX).max() < 0.02
+
+
+def test_the_far_half_of_a_long_thing_cut_in_two_is_lifted_too() -> None:
+    board = s.Thing("table", (1.8, 0, 0.5), (0.1, 1.6, 0.5))
+    post = s.Thing("", (1.5, 0.1, 0.5), (0.05, 0.08, 1.0))
+    scene = s.render((*s.ROOM, board, post), EYE)
+    y = lift_mask(scene, scene.mask(BOX), "table").points_map[:, 1]
+    assert y.min() < -0.6
+    assert y.max() > 0.6
