@@ -17,8 +17,8 @@ from supermap_cli.types.keyframe import Keyframe
 MAX_POINTS = 2000
 """More pixels of one mask than this are thinned out evenly: voxels get no fuller from them."""
 
-NEAR_END = 20
-"""A body begins where this percentile of its points lies."""
+NEAR_END, REACH_M = 5, 0.2
+"""A body begins where this percentile of its points lies; so far from it the next one may begin."""
 
 MIN_POINTS = 12
 """Fewer pixels than this are no evidence of a shape."""
@@ -178,7 +178,7 @@ def main_component(points_camera: FloatArray, depth_m: float) -> BoolArray:
     """(n,) which points belong to the depth-connected body that most of the mask's points belong to.
 
     Points are joined over 26-connected voxels as wide as what one pixel's noise and thinning leave between neighbours;
-    further bodies count when they are a good part of the mask and begin within 0.15 m of what is kept so far: a table's
+    further bodies count when they are a good part of the mask and begin within 0.2 m of what is kept so far: a table's
     top goes on behind the chair that cuts it in two.
     """
     cell = max(0.03, 0.02 * depth_m)
@@ -189,7 +189,7 @@ def main_component(points_camera: FloatArray, depth_m: float) -> BoolArray:
     kept: BoolArray = component == int(np.argmax(counts))
     others = {int(number) for number in np.flatnonzero(counts >= 0.15 * counts.max())} - {int(np.argmax(counts))}
     low, high = points_camera[kept].min(axis=0), points_camera[kept].max(axis=0)
-    reach_m = min(0.5 * float((high - low).max()), 0.15)
+    reach_m = min(0.5 * float((high - low).max()), REACH_M)
     joined = True
     while joined:
         low, high = points_camera[kept].min(axis=0), points_camera[kept].max(axis=0)

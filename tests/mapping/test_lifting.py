@@ -167,7 +167,7 @@ def test_the_rim_on_the_floor_beside_a_thing_is_not_lifted() -> None:
 
 def test_the_far_half_of_a_long_thing_cut_in_two_is_lifted_too() -> None:
     board = s.Thing("table", (1.8, 0, 0.5), (0.1, 1.6, 0.5))
-    post = s.Thing("", (1.5, 0.1, 0.5), (0.05, 0.08, 1.0))
+    post = s.Thing("", (1.5, 0.1, 0.5), (0.03, 0.03, 1.0))
     scene = s.render((*s.ROOM, board, post), EYE)
     y = lift_mask(scene, scene.mask(BOX), "table").points_map[:, 1]
     assert y.min() < -0.6
