@@ -156,7 +156,7 @@ class TraversalBuild:
             total_s = time.perf_counter() - self.began
             seconds = {each.stage: each.total_s for each in self.clock.timings()}
             self.store.finish_traversal(traversal_id, {**seconds, "total": total_s})
-        except BaseException:
+        except BaseException:  # Ctrl-C too: whatever stops the build, it is undone, and goes on upwards
             self.store.discard_traversal(traversal_id)
             self.store.discard_if_created()
             raise

@@ -33,6 +33,8 @@ from supermap_cli.types.truth import (
 
 FORMAT = "supermap truth"
 VERSION = 1
+TRUTH_FILE = "truth.json"
+"""What a simulation calls it, beside its recordings."""
 
 _LENGTH_DIGITS = 4
 _ROTATION_DIGITS = 6

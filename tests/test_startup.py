@@ -107,3 +107,8 @@ def test_a_bug_shows_its_traceback(db):
     assert done.returncode == 1
     assert done.stderr.startswith("Traceback (most recent call last):")
     assert done.stderr.endswith("RuntimeError: a bug of ours\n")
+
+
+def test_the_number_of_blas_threads_is_settled_before_numpy_is_loaded() -> None:
+    told = run("import sys; import supermap_cli.main; print('numpy' in sys.modules)")
+    assert told.stdout.strip() == "False"

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import tempfile
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, get_args
 
 import typer
 
-from supermap_cli.commands.common import JsonOption, err, out, print_json
+from supermap_cli.commands.common import JsonOption, err, kept_or_temporary, out, print_json
 from supermap_cli.commands.tables import print_table
 from supermap_cli.errors import EvaluationError
 
@@ -28,7 +25,6 @@ Examples:
 
     supermap eval ablation worlds/office-twice
 """
-TRUTH = "truth.json"
 
 
 @dataclass(frozen=True)
@@ -74,7 +70,9 @@ def ablation(
     """Build one world as it is, then with each of the three components switched off, and compare."""
     from supermap_cli.query.views import to_document  # noqa: PLC0415 - keeps start-up light
 
-    with _workplace(keep) as folder:
+    if keep is not None:
+        _check_is_new(keep)
+    with kept_or_temporary(keep) as folder:
         found = compare(_simulated(world, seed, folder), folder)
     if json:
         print_json(to_document(found))
@@ -86,13 +84,13 @@ def compare(world: Path, folder: Path) -> Ablation:
     """Build the world of a folder four times, each into a database of its own in another folder."""
     from supermap_cli.config import Ablation as Component  # noqa: PLC0415 - keeps start-up light
     from supermap_cli.config import load_user_config  # noqa: PLC0415
-    from supermap_cli.truth_file import read_truth  # noqa: PLC0415
+    from supermap_cli.truth_file import TRUTH_FILE, read_truth  # noqa: PLC0415
 
-    truth = read_truth(world / TRUTH)
+    truth = read_truth(world / TRUTH_FILE)
     recordings = [world / each.recording for each in truth.traversals]
     config = load_user_config(Path.cwd()).build
     rows = tuple(
-        _row(component, recordings, config, world / TRUTH, folder / f"without-{component or 'nothing'}.db")
+        _row(component, recordings, config, world / TRUTH_FILE, folder / f"without-{component or 'nothing'}.db")
         for component in (None, *get_args(Component))
     )
     return Ablation(truth.scenario, truth.seed, rows)
@@ -129,24 +127,20 @@ def _row(component: str | None, recordings: list[Path], config: BuildConfig, tru
     )
 
 
-@contextmanager
-def _workplace(keep: Path | None) -> Iterator[Path]:
-    """The folder to work in: the one to keep, which must hold no databases of an earlier run, or a temporary one."""
-    if keep is None:
-        with tempfile.TemporaryDirectory(prefix="supermap-") as folder:
-            yield Path(folder)
-        return
+def _check_is_new(keep: Path) -> None:
+    """The folder to keep must hold no databases of an earlier run."""
     if old := sorted(keep.glob("without-*.db")):
         raise EvaluationError(
             "there are databases of an earlier comparison", where=str(old[0]), cure="name another folder with --keep"
         )
     keep.mkdir(parents=True, exist_ok=True)
-    yield keep
 
 
 def _simulated(world: str, seed: int | None, folder: Path) -> Path:
     """The folder of a simulated world: the one given, or one that is simulated now."""
-    if (Path(world) / TRUTH).is_file():
+    from supermap_cli.truth_file import TRUTH_FILE  # noqa: PLC0415 - keeps start-up light
+
+    if (Path(world) / TRUTH_FILE).is_file():
         if seed is not None:
             raise EvaluationError(
                 "here is a folder with a simulated world already, and a seed is for one to be simulated",

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from supermap_cli.commands.common import JsonOption, err, out, print_json
+from supermap_cli.commands.common import JsonOption, err, kept_or_temporary, out, print_json
 from supermap_cli.commands.tables import print_table
 from supermap_cli.errors import EvaluationError
 
@@ -28,7 +26,6 @@ Examples:
     supermap eval benchmark office --seeds 1,2 --keep worlds --json
 """
 SCENARIOS = ("office", "office-twice", "panorama")
-TRUTH = "truth.json"
 MAP = "benchmark.db"
 
 
@@ -84,7 +81,7 @@ def benchmark(
 
     chosen = parse_seeds(seeds)
     tables = []
-    with _workplace(keep) as folder:
+    with kept_or_temporary(keep) as folder:
         for scenario in scenarios or SCENARIOS:
             reports = [_scored(scenario, seed, folder / scenario / str(seed)) for seed in chosen]
             tables.append(BenchmarkTable(scenario, chosen, tabulate(reports)))
@@ -164,15 +161,15 @@ def _scored(scenario: str, seed: int, folder: Path) -> Report:
     from supermap_cli.config import BuildConfig  # noqa: PLC0415
     from supermap_cli.evaluation.reading import read_map  # noqa: PLC0415
     from supermap_cli.evaluation.report import score  # noqa: PLC0415
-    from supermap_cli.truth_file import read_truth  # noqa: PLC0415
+    from supermap_cli.truth_file import TRUTH_FILE, read_truth  # noqa: PLC0415
 
-    if not (folder / TRUTH).is_file():
+    if not (folder / TRUTH_FILE).is_file():
         simulate_scenario(scenario, folder, seed, None, detector_errors([], perfect=False), overwrite=False)
-    truth, db = read_truth(folder / TRUTH), folder / MAP
+    truth, db = read_truth(folder / TRUTH_FILE), folder / MAP
     if (truth.scenario, truth.seed) != (scenario, seed):
         raise EvaluationError(
             f"this is {truth.scenario}, seed {truth.seed}, not {scenario}, seed {seed}",
-            where=str(folder / TRUTH),
+            where=str(folder / TRUTH_FILE),
             cure="name another folder with --keep",
         )
     for old in (db, *folder.glob(f"{MAP}-*"), *folder.glob(f"{MAP}.*")):
@@ -180,17 +177,7 @@ def _scored(scenario: str, seed: int, folder: Path) -> Report:
     recordings, config = [folder / each.recording for each in truth.traversals], BuildConfig()
     for summary in build_all(recordings, config, request(config, None, None), str(db), name=None, align="auto"):
         err().print(f"{scenario}, seed {seed}: built {summary.traversal} in {summary.total_s:.0f} s", markup=False)
-    return score(*read_map(str(db), folder / TRUTH))
-
-
-@contextmanager
-def _workplace(keep: Path | None) -> Iterator[Path]:
-    """The folder to keep, or a temporary one."""
-    if keep is not None:
-        yield keep
-        return
-    with tempfile.TemporaryDirectory(prefix="supermap-") as folder:
-        yield Path(folder)
+    return score(*read_map(str(db), folder / TRUTH_FILE))
 
 
 def _print(console: Console, table: BenchmarkTable) -> None:

@@ -12,7 +12,19 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from supermap_cli.commands.common import DbOption, JsonOption, database_url, err, out, print_json
+from supermap_cli.commands.common import (
+    CameraOption,
+    DbOption,
+    EndOption,
+    FrameOption,
+    JsonOption,
+    StartOption,
+    TopicOption,
+    database_url,
+    err,
+    out,
+    print_json,
+)
 from supermap_cli.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -55,15 +67,11 @@ def build(  # noqa: PLR0917 - a command line has many options
     option: Annotated[
         list[str] | None, typer.Option(metavar="BACKEND.NAME=VALUE", help="An option of a plugin; may be repeated.")
     ] = None,
-    topic: Annotated[
-        list[str] | None, typer.Option(metavar="ROLE=TOPIC", help="Which topic serves a role, e.g. color=/cam/image.")
-    ] = None,
-    frame: Annotated[
-        list[str] | None, typer.Option(metavar="ROLE=FRAME", help="The name of the `base` or `odom` frame.")
-    ] = None,
-    camera: Annotated[str | None, typer.Option(help="Force a camera model: equirectangular.")] = None,
-    start: Annotated[float | None, typer.Option(help="Start, in seconds from the recording's beginning.")] = None,
-    end: Annotated[float | None, typer.Option(help="End, in seconds from the recording's beginning.")] = None,
+    topic: TopicOption = None,
+    frame: FrameOption = None,
+    camera: CameraOption = None,
+    start: StartOption = None,
+    end: EndOption = None,
     rate: Annotated[float | None, typer.Option(help="Images mapped a second. [default: 3]")] = None,
     align: Annotated[
         str, typer.Option(metavar="auto|none|'X Y Z YAW'", help="How a further traversal is placed in the map.")

@@ -5,6 +5,9 @@ from __future__ import annotations
 import json
 import os
 import sys
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -26,6 +29,15 @@ DbOption = Annotated[
         show_default=False,
     ),
 ]
+TopicOption = Annotated[
+    list[str] | None, typer.Option(metavar="ROLE=TOPIC", help="Which topic serves a role, e.g. color=/cam/image.")
+]
+FrameOption = Annotated[
+    list[str] | None, typer.Option(metavar="ROLE=FRAME", help="The name of the `base` or `odom` frame.")
+]
+CameraOption = Annotated[str | None, typer.Option(help="Force a camera model: equirectangular.")]
+StartOption = Annotated[float | None, typer.Option(help="Start, in seconds from the recording's beginning.")]
+EndOption = Annotated[float | None, typer.Option(help="End, in seconds from the recording's beginning.")]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON by the published schema instead of a table.")]
 
 
@@ -46,6 +58,16 @@ def err() -> Console:
     from rich.console import Console  # noqa: PLC0415 - keeps start-up light
 
     return Console(stderr=True, highlight=False, soft_wrap=not sys.stderr.isatty())
+
+
+@contextmanager
+def kept_or_temporary(keep: Path | None) -> Iterator[Path]:
+    """The folder to keep, or one that is gone afterwards."""
+    if keep is not None:
+        yield keep
+        return
+    with tempfile.TemporaryDirectory(prefix="supermap-") as folder:
+        yield Path(folder)
 
 
 def print_json(value: object) -> None:

@@ -28,7 +28,7 @@ Examples:
 
     supermap demo --folder /tmp/demo --seed 7
 """
-TRUTH, DB, PICTURE = "truth.json", "map.db", "evaluation.png"
+DB, PICTURE = "map.db", "evaluation.png"
 SCENARIO = "demo"
 REPLACED = ("monday.mcap", "tuesday.mcap", DB, PICTURE)
 """What an earlier demo left behind, besides its truth."""
@@ -61,14 +61,14 @@ def demo(
 
 def check_folder(folder: Path) -> None:
     """Raise `SimulationError` where the demo would overwrite what it has not made itself."""
-    from supermap_cli.truth_file import read_truth  # noqa: PLC0415 - keeps start-up light
+    from supermap_cli.truth_file import TRUTH_FILE, read_truth  # noqa: PLC0415 - keeps start-up light
 
     cure = "name another --folder"
-    if (folder / TRUTH).exists():
+    if (folder / TRUTH_FILE).exists():
         try:
-            scenario = read_truth(folder / TRUTH).scenario
+            scenario = read_truth(folder / TRUTH_FILE).scenario
         except TruthError as error:
-            raise SimulationError(f"{TRUTH} is not the demo's", where=str(folder), cure=cure) from error
+            raise SimulationError(f"{TRUTH_FILE} is not the demo's", where=str(folder), cure=cure) from error
         if scenario != SCENARIO:
             raise SimulationError(f"there is a world of its own: {scenario}", where=str(folder), cure=cure)
     elif there := [name for name in REPLACED if (folder / name).exists()]:
@@ -190,7 +190,9 @@ class Shown:
     def evaluate(self) -> None:
         """The map against the truth."""
         self.say("5. How good is all of the map? It is scored against the truth by the field's own metrics.")
-        self.run("eval", "all", self.path(DB), self.path(TRUTH), "--plot", self.path(PICTURE))
+        from supermap_cli.truth_file import TRUTH_FILE  # noqa: PLC0415 - keeps start-up light
+
+        self.run("eval", "all", self.path(DB), self.path(TRUTH_FILE), "--plot", self.path(PICTURE))
 
     def what_next(self, seconds: float) -> None:
         """Where to go from here."""
@@ -215,15 +217,16 @@ class Shown:
 
     def truth(self) -> GroundTruth:
         """What was simulated: the names of the recordings, and questions that have an answer."""
-        from supermap_cli.truth_file import read_truth  # noqa: PLC0415 - keeps start-up light
+        from supermap_cli.truth_file import TRUTH_FILE, read_truth  # noqa: PLC0415 - keeps start-up light
 
-        return read_truth(self.folder / TRUTH)
+        return read_truth(self.folder / TRUTH_FILE)
 
     def estimate(self) -> EstimatedMap:
         """The map that was built, laid over the truth."""
         from supermap_cli.evaluation.reading import read_map  # noqa: PLC0415 - keeps start-up light
+        from supermap_cli.truth_file import TRUTH_FILE  # noqa: PLC0415
 
-        return read_map(self.path(DB), self.folder / TRUTH)[0]
+        return read_map(self.path(DB), self.folder / TRUTH_FILE)[0]
 
     def path(self, name: str) -> str:
         """A file of the demo."""

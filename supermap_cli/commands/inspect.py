@@ -8,7 +8,17 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from supermap_cli.commands.common import JsonOption, err, out, print_json
+from supermap_cli.commands.common import (
+    CameraOption,
+    EndOption,
+    FrameOption,
+    JsonOption,
+    StartOption,
+    TopicOption,
+    err,
+    out,
+    print_json,
+)
 from supermap_cli.commands.tables import print_table
 
 if TYPE_CHECKING:
@@ -33,15 +43,11 @@ def register(app: typer.Typer) -> None:
 
 def inspect(  # noqa: PLR0917 - a command line has many options
     recording: Annotated[Path, typer.Argument(help="A ROS 1 .bag, a ROS 2 .db3 or .mcap file, or a rosbag2 folder.")],
-    topic: Annotated[
-        list[str] | None, typer.Option(metavar="ROLE=TOPIC", help="Which topic serves a role, e.g. color=/cam/image.")
-    ] = None,
-    frame: Annotated[
-        list[str] | None, typer.Option(metavar="ROLE=FRAME", help="The name of the `base` or `odom` frame.")
-    ] = None,
-    camera: Annotated[str | None, typer.Option(help="Force a camera model: equirectangular.")] = None,
-    start: Annotated[float | None, typer.Option(help="Start, in seconds from the recording's beginning.")] = None,
-    end: Annotated[float | None, typer.Option(help="End, in seconds from the recording's beginning.")] = None,
+    topic: TopicOption = None,
+    frame: FrameOption = None,
+    camera: CameraOption = None,
+    start: StartOption = None,
+    end: EndOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Say what is in a recording, what a build would use, what is missing and how to mend it.

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import math
+from abc import ABC, abstractmethod
 from dataclasses import asdict, dataclass, fields
 from functools import cached_property
 from typing import Protocol
@@ -58,7 +59,7 @@ class Camera(Protocol):
         ...
 
 
-class _PixelRays:
+class _PixelRays(ABC):
     """What every model offers besides: the rays of all its pixels, computed once.
 
     `rays()` is (height, width, 3) float32 such that point = ray * depth; NaN where a pixel sees nothing. `valid_mask()`
@@ -68,9 +69,9 @@ class _PixelRays:
     width: int
     height: int
 
+    @abstractmethod
     def back_project(self, pixels_uv: FloatArray, depth_m: FloatArray) -> FloatArray:
         """See `Camera.back_project`; NaN for pixels that see nothing."""
-        raise NotImplementedError
 
     @cached_property
     def _rays(self) -> Float32Array:

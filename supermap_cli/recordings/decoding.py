@@ -45,7 +45,6 @@ class Decoder:
             ValueError,
             AssertionError,
             TypeError,
-            NotImplementedError,
         ) as error:
             raise RecordingError(
                 f"a {channel.msgtype or 'message'} cannot be decoded: {error}",
@@ -60,7 +59,7 @@ def _decoding_function(channel: Channel) -> Callable[[bytes | memoryview], Any]:
     if channel.serialization == "protobuf":
         return _protobuf_function(channel)
     if channel.serialization not in {"cdr", "ros1"}:
-        raise NotImplementedError(f"unknown serialization {channel.serialization!r}")
+        raise ValueError(f"unknown serialization {channel.serialization!r}")
     typestore = _typestore(channel)
     if channel.serialization == "ros1":
         return lambda data: typestore.deserialize_ros1(data, channel.msgtype)

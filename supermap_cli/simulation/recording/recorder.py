@@ -33,10 +33,8 @@ from supermap_cli.simulation.sensors.odometry import drifting_odometry
 from supermap_cli.simulation.sensors.scene import Scene
 from supermap_cli.simulation.views import Sights, View
 from supermap_cli.timing import StageClock, StageTiming
-from supermap_cli.truth_file import write_truth
+from supermap_cli.truth_file import TRUTH_FILE, write_truth
 from supermap_cli.types.truth import GroundTruth
-
-TRUTH_FILE = "truth.json"
 
 LIDAR_VIEW_M = 10.0
 """How far a LiDAR rig sees things: farther off, its lines lie wider apart than most of them are."""
