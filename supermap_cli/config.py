@@ -58,6 +58,9 @@ class MappingConfig(Section):
     """The mapping engine's parameters (SI units). Defaults hold for indoor rooms."""
 
     max_depth_m: float = Field(default=6.0, gt=0, description="returns farther off are not used")
+    correct_drift: bool = Field(
+        default=True, description="lay every keyframe's surfaces onto those seen before, where the odometry drifts"
+    )
     crop_px: int = Field(default=128, ge=16, description="longest side of the crops kept as evidence")
 
 

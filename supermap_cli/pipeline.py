@@ -17,9 +17,11 @@ from supermap_cli.geometry.trajectory import Trajectory
 from supermap_cli.graph.predicates import PREDICATES, GraphNode
 from supermap_cli.graph.scene_graph import SceneGraph
 from supermap_cli.lookahead import LookAhead
+from supermap_cli.mapping.drift import DriftCorrection
 from supermap_cli.mapping.engine import MappingEngine
 from supermap_cli.mapping.free_space import encode_small_depth
 from supermap_cli.mapping.restoring import restore_objects
+from supermap_cli.mapping.structure import coarse_depth, stored_depth
 from supermap_cli.memory.store import MapStore
 from supermap_cli.memory.values import TraversalStart
 from supermap_cli.placing import Placement, place_traversal
@@ -210,9 +212,12 @@ class TraversalBuild:
         with self.clock.stage("restore"):
             objects = restore_objects(self.store.load_instances(), self.store.next_object_number())
             self.engine = MappingEngine(self.config.mapping, frozenset(self.config.ablate), objects)
+            self.drift = DriftCorrection() if self.config.mapping.correct_drift else None
             for traversal in self.store.traversals():
                 for record in self.store.keyframe_depths([traversal.id]):
                     self.engine.free_space.recall(traversal.number, record)
+                    if self.drift is not None:
+                        self.drift.remember(stored_depth(record))
             self.traversal_number = max((each.number for each in self.store.traversals()), default=1)
             further = [each for group in self.plugins.hook.spatial_predicates() for each in group]
             self.graph = SceneGraph((*PREDICATES, *further))
@@ -242,7 +247,14 @@ class TraversalBuild:
                 with self.clock.stage("depth"):
                     depth_m = sweeps.depth_for(frame.stamp_ns, frame.camera, frame.T_base_camera)
                     frame = replace(frame, depth_m=depth_m)
-            yield frame, place_frame(frame, placement.T_map_odom @ T_odom_base)
+            with self.clock.stage("drift"):
+                T_map_base = self._without_drift(frame, placement.T_map_odom @ T_odom_base)
+            yield frame, place_frame(frame, T_map_base)
+
+    def _without_drift(self, frame: CameraFrame, T_map_base: FloatArray) -> FloatArray:
+        """The base's place after what the odometry has left the map by."""
+        view = None if self.drift is None else coarse_depth(frame, T_map_base)
+        return T_map_base if self.drift is None or view is None else self.drift.place(view, T_map_base)
 
     def _perceived(self, placement: Placement) -> Iterator[tuple[Keyframe, Detections | None]]:
         """Keyframes with what the detector says of them, every detection with a mask where one can be told."""

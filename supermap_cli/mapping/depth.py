@@ -35,6 +35,11 @@ class DepthView:
     farthest_m: Float32Array
     max_depth_m: float
 
+    @property
+    def reach_px(self) -> int:
+        """How far a pixel's neighbourhood goes on every side."""
+        return neighbourhood_px(self.camera.width)
+
     def project(self, points_map: FloatArray) -> tuple[IntArray, IntArray, FloatArray, BoolArray]:
         """(n, 3) map points -> (n,) pixel u and v (0 where not on the image), (n,) depth, (n,) on the image."""
         points_camera = transform_points(inverse(self.T_map_camera), points_map)
@@ -45,9 +50,14 @@ class DepthView:
         return u, v, depth, seen & (depth > 0)
 
 
+def neighbourhood_px(image_width: int) -> int:
+    """How far a pixel's neighbourhood goes on every side: 2 pixels at a width of 640."""
+    return max(1, round(image_width / 320))
+
+
 def depth_view(keyframe: Keyframe, max_depth_m: float) -> DepthView:
     """Prepare a keyframe's depth; the neighbourhood is 5 pixels at a width of 640 and grows with the image."""
-    reach = max(1, round(keyframe.camera.width / 320))
+    reach = neighbourhood_px(keyframe.camera.width)
     kernel = np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)
     depth = np.where((keyframe.depth_m > 0) & (keyframe.depth_m <= max_depth_m), keyframe.depth_m, np.float32(0))
     nearest = cv2.erode(np.where(depth > 0, depth, np.float32(np.inf)), kernel, borderType=cv2.BORDER_REPLICATE)

@@ -49,6 +49,11 @@ class Surface:
             T = _step(points, normals, residual, reach_m, level=level) @ T
         return T
 
+    def offsets(self, moved: Structure, reach_m: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Of the m points that have a partner: distances (m,) to its plane, its normals (m, 3), the points (m, 3)."""
+        _, residual, normals, points = self._match(moved, reach_m)
+        return residual, normals, points
+
     def _match(self, moved: Structure, reach_m: float) -> tuple[BoolArray, FloatArray, FloatArray, FloatArray]:
         """Which points have a partner (n,); of those m distances to its plane (m,), its normals, the points (m, 3)."""
         distance, nearest = self._tree.query(moved.points, distance_upper_bound=reach_m)

@@ -20,6 +20,9 @@ MAX_POINTS = 2000
 NEAR_END, REACH_M = 5, 0.2
 """A body begins where this percentile of its points lies; so far from it the next one may begin."""
 
+LARGEST_CUT = 0.35
+"""No part of a mask loses more than this share of its half thickness on either side."""
+
 MIN_POINTS = 12
 """Fewer pixels than this are no evidence of a shape."""
 
@@ -110,12 +113,10 @@ def is_truncated(box_xyxy: Float32Array | FloatArray, width: int, height: int) -
 def _lift_core(
     keyframe: Keyframe, view: DepthView, mask: RegionMask, core: BoolArray, clear: BoolArray
 ) -> tuple[FloatArray, UInt8Array, float] | None:
-    v, u = np.nonzero(core)
+    v, u = np.nonzero(core & (on_one_surface(view, mask) | clear))
     u, v = u + mask.u0, v + mask.v0
     depth = view.depth_m[v, u]
-    step = edge_step_m(depth)
-    plain = view.farthest_m[v, u] - view.nearest_m[v, u] < step
-    plain = (depth > 0) & (plain | clear[v - mask.v0, u - mask.u0])
+    plain = depth > 0
     if plain.sum() < MIN_POINTS:
         return None
     chosen = np.flatnonzero(plain)
@@ -131,15 +132,51 @@ def _lift_core(
 
 
 def erode(mask: BoolArray, margin_px: int) -> BoolArray:
-    """Cut a mask back, but never below a third of its pixels: a pen must not vanish."""
-    area = int(mask.sum())
-    for margin in range(margin_px, 0, -1):
-        kernel = np.ones((2 * margin + 1, 2 * margin + 1), np.uint8)
-        padded = cv2.copyMakeBorder(mask.astype(np.uint8), *(margin,) * 4, cv2.BORDER_CONSTANT, value=0)
-        core = cv2.erode(padded, kernel)[margin:-margin, margin:-margin] > 0
-        if core.sum() * 3 >= area:
-            return np.asarray(core, dtype=bool)
-    return mask
+    """Cut a mask back by a margin, but nowhere by more than a share of how thick it is there: a pen must not vanish,
+    nor the legs of a table, nor its top seen from the side.
+    """
+    reach = 2 * margin_px + 1
+    padded = cv2.copyMakeBorder(mask.astype(np.uint8), *(reach,) * 4, cv2.BORDER_CONSTANT, value=0)
+    within_px = cv2.distanceTransform(padded, cv2.DIST_L2, 3)
+    half_thickness_px = cv2.dilate(within_px, np.ones((2 * reach + 1, 2 * reach + 1), np.uint8))
+    core = (padded > 0) & (within_px > np.minimum(margin_px, LARGEST_CUT * half_thickness_px))
+    return np.asarray(core[reach:-reach, reach:-reach], dtype=bool)
+
+
+def on_one_surface(view: DepthView, mask: RegionMask) -> BoolArray:
+    """The pixels of a mask, on its region, whose neighbourhood lies on one surface: on no depth edge.
+
+    Either the depths around a pixel span no more than noise and a moderate slant; or, since the inverse depth of a
+    plane is affine in the pixel, the inverse depth bends little about it: a table's top seen at a grazing angle spans a
+    lot and is one surface all the same.
+    """
+    h, w = mask.pixels.shape
+    at = slice(mask.v0, mask.v0 + h), slice(mask.u0, mask.u0 + w)
+    depth = view.depth_m[at]
+    flat = view.farthest_m[at] - view.nearest_m[at] < edge_step_m(depth)
+    return np.asarray(mask.pixels & (depth > 0) & (flat | (bend_m(view, at) < bend_step_m(depth))), dtype=bool)
+
+
+def bend_m(view: DepthView, at: tuple[slice, slice]) -> FloatArray:
+    """How far (metres) the depth of each pixel of a region lies off the plane through its neighbours on both sides: the
+    greatest of four directions; infinite where fewer than two directions have a return on both sides.
+    """
+    rows, columns, r = *at, view.reach_px
+    height, width = view.depth_m.shape
+    v, u = np.arange(rows.start, rows.stop), np.arange(columns.start, columns.stop)
+
+    def inverse_depth(dv: int, du: int) -> FloatArray:
+        depth = view.depth_m[np.clip(v + dv, 0, height - 1)[:, None], np.clip(u + du, 0, width - 1)[None, :]]
+        with np.errstate(divide="ignore"):
+            return np.where(depth > 0, 1 / depth, np.nan)
+
+    own = inverse_depth(0, 0)
+    bends = [
+        np.abs(own - (inverse_depth(dv, du) + inverse_depth(-dv, -du)) / 2) / own**2
+        for dv, du in ((0, r), (r, 0), (r, r), (r, -r))
+    ]
+    told = np.isfinite(bends)
+    return np.where(told.sum(axis=0) >= 2, np.where(told, bends, 0.0).max(axis=0), np.inf)
 
 
 def standing_clear(view: DepthView, mask: RegionMask, rim_px: int) -> BoolArray:
@@ -164,6 +201,12 @@ def standing_clear(view: DepthView, mask: RegionMask, rim_px: int) -> BoolArray:
     before = own < nearest_beside - step
     whole = own - view.nearest_m[rows, columns][at] < step
     return np.asarray(mask.pixels & (own > 0) & np.isfinite(nearest_beside) & before & whole, dtype=bool)
+
+
+def bend_step_m(depth_m: Float32Array | FloatArray) -> FloatArray:
+    """The bend above which a pixel lies on a depth edge: 4 sigma and what a surface may curve by."""
+    step: FloatArray = 4 * depth_sigma_m(depth_m) + 0.01
+    return step
 
 
 def edge_step_m(depth_m: Float32Array | FloatArray) -> FloatArray:

@@ -114,7 +114,7 @@ class VoxelMap:
         """(n,) the voxels that are believed to be the object's: occupied, mostly inside its masks, not alone."""
         trusted = (self.log_odds > 0) & (self.inside > self.outside)
         usual = float(np.percentile(self.inside, 90)) if len(self) else 0.0
-        often = trusted & (self.inside >= min(2.0, usual) + 0.1 * usual)
+        often = trusted & (self.inside >= min(2.0, usual))
         if often.sum() >= 0.3 * trusted.sum():
             trusted = often
         accompanied = np.zeros(len(self.codes), dtype=bool)

@@ -1,0 +1,142 @@
+"""Drift: the odometry is followed, and put right by the surfaces that the map already knows.
+
+Wheels, inertia and visual odometry leave the truth little by little; what they leave it by is a slowly growing turn
+and shift of their frame. Every keyframe's surfaces are laid onto those seen before, by point-to-plane ICP from where
+the odometry expects them, and the correction found is carried on to the next. A place seen again after a long way is
+so found where it stood, not beside it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from supermap_cli.geometry.arrays import BoolArray, FloatArray, IntArray
+from supermap_cli.geometry.se3 import inverse, make_transform, transform_points
+from supermap_cli.geometry.voxels import is_member, pack_keys, voxel_keys
+from supermap_cli.mapping.icp import Surface
+from supermap_cli.mapping.structure import CoarseDepth, Structure, join
+
+SURFACE_M = 0.05
+"""One point is kept of every cube of this edge: the first, so that what was seen early holds what is seen late."""
+
+SAMPLE_M = 0.1
+LOOK_M, REMEMBER_M = 5.0, 4.0
+"""Surfaces up to the first distance are compared, up to the second remembered: a camera's depth gets worse."""
+
+REACHES_M = (0.3, 0.25, 0.2, 0.15, 0.12, 0.1, 0.1)
+LEAST_MATCHED, LEAST_POINTS = 0.4, 150
+"""A keyframe of which less lies on known surfaces is new country: the odometry is followed."""
+
+PLACED_SIGMA_M, PLACED_SIGMA_DEG = 0.1, 1.0
+"""How well a further traversal is placed in the map as a whole."""
+
+SURFACE_SIGMA_M = 0.02
+CORRELATED = 25.0
+"""Deviation of a point from a surface, and how many points say no more than one: they share their camera's faults."""
+
+
+@dataclass(frozen=True)
+class OdometryNoise:
+    """How an odometry errs between two keyframes: standard deviations of what is added to the correction.
+
+    `m_per_m` of the way gone, and `m` in any case; `deg_per_m`, `deg_per_turn` and `deg` of the heading.
+    """
+
+    m: float = 0.003
+    m_per_m: float = 0.02
+    deg: float = 0.05
+    deg_per_m: float = 0.3
+    deg_per_turn: float = 2.0
+
+
+@dataclass
+class DriftCorrection:
+    """Holds the correction, `T_map_drifted`, and the surfaces by which it is found."""
+
+    noise: OdometryNoise = field(default_factory=OdometryNoise)
+    T_map_drifted: FloatArray = field(default_factory=lambda: np.eye(4))
+    known: Structure = field(default_factory=lambda: join([]))
+    _codes: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
+    _near: Surface | None = None
+    _near_at: FloatArray = field(default_factory=lambda: np.full(3, np.inf))
+    _fresh: int = 0
+    _last: FloatArray | None = None
+
+    def remember(self, view: CoarseDepth) -> None:
+        """Take in the surfaces of a depth image that is placed in the map."""
+        self._learn(view.structure(REMEMBER_M).thinned(SURFACE_M))
+
+    def place(self, view: CoarseDepth, T_drifted_base: FloatArray) -> FloatArray:
+        """`T_map_base` of a keyframe: `view` is its depth, placed where the odometry has it, as is `T_drifted_base`."""
+        sigma_m, sigma_rad = self._step_sigma(T_drifted_base)
+        seen = view.structure(LOOK_M).thinned(SURFACE_M)
+        sample = seen.thinned(SAMPLE_M)
+        center = transform_points(self.T_map_drifted, T_drifted_base[None, :3, 3])[0]
+        if len(sample) >= LEAST_POINTS and (surface := self._surface_near(center)) is not None:
+            T = refine(surface, sample, self.T_map_drifted, center, sigma_m, sigma_rad)
+            if surface.fit(sample, T, REACHES_M[-1]).matched.mean() >= LEAST_MATCHED:
+                self.T_map_drifted = T
+        near = np.linalg.norm(seen.points - view.T_frame_camera[:3, 3], axis=1) < REMEMBER_M
+        self._learn(seen.take(near).moved(self.T_map_drifted))
+        return self.T_map_drifted @ T_drifted_base
+
+    def _step_sigma(self, T_drifted_base: FloatArray) -> tuple[float, float]:
+        """How far (metres, radians) the correction may have changed since the last keyframe."""
+        last, self._last = self._last, T_drifted_base
+        if last is None:
+            return PLACED_SIGMA_M, np.radians(PLACED_SIGMA_DEG)
+        step = inverse(last) @ T_drifted_base
+        way_m = float(np.linalg.norm(step[:3, 3]))
+        turned = float(np.arccos(np.clip((np.trace(step[:3, :3]) - 1) / 2, -1, 1)) / (2 * np.pi))
+        noise = self.noise
+        deg = np.hypot(noise.deg, np.hypot(noise.deg_per_m * way_m, noise.deg_per_turn * turned))
+        return float(np.hypot(noise.m, noise.m_per_m * way_m)), float(np.radians(deg))
+
+    def _learn(self, seen: Structure) -> None:
+        codes = pack_keys(voxel_keys(seen.points, SURFACE_M))
+        codes, first = np.unique(codes, return_index=True)
+        fresh = ~is_member(codes, self._codes)
+        self._codes = np.union1d(self._codes, codes[fresh])
+        self.known = join([self.known, seen.take(first[fresh])])
+        self._fresh += int(fresh.sum())
+
+    def _surface_near(self, center: FloatArray) -> Surface | None:
+        """The known surfaces around a place; made anew when it has been left, or much has been seen since."""
+        moved_m = float(np.linalg.norm(center - self._near_at))
+        if self._near is None or moved_m > 1.0 or self._fresh > 0.05 * len(self._near.structure):
+            near: BoolArray = np.linalg.norm(self.known.points - center, axis=1) < LOOK_M + 2.0
+            self._near = Surface(self.known.take(near)) if near.sum() >= LEAST_POINTS else None
+            self._near_at, self._fresh = center, 0
+        return self._near
+
+
+def refine(
+    surface: Surface, sample: Structure, T_start: FloatArray, center: FloatArray, sigma_m: float, sigma_rad: float
+) -> FloatArray:
+    """The level turn and shift of a sample (4, 4) that lays it best onto a surface and is likely for the odometry.
+
+    Gauss-Newton on point-to-plane distances with Tukey's weights and a Gaussian prior on how far (metres, radians) it
+    leaves `T_start`, about `center` (3,): where the surfaces leave a direction open, as in a corridor, the prior holds.
+    """
+    prior = np.diag(1 / np.square([sigma_m, sigma_m, sigma_m, sigma_rad]))
+    total = np.zeros(4)
+    for reach_m in REACHES_M:
+        T = shifted(T_start, center, total)
+        residual, normals, points = surface.offsets(sample.moved(T), reach_m)
+        if len(residual) < LEAST_POINTS // 2:
+            return T_start
+        weight = np.square(np.maximum(1 - np.square(residual / reach_m), 0)) / (CORRELATED * SURFACE_SIGMA_M**2)
+        turning = np.cross(points - center - total[:3], normals)[:, 2]
+        jacobian = np.column_stack([normals, turning])
+        information = (jacobian * weight[:, None]).T @ jacobian + prior
+        total = total - np.linalg.solve(information, jacobian.T @ (weight * residual) + prior @ total)
+    return shifted(T_start, center, total)
+
+
+def shifted(T_start: FloatArray, center: FloatArray, change: FloatArray) -> FloatArray:
+    """A placement turned about the vertical through `center` by change[3] radians, and shifted by change[:3]."""
+    cos, sin = np.cos(change[3]), np.sin(change[3])
+    R = np.array([[cos, -sin, 0], [sin, cos, 0], [0, 0, 1.0]])
+    return make_transform(R, center - R @ center + change[:3]) @ T_start
