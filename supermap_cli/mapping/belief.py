@@ -81,28 +81,61 @@ def label_agreement(hypotheses: tuple[Hypothesis, ...], belief: Mapping[str, flo
     return sum(each.score / total * belief.get(each.label, 0.0) for each in hypotheses) if total > 0 else 0.0
 
 
+@dataclass(frozen=True)
+class Cell:
+    """The looks from one view: those that supported the object, all of them, and the sum of their log ratios."""
+
+    supports: int = 0
+    looks: int = 0
+    log_ratios: float = 0.0
+
+    def __add__(self, other: Cell) -> Cell:
+        return Cell(self.supports + other.supports, self.looks + other.looks, self.log_ratios + other.log_ratios)
+
+    @property
+    def evidence(self) -> float:
+        """n looks say what sqrt(n) independent ones would that agree with them on average."""
+        return self.log_ratios / float(np.sqrt(self.looks)) if self.looks else 0.0
+
+
 @dataclass
 class Viewpoints:
-    """From where an object has been seen: evidence from nearly the same place is correlated.
+    """From where an object has been looked at, and what the looks said: evidence from nearly one place is correlated.
 
-    A view is a cell of bearing (15 degrees in azimuth and elevation) and distance (steps of a factor of 1.5). The n-th
-    look from one cell weighs n^-1/2 more than n - 1 looks: a long stare grows like the square root, not to certainty.
+    A view is a cell of bearing (15 degrees in azimuth and elevation) and distance (steps of a factor of 1.5). Its looks
+    count by their square root, in whatever order they come: a long stare does not grow to certainty, and neither a lucky
+    first look nor an unlucky one decides.
     """
 
-    counts: dict[str, int] = field(default_factory=dict)
+    cells: dict[str, Cell] = field(default_factory=dict)
 
-    def weight(self, camera_map: np.ndarray, centroid_map: np.ndarray) -> float:
-        """The weight in (0, 1] of one more look from `camera_map` (3,); counts it."""
-        ray = camera_map - centroid_map
-        distance = float(np.linalg.norm(ray))
-        azimuth = int(np.floor(np.degrees(np.arctan2(ray[1], ray[0])) / 15))
-        elevation = int(np.floor(np.degrees(np.arcsin(np.clip(ray[2] / max(distance, 1e-6), -1, 1))) / 15))
-        cell = f"{azimuth},{elevation},{int(np.floor(np.log(max(distance, 0.1)) / np.log(1.5)))}"
-        n = self.counts.get(cell, 0) + 1
-        self.counts[cell] = n
-        return float(np.sqrt(n) - np.sqrt(n - 1))
+    def support(self, camera_map: np.ndarray, centroid_map: np.ndarray, log_ratio: float) -> tuple[float, float]:
+        """Take in a look from `camera_map` (3,) that supported the object: how much its word on the label weighs, in
+        (0, 1], and how far it moves the log-odds of existence.
+        """
+        gain = self._take_in(cell := cell_of(camera_map, centroid_map), Cell(1, 1, log_ratio))
+        n = self.cells[cell].supports
+        return float(np.sqrt(n) - np.sqrt(n - 1)), gain
+
+    def miss(self, camera_map: np.ndarray, centroid_map: np.ndarray, log_ratio: float) -> float:
+        """Take in a look without a detection: how far it moves the log-odds of existence."""
+        return self._take_in(cell_of(camera_map, centroid_map), Cell(0, 1, log_ratio))
+
+    def _take_in(self, cell: str, look: Cell) -> float:
+        before = self.cells.get(cell, Cell())
+        self.cells[cell] = before + look
+        return self.cells[cell].evidence - before.evidence
 
     def absorb(self, other: Viewpoints) -> None:
         """Add another object's viewpoints."""
-        for cell, n in other.counts.items():
-            self.counts[cell] = self.counts.get(cell, 0) + n
+        for name, cell in other.cells.items():
+            self.cells[name] = self.cells.get(name, Cell()) + cell
+
+
+def cell_of(camera_map: np.ndarray, centroid_map: np.ndarray) -> str:
+    """The view from a place (3,) of a thing at another (3,): bearing and distance."""
+    ray = camera_map - centroid_map
+    distance = float(np.linalg.norm(ray))
+    azimuth = int(np.floor(np.degrees(np.arctan2(ray[1], ray[0])) / 15))
+    elevation = int(np.floor(np.degrees(np.arcsin(np.clip(ray[2] / max(distance, 1e-6), -1, 1))) / 15))
+    return f"{azimuth},{elevation},{int(np.floor(np.log(max(distance, 0.1)) / np.log(1.5)))}"

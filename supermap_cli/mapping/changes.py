@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import astuple, dataclass, field
 
 import numpy as np
 
@@ -98,8 +98,7 @@ def instance_record(known: MapObject, merged_into: int | None = None) -> Instanc
             "label_logs": known.labels.logs,
             "unseen_log": known.labels.unseen_log,
             "looks": known.labels.looks,
-            "viewpoints": known.viewpoints.counts,
-            "missed_viewpoints": known.missed_viewpoints.counts,
+            "viewpoints": {name: list(astuple(cell)) for name, cell in known.viewpoints.cells.items()},
             "state_index": known.state.index,
             "state_first_seen_ns": known.state.first_seen_ns,
             "state_empty_before_ns": known.state.empty_before_ns,

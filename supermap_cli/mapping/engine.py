@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from supermap_cli.config import Ablation, MappingConfig
-from supermap_cli.geometry.arrays import BoolArray, IntArray
+from supermap_cli.geometry.arrays import BoolArray, FloatArray, IntArray
 from supermap_cli.geometry.boxes import pairwise_iou
 from supermap_cli.mapping import lifecycle
 from supermap_cli.mapping.association import Affinity, associate
@@ -29,7 +29,8 @@ from supermap_cli.mapping.fusion import (
 from supermap_cli.mapping.lifting import LiftedDetection, is_truncated, lift
 from supermap_cli.mapping.objects import MapObject, ObjectMap
 from supermap_cli.mapping.pair_evidence import PairEvidence
-from supermap_cli.mapping.recall import RecallModel, ScoreModel, something_score
+from supermap_cli.mapping.recall import RecallModel, ScoreModel
+from supermap_cli.mapping.shifting import find_shift
 from supermap_cli.mapping.transitions import Transitions
 from supermap_cli.mapping.visibility import ObjectView, look_at
 from supermap_cli.types.detections import Detections, TrackPrior
@@ -188,10 +189,10 @@ class MappingEngine:
         if not seen.present:
             self.turns.come_back(seen, stamp_ns)
             view = None
-        elif fit is not None and self._moves(seen, view, detection, covered):
+        elif fit is not None and (to_map := self._moves(look, seen, view, detection, covered)) is not None:
             if seen.shifted_looks < lifecycle.SHIFTED_LOOKS and seen.label not in ANIMATE:
                 return
-            self.turns.shift(seen, detection.centroid_map, stamp_ns)
+            self.turns.shift(seen, to_map, stamp_ns)
             view = None
         if view is not None:
             if "semantic-fusion" not in self.ablate:
@@ -203,21 +204,27 @@ class MappingEngine:
             seen.motion.sighted(stamp_ns, detection.centroid_map, covered, seen.shape.extent_m)
 
     @staticmethod
-    def _moves(seen: MapObject, view: ObjectView | None, detection: LiftedDetection, covered: float) -> bool:
-        """Whether this image shows the object away from its place; counts such images in a row."""
-        away = seen.motion.moving or lifecycle.has_shifted(seen, view, detection, covered)
-        seen.shifted_looks = seen.shifted_looks + 1 if away else 0
-        return away
+    def _moves(
+        look: Look, seen: MapObject, view: ObjectView | None, detection: LiftedDetection, covered: float
+    ) -> FloatArray | None:
+        """Where this image shows the object, (3,), if away from its place; counts such images in a row."""
+        to_map: FloatArray | None = None
+        if seen.motion.moving or lifecycle.has_shifted(seen, view, detection, covered):
+            to_map = detection.centroid_map
+        elif view is not None and view.observable_share >= lifecycle.OBSERVABLE_SHARE:
+            shift = find_shift(look.depth, seen, view, detection)
+            to_map = None if shift is None else seen.shape.centroid + shift
+        seen.shifted_looks = 0 if to_map is None else seen.shifted_looks + 1
+        return to_map
 
     def _support(self, look: Look, seen: MapObject, detection: LiftedDetection, view: ObjectView | None) -> None:
         """Label, existence, track and the observation itself."""
         keyframe = look.keyframe
-        weight = seen.viewpoints.weight(keyframe.T_map_camera[:3, 3], seen.shape.centroid)
         if "semantic-fusion" in self.ablate:
             seen.labels = LabelBelief()
         if seen.confirmed and seen.existence > SURE_LOG_ODDS:
-            self.scores.record_real(something_score(detection.hypotheses))
-        believe_more(seen, detection, self.scores, weight)
+            self.scores.record_real(detection.score)
+        believe_more(seen, detection, self.scores, keyframe.T_map_camera[:3, 3])
         seen.observations += 1
         seen.absent_looks = 0
         seen.last_seen_ns = keyframe.stamp_ns
@@ -280,8 +287,7 @@ class MappingEngine:
         stands = observable and seen.present and view.contradicted_share <= 0.5
         if stands and detector_looked and "semantic-fusion" not in self.ablate:
             rate = expected_recall(self.recall, seen, view, _area(keyframe), truncated)
-            weight = seen.missed_viewpoints.weight(keyframe.T_map_camera[:3, 3], seen.shape.centroid)
-            believe_less(seen, rate, weight)
+            believe_less(seen, rate, keyframe.T_map_camera[:3, 3])
 
     def _weigh_geometry(self, seen: MapObject, view: ObjectView, stamp_ns: int) -> None:
         if lifecycle.watch_presence(seen, view, stamp_ns):
@@ -370,10 +376,10 @@ class MappingEngine:
         for each in list(self.objects):
             if not each.confirmed:
                 if each.existence <= lifecycle.FORGET_LOG_ODDS or not each.present:
-                    self.scores.record_clutter(something_score(seen.hypotheses) for seen in each.pending)
+                    self.scores.record_clutter(seen.score for seen in each.pending)
                     self.objects.remove(each.number)
                 continue
-            doubted = each.existence <= (lifecycle.CONFIRM_LOG_ODDS if each.doubted else lifecycle.FORGET_LOG_ODDS)
+            doubted = each.existence <= (lifecycle.CONFIRM_LOG_ODDS if each.doubted else lifecycle.DOUBT_LOG_ODDS)
             if doubted != each.doubted:
                 self.turns.doubt(each, doubted=doubted)
 

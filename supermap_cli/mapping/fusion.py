@@ -5,11 +5,11 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from supermap_cli.geometry.arrays import BoolArray
+from supermap_cli.geometry.arrays import BoolArray, FloatArray
 from supermap_cli.mapping.association import pixels_in_region
 from supermap_cli.mapping.lifting import LiftedDetection
 from supermap_cli.mapping.objects import MapObject
-from supermap_cli.mapping.recall import RecallModel, ScoreModel, miss_log_ratio, something_score
+from supermap_cli.mapping.recall import RecallModel, ScoreModel, miss_log_ratio
 from supermap_cli.mapping.visibility import ObjectView
 from supermap_cli.mapping.voxel_map import LOG_ODDS_MAX
 from supermap_cli.types.detections import RegionMask
@@ -51,17 +51,19 @@ def fuse_points(seen: MapObject, detection: LiftedDetection) -> None:
     seen.touched()
 
 
-def believe_more(seen: MapObject, detection: LiftedDetection, scores: ScoreModel, weight: float) -> None:
-    """Label and existence after a detection; `weight` discounts evidence from a viewpoint already used."""
+def believe_more(seen: MapObject, detection: LiftedDetection, scores: ScoreModel, camera_map: FloatArray) -> None:
+    """Label and existence after a detection from `camera_map` (3,)."""
+    log_ratio = scores.detection_log_ratio(detection.score, again=seen.observations > 0)
+    weight, gain = seen.viewpoints.support(camera_map, seen.shape.centroid, log_ratio)
     seen.labels.update(detection.hypotheses, weight)
     seen.labels.longest_side_m = float(seen.shape.box.size.max())
-    gain = weight * scores.detection_log_ratio(something_score(detection.hypotheses))
     seen.existence = float(np.clip(seen.existence + gain, EXISTENCE_MIN, EXISTENCE_MAX))
 
 
-def believe_less(missed: MapObject, expected_recall: float, weight: float) -> None:
-    """Existence after a look at which the detector kept silent although it could have spoken."""
-    missed.existence = max(missed.existence + weight * miss_log_ratio(expected_recall), EXISTENCE_MIN)
+def believe_less(missed: MapObject, expected_recall: float, camera_map: FloatArray) -> None:
+    """Existence after a look from `camera_map` (3,) at which the detector kept silent although it could have spoken."""
+    gain = missed.viewpoints.miss(camera_map, missed.shape.centroid, miss_log_ratio(expected_recall))
+    missed.existence = float(np.clip(missed.existence + gain, EXISTENCE_MIN, EXISTENCE_MAX))
 
 
 def area_share(view: ObjectView, image_area_px: int) -> float:

@@ -26,7 +26,10 @@ CONFIRM_LABEL = 0.5
 """A thing that may as well be two others is not entered yet."""
 
 FORGET_LOG_ODDS = -1.5
-"""A tentative object below this is forgotten, a confirmed one was never real."""
+"""A tentative object below this is forgotten."""
+
+DOUBT_LOG_ODDS = 0.0
+"""A confirmed object below this is more likely not there than there: it leaves the answers until confirmed anew."""
 
 ABSENT_SHARE = 0.6
 ABSENT_LOOKS = 3
@@ -201,7 +204,6 @@ def join(kept: MapObject, joined: MapObject) -> None:
     kept.voxels.fit_voxel()
     kept.labels.absorb(joined.labels)
     kept.viewpoints.absorb(joined.viewpoints)
-    kept.missed_viewpoints.absorb(joined.missed_viewpoints)
     kept.existence = max(kept.existence, joined.existence)
     kept.first_seen_ns = min(kept.first_seen_ns, joined.first_seen_ns)
     kept.last_seen_ns = max(kept.last_seen_ns, joined.last_seen_ns)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from supermap_cli.geometry.arrays import BoolArray, Float32Array, FloatArray, UInt8Array
+from supermap_cli.geometry.arrays import BoolArray, Float32Array, FloatArray, IntArray, UInt8Array
 from supermap_cli.geometry.se3 import transform_points
 from supermap_cli.geometry.voxels import connected_components, pack_keys, voxel_keys
 from supermap_cli.mapping.depth import DepthView, depth_sigma_m
@@ -20,8 +20,14 @@ MAX_POINTS = 2000
 NEAR_END, REACH_M = 5, 0.2
 """A body begins where this percentile of its points lies; so far from it the next one may begin."""
 
-LARGEST_CUT = 0.35
-"""No part of a mask loses more than this share of its half thickness on either side."""
+LARGEST_CUT, CUT_STEPS = 0.35, (0.25, 0.5, 1.0)
+"""No part of a mask loses more than this share of its half thickness on either side; thickness is told in steps."""
+
+LEAST_LEFT = 6
+"""A mask that would lose all but one in so many pixels is taken as it is."""
+
+NEAREST_OF, HIDDEN_SHARE = 64, 0.6
+"""The nearest pixels of two bodies are looked for among so many of each; what parts them must hide so much between."""
 
 MIN_POINTS = 12
 """Fewer pixels than this are no evidence of a shape."""
@@ -113,7 +119,8 @@ def is_truncated(box_xyxy: Float32Array | FloatArray, width: int, height: int) -
 def _lift_core(
     keyframe: Keyframe, view: DepthView, mask: RegionMask, core: BoolArray, clear: BoolArray
 ) -> tuple[FloatArray, UInt8Array, float] | None:
-    v, u = np.nonzero(core & (on_one_surface(view, mask) | clear))
+    whole = core & (on_one_surface(view, mask) | clear)
+    v, u = np.nonzero(whole)
     u, v = u + mask.u0, v + mask.v0
     depth = view.depth_m[v, u]
     plain = depth > 0
@@ -124,7 +131,10 @@ def _lift_core(
         chosen = chosen[np.linspace(0, len(chosen) - 1, MAX_POINTS).astype(np.int64)]
     u, v, depth_m = u[chosen], v[chosen], depth[chosen].astype(np.float64)
     points_camera = keyframe.camera.back_project(np.column_stack([u, v]).astype(np.float64), depth_m)
-    main = main_component(points_camera, float(np.median(depth_m)))
+    joined = voxel_bodies(points_camera, max(0.03, 0.02 * float(np.median(depth_m))))
+    bodies = same_bodies(joined, image_bodies(whole)[v - mask.v0, u - mask.u0])
+    main = main_body(points_camera, bodies)
+    main |= continued_behind(view, (u, v), points_camera, bodies, main)
     if main.sum() < MIN_POINTS:
         return None
     points_map = transform_points(keyframe.T_map_camera, points_camera[main])
@@ -132,15 +142,27 @@ def _lift_core(
 
 
 def erode(mask: BoolArray, margin_px: int) -> BoolArray:
-    """Cut a mask back by a margin, but nowhere by more than a share of how thick it is there: a pen must not vanish,
-    nor the legs of a table, nor its top seen from the side.
+    """Cut a mask back by a margin, and by less where it is thin: a pen must not vanish, nor the legs of a table, nor
+    its top seen from the side.
+
+    A part is as thick as the largest disc that fits into it (its local thickness); it loses `LARGEST_CUT` of that
+    disc's radius, at least a pixel, and never all of it.
     """
-    reach = 2 * margin_px + 1
-    padded = cv2.copyMakeBorder(mask.astype(np.uint8), *(reach,) * 4, cv2.BORDER_CONSTANT, value=0)
+    thickest_px = int(np.ceil(margin_px / LARGEST_CUT))
+    padded = cv2.copyMakeBorder(mask.astype(np.uint8), *(1,) * 4, cv2.BORDER_CONSTANT, value=0)
     within_px = cv2.distanceTransform(padded, cv2.DIST_L2, 3)
-    half_thickness_px = cv2.dilate(within_px, np.ones((2 * reach + 1, 2 * reach + 1), np.uint8))
-    core = (padded > 0) & (within_px > np.minimum(margin_px, LARGEST_CUT * half_thickness_px))
-    return np.asarray(core[reach:-reach, reach:-reach], dtype=bool)
+    cut_px = np.ones_like(within_px)
+    for share in CUT_STEPS:
+        radius_px = share * thickest_px
+        centers = within_px > radius_px
+        if not centers.any():
+            break
+        in_disc = cv2.distanceTransform((~centers).astype(np.uint8), cv2.DIST_L2, 3) <= radius_px
+        cut_px[in_disc] = max(1.0, share * margin_px)
+    core = (padded > 0) & (within_px > cut_px)
+    if core.sum() * LEAST_LEFT < mask.sum():
+        return mask
+    return np.asarray(core[1:-1, 1:-1], dtype=bool)
 
 
 def on_one_surface(view: DepthView, mask: RegionMask) -> BoolArray:
@@ -217,19 +239,49 @@ def edge_step_m(depth_m: Float32Array | FloatArray) -> FloatArray:
     return step
 
 
-def main_component(points_camera: FloatArray, depth_m: float) -> BoolArray:
-    """(n,) which points belong to the depth-connected body that most of the mask's points belong to.
-
-    Points are joined over 26-connected voxels as wide as what one pixel's noise and thinning leave between neighbours;
-    further bodies count when they are a good part of the mask and begin within 0.2 m of what is kept so far: a table's
-    top goes on behind the chair that cuts it in two.
+def voxel_bodies(points: FloatArray, cell_m: float) -> IntArray:
+    """(n,) the body of each point: points are joined over 26-connected voxels, as wide as what one pixel's noise and
+    thinning leave between neighbours.
     """
-    cell = max(0.03, 0.02 * depth_m)
-    codes = pack_keys(voxel_keys(points_camera, cell))
-    unique, inverse = np.unique(codes, return_inverse=True)
-    component = connected_components(unique)[inverse]
-    counts = np.bincount(component)
-    kept: BoolArray = component == int(np.argmax(counts))
+    unique, inverse = np.unique(pack_keys(voxel_keys(points, cell_m)), return_inverse=True)
+    bodies: IntArray = connected_components(unique)[inverse]
+    return bodies
+
+
+def image_bodies(pixels: BoolArray) -> IntArray:
+    """(h, w) the body of each marked pixel: pixels are joined with their eight neighbours, for where they meet is no
+    depth edge. What is seen at a grazing angle hangs together in the image and not in space.
+    """
+    _, bodies = cv2.connectedComponents(pixels.astype(np.uint8), connectivity=8)
+    return np.asarray(bodies, np.int64)
+
+
+def same_bodies(first: IntArray, second: IntArray) -> IntArray:
+    """(n,) points are of one body if either of two partitions (n,) says so, or both do step by step."""
+    from scipy.sparse import coo_array  # noqa: PLC0415 - heavy
+    from scipy.sparse.csgraph import connected_components as connected  # noqa: PLC0415
+
+    _, rows = np.unique(first, return_inverse=True)
+    _, columns = np.unique(second, return_inverse=True)
+    n = int(rows.max()) + 1
+    links = coo_array((np.ones(len(rows), bool), (rows, columns + n)), shape=(n + len(columns), n + len(columns)))
+    _, body_of = connected(links, directed=False)
+    return np.asarray(body_of[rows], np.int64)
+
+
+def main_component(points_camera: FloatArray, depth_m: float) -> BoolArray:
+    """(n,) which points belong to the body in space that most of a mask's points belong to (`main_body`)."""
+    return main_body(points_camera, voxel_bodies(points_camera, max(0.03, 0.02 * depth_m)))
+
+
+def main_body(points_camera: FloatArray, bodies: IntArray) -> BoolArray:
+    """(n,) which points belong to the largest body, (n,) bodies, and to what goes on near by.
+
+    Further bodies count when they are a good part of the mask and begin within 0.2 m of what is kept so far: a chair's
+    back is parted from its seat by the rail between.
+    """
+    counts = np.bincount(bodies)
+    kept: BoolArray = bodies == int(np.argmax(counts))
     others = {int(number) for number in np.flatnonzero(counts >= 0.15 * counts.max())} - {int(np.argmax(counts))}
     low, high = points_camera[kept].min(axis=0), points_camera[kept].max(axis=0)
     reach_m = min(0.5 * float((high - low).max()), REACH_M)
@@ -238,10 +290,46 @@ def main_component(points_camera: FloatArray, depth_m: float) -> BoolArray:
         low, high = points_camera[kept].min(axis=0), points_camera[kept].max(axis=0)
         joined = False
         for number in sorted(others):
-            body = component == number
+            body = bodies == number
             gap = np.maximum(np.maximum(low - points_camera[body], points_camera[body] - high), 0)
             if float(np.percentile(np.linalg.norm(gap, axis=1), NEAR_END)) < reach_m:
                 kept |= body
                 others.remove(number)
                 joined = True
     return kept
+
+
+def continued_behind(
+    view: DepthView, uv: tuple[IntArray, IntArray], points_camera: FloatArray, bodies: IntArray, kept: BoolArray
+) -> BoolArray:
+    """(n,) which points lie on further bodies of a mask that something nearer parts from the kept ones: a desk goes on
+    on the other side of the chair before it.
+
+    A body counts if it is a good part of the mask and what lies between the nearest pixels of both is nearer than both;
+    how much deeper it may lie grows with how far away it begins.
+    """
+    more = np.zeros(len(kept), dtype=bool)
+    counts = np.bincount(bodies[~kept], minlength=1)
+    own = np.flatnonzero(kept)
+    own = own[:: len(own) // NEAREST_OF + 1]
+    u, v = uv
+    for number in np.flatnonzero(counts >= max(MIN_POINTS, 0.1 * kept.sum())):
+        body = np.flatnonzero(bodies == number)
+        tried = body[:: len(body) // NEAREST_OF + 1]
+        apart = np.hypot(u[own][:, None] - u[tried], v[own][:, None] - v[tried])
+        i, j = np.unravel_index(int(np.argmin(apart)), apart.shape)
+        gap = points_camera[tried[j]] - points_camera[own[i]]
+        hidden = _hidden_share(view, (int(u[own[i]]), int(v[own[i]])), (int(u[tried[j]]), int(v[tried[j]])))
+        if hidden > HIDDEN_SHARE and abs(gap[2]) < REACH_M + float(np.hypot(gap[0], gap[1])):
+            more[body] = True
+    return more
+
+
+def _hidden_share(view: DepthView, first_uv: tuple[int, int], second_uv: tuple[int, int]) -> float:
+    """Share of the way between two pixels on which something nearer than both is seen."""
+    steps = np.linspace(0, 1, 24)[2:-2]
+    u = (first_uv[0] + steps * (second_uv[0] - first_uv[0])).round().astype(np.int64)
+    v = (first_uv[1] + steps * (second_uv[1] - first_uv[1])).round().astype(np.int64)
+    nearer = min(float(view.depth_m[first_uv[1], first_uv[0]]), float(view.depth_m[second_uv[1], second_uv[0]]))
+    between = view.depth_m[v, u]
+    return float(((between > 0) & (between < nearer - edge_step_m(between))).mean())

@@ -81,7 +81,6 @@ class MapObject:
     first_absent_ns: int = 0
     shifted_looks: int = 0
     viewpoints: Viewpoints = field(default_factory=Viewpoints)
-    missed_viewpoints: Viewpoints = field(default_factory=Viewpoints)
     motion: MotionState = field(default_factory=MotionState)
     visit: VisitCount = field(default_factory=VisitCount)
     best_crop: float = 0.0

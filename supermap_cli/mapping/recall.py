@@ -8,16 +8,15 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from supermap_cli.geometry.arrays import FloatArray
-from supermap_cli.types.detections import Hypothesis
 
 AREA_BINS_PX = (0.0004, 0.0015, 0.006, 0.025, 0.1)
 """Borders of the visible area as a share of the image, a factor of four apart."""
 
-FALSE_ALARM = 0.03
-"""P(a detection supports an object that is not there, at a keyframe that sees its place)."""
+CLUTTER_RECALL = 0.35
+"""P(a detector fires once more at what fooled it) / P(it fires at a thing seen like that): its errors come back."""
 
-LEAST_DETECTION, MOST_DETECTION = 0.0, 2.0
-"""Bounds of one detection's word: a hesitant one says nothing, where silence would say no; and none is proof."""
+LEAST_DETECTION, MOST_DETECTION = -0.3, 3.0
+"""Bounds of one detection's word: a hesitant one says less against a thing than silence does; and none is proof."""
 
 
 @dataclass
@@ -86,12 +85,15 @@ class ScoreModel:
         for score in scores:
             self.clutter[score_bin(score)] += 1
 
-    def detection_log_ratio(self, score: float) -> float:
-        """Log P(this score | a thing is there) / P(... | nothing is)."""
+    def detection_log_ratio(self, score: float, *, again: bool) -> float:
+        """Log P(a detection of this score | a thing is there) / P(... | something fooled the detector); `again`: it is
+        not the first there.
+        """
         k = score_bin(score)
         real = (self.real[k] + PRIOR_SCORES * _share(_REAL_PRIOR, k)) / (sum(self.real) + PRIOR_SCORES)
         clutter = (self.clutter[k] + PRIOR_SCORES * _share(_CLUTTER_PRIOR, k)) / (sum(self.clutter) + PRIOR_SCORES)
-        return float(np.clip(np.log(real / clutter), LEAST_DETECTION, MOST_DETECTION))
+        fires = -np.log(CLUTTER_RECALL) if again else 0.0
+        return float(np.clip(np.log(real / clutter) + fires, LEAST_DETECTION, MOST_DETECTION))
 
 
 def score_bin(score: float) -> int:
@@ -99,15 +101,10 @@ def score_bin(score: float) -> int:
     return min(int(score * SCORE_BINS), SCORE_BINS - 1)
 
 
-def something_score(hypotheses: tuple[Hypothesis, ...]) -> float:
-    """All hypotheses of a detection speak for there being something: 1 - prod(1 - score)."""
-    return 1 - float(np.prod([1 - min(each.score, 0.99) for each in hypotheses]))
-
-
 def _share(density: FloatArray, k: int) -> float:
     return float(density[k] / density.sum())
 
 
 def miss_log_ratio(expected_recall: float) -> float:
-    """Log P(not detected | there) / P(not detected | not there); near 0 where the detector is blind anyway."""
-    return float(np.log((1 - expected_recall) / (1 - FALSE_ALARM)))
+    """Log P(not detected | there) / P(not detected | something fooled it); near 0 where the detector is blind."""
+    return float(np.log((1 - expected_recall) / (1 - CLUTTER_RECALL * expected_recall)))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any, cast
 
-from supermap_cli.mapping.belief import LabelBelief, Viewpoints
+from supermap_cli.mapping.belief import Cell, LabelBelief, Viewpoints
 from supermap_cli.mapping.objects import MapObject, ObjectMap, OpenState
 from supermap_cli.mapping.voxel_map import voxel_map_from_cloud
 from supermap_cli.types.memory import InstanceRecord
@@ -37,7 +37,11 @@ def restore_object(instance: InstanceRecord) -> MapObject:
         doubted=instance.presence == "doubted",
         gone_ns=state["gone_ns"],
         observations=instance.observations,
-        viewpoints=Viewpoints(dict(state["viewpoints"])),
-        missed_viewpoints=Viewpoints(dict(state["missed_viewpoints"])),
+        viewpoints=Viewpoints({name: _cell(kept) for name, kept in state["viewpoints"].items()}),
         best_crop=state["best_crop"],
     )
+
+
+def _cell(kept: list[float] | int) -> Cell:
+    """Memories of version 0.1 kept the number of supporting looks only."""
+    return Cell(kept, kept) if isinstance(kept, int) else Cell(int(kept[0]), int(kept[1]), float(kept[2]))

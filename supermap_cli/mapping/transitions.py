@@ -77,7 +77,7 @@ class Transitions:
             self.changes.closed_states.append(open_state(old, gone_ns))
         old.voxels, old.present, old.gone_ns, old.absent_looks = found.voxels, True, None, 0
         old.labels.absorb(found.labels)
-        old.viewpoints, old.missed_viewpoints = found.viewpoints, found.missed_viewpoints
+        old.viewpoints = found.viewpoints
         old.existence, old.last_seen_ns, old.track_id = found.existence, found.last_seen_ns, found.track_id
         old.state = OpenState(before + 1, found.state.first_seen_ns, found.state.empty_before_ns)
         old.observations += found.observations

@@ -111,30 +111,46 @@ def test_agreement_is_the_probability_of_one_label() -> None:
 
 
 ORIGIN = np.zeros(3)
+PLACE = np.array([2.0, 0.1, 1.0])
 
 
 def test_looks_from_one_place_add_up_like_the_square_root() -> None:
     views = Viewpoints()
-    weights = [views.weight(np.array([2.0, 0.1, 1.0]), ORIGIN) for _ in range(100)]
-    assert weights[0] == 1.0
-    assert sum(weights) == pytest.approx(10.0)
+    looks = [views.support(PLACE, ORIGIN, 1.0) for _ in range(100)]
+    assert looks[0] == (1.0, 1.0)
+    assert sum(weight for weight, _ in looks) == pytest.approx(10.0)
+    assert sum(gain for _, gain in looks) == pytest.approx(10.0)
 
 
 @pytest.mark.parametrize("elsewhere", [(0.1, 2.0, 1.0), (2.0, 0.1, 3.0), (6.0, 0.1, 3.0), (-2.0, 0.1, 1.0)])
 def test_a_look_from_elsewhere_counts_in_full(elsewhere: tuple[float, float, float]) -> None:
     views = Viewpoints()
-    views.weight(np.array([2.0, 0.1, 1.0]), ORIGIN)
-    assert views.weight(np.array(elsewhere), ORIGIN) == 1.0
+    views.support(PLACE, ORIGIN, 1.0)
+    assert views.support(np.array(elsewhere), ORIGIN, 2.0) == (1.0, 2.0)
+
+
+@given(st.lists(st.floats(-2, 3), min_size=1, max_size=8), st.randoms(use_true_random=False))
+def test_hits_and_misses_from_one_place_count_in_whatever_order(words: list[float], random: object) -> None:
+    def told(order: list[float]) -> float:
+        views = Viewpoints()
+        return sum(
+            views.support(PLACE, ORIGIN, word)[1] if word > 0 else views.miss(PLACE, ORIGIN, word) for word in order
+        )
+
+    shuffled = sorted(words, key=lambda _: random.random())  # type: ignore[attr-defined]
+    assert told(words) == pytest.approx(told(shuffled), abs=1e-9)
+    assert told(words) == pytest.approx(sum(words) / np.sqrt(len(words)), abs=1e-9)
 
 
 def test_a_camera_on_the_object_itself_is_no_error() -> None:
-    assert Viewpoints().weight(ORIGIN, ORIGIN) == 1.0
+    assert Viewpoints().support(ORIGIN, ORIGIN, 1.0) == (1.0, 1.0)
 
 
 def test_joined_viewpoints_are_counted_together() -> None:
     one, other = Viewpoints(), Viewpoints()
-    place = np.array([2.0, 0.1, 1.0])
     for views in (one, other, other):
-        views.weight(place, ORIGIN)
+        views.support(PLACE, ORIGIN, 1.0)
     one.absorb(other)
-    assert one.weight(place, ORIGIN) == pytest.approx(np.sqrt(4) - np.sqrt(3))
+    weight, gain = one.support(PLACE, ORIGIN, 1.0)
+    assert weight == pytest.approx(np.sqrt(4) - np.sqrt(3))
+    assert gain == pytest.approx(np.sqrt(4) - np.sqrt(3))

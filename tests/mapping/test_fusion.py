@@ -93,20 +93,22 @@ def test_voxels_that_the_evidence_has_turned_against_are_dropped(chair: MapObjec
 
 def test_existence_rises_with_detections_and_falls_with_misses_within_bounds(chair: MapObject) -> None:
     one = s.lifted(s.render((*s.ROOM, s.CHAIR), EYE), 2, score=0.8)
-    scores = ScoreModel()
-    chair.existence = 0.0
-    believe_more(chair, one, scores, 1.0)
-    assert chair.existence > 1.0
-    half = chair.existence
-    believe_more(chair, one, scores, 0.5)
-    assert chair.existence == pytest.approx(1.5 * half)
+    scores, here, there = ScoreModel(), EYE[:3, 3], np.array([1.6, -2.5, 1.3])
+    chair.existence, chair.observations = 0.0, 1
+    believe_more(chair, one, scores, here)
+    once = chair.existence
+    assert once > 0.9
+    believe_more(chair, one, scores, here)
+    assert once < chair.existence < 1.5 * once
+    believe_more(chair, one, scores, there)
+    assert chair.existence > 2 * once
     for _ in range(50):
-        believe_more(chair, one, scores, 1.0)
+        believe_more(chair, one, scores, here)
     assert chair.existence == EXISTENCE_MAX
-    believe_less(chair, 0.5, 1.0)
-    assert EXISTENCE_MAX - 1 < chair.existence < EXISTENCE_MAX
-    for _ in range(50):
-        believe_less(chair, 0.9, 1.0)
+    believe_less(chair, 0.9, there)
+    assert EXISTENCE_MIN < chair.existence < EXISTENCE_MAX
+    for _ in range(3000):
+        believe_less(chair, 0.9, there)
     assert chair.existence == EXISTENCE_MIN
 
 

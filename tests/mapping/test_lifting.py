@@ -133,11 +133,17 @@ def test_an_eroded_mask_never_loses_more_than_two_thirds(mask: NDArray[np.bool_]
 def test_erosion_cuts_back_by_the_margin() -> None:
     mask = np.zeros((40, 40), bool)
     mask[5:35, 5:35] = True
-    assert erode(mask, 3).sum() == 24 * 24
+    core = erode(mask, 3)
+    assert core[8:32, 12:28].all()
+    assert not core[:8].any()
+    assert not core[32:].any()
 
 
 def test_a_mask_that_fills_its_region_is_eroded_at_the_regions_border() -> None:
-    assert erode(np.ones((30, 30), bool), 3).sum() == 24 * 24
+    core = erode(np.ones((30, 30), bool), 3)
+    assert core[3:27, 12:18].all()
+    assert not core[:3].any()
+    assert not core[:, 27:].any()
 
 
 @pytest.mark.parametrize(
@@ -172,3 +178,45 @@ def test_the_far_half_of_a_long_thing_cut_in_two_is_lifted_too() -> None:
     y = lift_mask(scene, scene.mask(BOX), "table").points_map[:, 1]
     assert y.min() < -0.6
     assert y.max() > 0.6
+
+
+def test_the_top_of_a_table_at_a_grazing_angle_is_no_depth_edge() -> None:
+    table = s.Thing("table", (2.0, 0, 0.55), (2.4, 1.6, 0.1))
+    scene = s.render((*s.ROOM, table), s.looking((0, 0, 0.85), (2.0, 0, 0.6)))
+    points = s.lifted(scene, 2).points_map
+    on_top = np.abs(points[:, 2] - 0.6) < 0.02
+    assert points[on_top, 0].max() - points[on_top, 0].min() > 1.5
+
+
+def test_narrow_parts_of_a_mask_keep_their_middle() -> None:
+    mask = np.zeros((80, 80), bool)
+    mask[5:45, 5:75] = True
+    mask[45:78, 10:14] = True
+    core = erode(mask, 6)
+    assert core[50:70, 10:14].any(axis=1).all()
+    assert not core[50:70, 10].any()
+    assert not core[5:11, 15:65].any()
+
+
+def test_a_thing_goes_on_on_the_other_side_of_what_stands_before_it() -> None:
+    desk = s.Thing("desk", (2.2, 0, 0.5), (0.5, 2.0, 1.0))
+    post = s.Thing("post", (1.2, 0, 0.7), (0.1, 0.4, 1.4))
+    scene = s.render((*s.ROOM, desk, post), s.looking((0, 0, 1.0), (2.2, 0, 0.6)))
+    points = s.lifted(scene, 2).points_map
+    assert points[:, 1].min() < -0.7
+    assert points[:, 1].max() > 0.7
+
+
+def test_the_wall_beside_what_stands_before_a_thing_is_not_the_thing() -> None:
+    """A mask holds a box and, beyond a post before both, a piece of the wall far behind."""
+    box = s.Thing("box", (1.6, -0.5, 0.6), (0.4, 0.6, 0.6))
+    post = s.Thing("post", (1.0, -0.05, 0.7), (0.1, 0.2, 1.4))
+    scene = s.render((*s.ROOM, box, post), s.looking((0, 0, 1.0), (2.2, 0, 0.6)))
+    rows, columns = np.nonzero(scene.owner == 3)
+    patch = np.zeros_like(scene.owner, bool)
+    patch[rows.min() + 20 : rows.min() + 40, columns.min() - 22 : columns.min()] = True
+    mask = scene.mask(2) | (patch & (scene.owner == 1))
+    assert (mask & (scene.owner == 1)).sum() > 100
+    found = s.detections_of([mask], [[("box", 0.8)]])
+    (one,) = lift(scene.keyframe, depth_view(scene.keyframe, 6.0), found, np.array([-1]))
+    assert one.points_map[:, 0].max() < 2.0
