@@ -20,6 +20,7 @@ from supermap_cli.lookahead import LookAhead
 from supermap_cli.mapping.drift import DriftCorrection
 from supermap_cli.mapping.engine import MappingEngine
 from supermap_cli.mapping.free_space import encode_small_depth
+from supermap_cli.mapping.objects import MapObject
 from supermap_cli.mapping.restoring import restore_objects
 from supermap_cli.mapping.structure import coarse_depth, stored_depth
 from supermap_cli.memory.store import MapStore
@@ -138,6 +139,7 @@ class TraversalBuild:
         self.backends = choose_backends(recording, plugins, config)
         self.viewers = [each for each in plugins.working if "keyframe_mapped" in each.hooks]
         self.warnings: list[str] = []
+        self.nodes: dict[int, GraphNode] = {}
 
     def run(self, *, name: str | None = None, align: str = "auto", progress: Progress | None = None) -> BuildSummary:
         """Map the whole recording. Whatever goes wrong, the memory is as it was before.
@@ -321,12 +323,13 @@ class TraversalBuild:
         return detections
 
     def _nodes(self) -> dict[int, GraphNode]:
-        """What stands in the map now."""
-        return {
-            each.number: GraphNode(each.number, each.label, each.shape.box, each.shape.points)
+        """What stands in the map now; a node is the same as before while its object has not changed."""
+        self.nodes = {
+            each.number: _node(each, self.nodes.get(each.number))
             for each in self.engine.objects
             if each.confirmed and each.present and not each.doubted and not each.motion.moving
         }
+        return self.nodes
 
     def _record(self, keyframe: Keyframe, *, detected: bool) -> KeyframeRecord:
         config = self.config.keyframes
@@ -400,6 +403,14 @@ class TraversalBuild:
             len(standing),
             tuple(warnings),
         )
+
+
+def _node(standing: MapObject, before: GraphNode | None) -> GraphNode:
+    """An object as the graph sees it."""
+    label, shape = standing.label, standing.shape
+    if before is not None and before.points is shape.points and before.label == label:
+        return before
+    return GraphNode(standing.number, label, shape.box, shape.points)
 
 
 def place_frame(frame: CameraFrame, T_map_base: FloatArray) -> Keyframe:

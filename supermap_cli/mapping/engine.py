@@ -12,7 +12,7 @@ from supermap_cli.config import Ablation, MappingConfig
 from supermap_cli.geometry.arrays import BoolArray, IntArray
 from supermap_cli.geometry.boxes import pairwise_iou
 from supermap_cli.mapping import lifecycle
-from supermap_cli.mapping.association import Affinity, associate
+from supermap_cli.mapping.association import Affinity, associate, reached
 from supermap_cli.mapping.belief import LabelBelief
 from supermap_cli.mapping.depth import DepthView, depth_view
 from supermap_cli.mapping.free_space import FreeSpaceMemory
@@ -136,7 +136,8 @@ class MappingEngine:
         """Strong detections first, then weak ones, then re-activation of what was gone; only then birth."""
         strong = [each for each in lifted if each.score >= STRONG_SCORE]
         weak = [each for each in lifted if each.score < STRONG_SCORE]
-        present = [each for each in self.objects if each.present]
+        near = reached(lifted, self.objects)
+        present = [each for each in near if each.present]
         matched: dict[int, LiftedDetection] = {}
 
         first = associate(strong, present, look.views)
@@ -146,7 +147,7 @@ class MappingEngine:
         self._fuse_pairs(look, weak, second.pairs, matched)
 
         unexplained = [strong[i] for i in first.free]
-        gone = [each for each in self.objects if not each.present]
+        gone = [each for each in near if not each.present]
         third = associate(unexplained, gone, look.views)
         self._fuse_pairs(look, unexplained, third.pairs, matched)
 

@@ -226,13 +226,8 @@ def older(first: MapObject, second: MapObject) -> tuple[MapObject, MapObject]:
 
 def near_pairs(objects: ObjectMap, touched: set[int]) -> list[tuple[MapObject, MapObject]]:
     """Pairs of present, still objects whose bounds overlap and of which at least one was touched."""
-    candidates = [each for each in objects if each.present and not each.motion.moving]
-    pairs = []
-    for i, first in enumerate(candidates):
-        for second in candidates[i + 1 :]:
-            if first.number not in touched and second.number not in touched:
-                continue
-            gap = np.maximum(first.shape.low - second.shape.high, second.shape.low - first.shape.high)
-            if gap.max() < 0.3:
-                pairs.append((first, second))
-    return pairs
+    return [
+        (first, second)
+        for first, second in objects.beside(touched, 0.3)
+        if first.present and second.present and not first.motion.moving and not second.motion.moving
+    ]

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import cv2
 import numpy as np
 
 from supermap_cli.geometry.arrays import BoolArray, Float32Array, FloatArray, UInt8Array
+from supermap_cli.geometry.percentiles import percentiles
 from supermap_cli.geometry.se3 import transform_points
 from supermap_cli.geometry.voxels import connected_components, pack_keys, voxel_keys
 from supermap_cli.mapping.depth import DepthView, depth_sigma_m
@@ -51,10 +53,10 @@ class LiftedDetection:
     track_id: int
     truncated: bool
 
-    @property
+    @cached_property
     def extent_m(self) -> float:
         """Length of the longest side of what was seen, without the outermost twentieth."""
-        low, high = np.percentile(self.points_map, (5, 95), axis=0)
+        low, high = percentiles(self.points_map, (5, 95))
         return float((high - low).max())
 
 

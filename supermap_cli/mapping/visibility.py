@@ -11,6 +11,7 @@ from functools import cached_property
 import numpy as np
 
 from supermap_cli.geometry.arrays import BoolArray, FloatArray, IntArray
+from supermap_cli.geometry.percentiles import percentiles
 from supermap_cli.mapping.depth import DepthView, depth_sigma_m
 from supermap_cli.mapping.objects import MapObject
 
@@ -35,27 +36,27 @@ class ObjectView:
     contradicted: BoolArray
     occluded: BoolArray
 
-    @property
+    @cached_property
     def observable(self) -> BoolArray:
         """Voxels the image can speak of."""
         return self.supported | self.contradicted
 
-    @property
+    @cached_property
     def observable_share(self) -> float:
         """Share of all voxels that are observable."""
-        return float(self.observable.mean()) if len(self.u) else 0.0
+        return np.count_nonzero(self.observable) / len(self.u) if len(self.u) else 0.0
 
-    @property
+    @cached_property
     def contradicted_share(self) -> float:
         """Share of the observable voxels that the rays went through, 0 if none is observable."""
-        observable = int(self.observable.sum())
-        return float(self.contradicted.sum()) / observable if observable else 0.0
+        observable = np.count_nonzero(self.observable)
+        return np.count_nonzero(self.contradicted) / observable if observable else 0.0
 
     @property
     def hidden(self) -> bool:
         """Whether most of what falls onto the image lies behind something nearer."""
-        on_image = int(self.on_image.sum())
-        return on_image > 0 and int(self.occluded.sum()) > 0.7 * on_image
+        on_image = np.count_nonzero(self.on_image)
+        return bool(on_image > 0 and np.count_nonzero(self.occluded) > 0.7 * on_image)
 
     @cached_property
     def box_xyxy(self) -> FloatArray | None:
@@ -63,7 +64,7 @@ class ObjectView:
         if not self.on_image.any():
             return None
         u, v = self.u[self.on_image], self.v[self.on_image]
-        (u_min, u_max), (v_min, v_max) = np.percentile(u, (1, 99)), np.percentile(v, (1, 99))
+        (u_min, u_max), (v_min, v_max) = percentiles(u, (1, 99)), percentiles(v, (1, 99))
         return np.array([u_min, v_min, u_max, v_max])
 
 
@@ -76,22 +77,34 @@ def tolerance_m(depth_m: FloatArray, voxel_m: FloatArray | float) -> FloatArray:
 def check_visibility(view: DepthView, points_map: FloatArray, voxel_m: FloatArray | float) -> ObjectView:
     """Compare (n, 3) map points, of voxels `voxel_m` wide, with a depth image."""
     u, v, depth, on_image = view.project(points_map)
-    measured = view.depth_m[v, u]
-    nearest, farthest = view.nearest_m[v, u], view.farthest_m[v, u]
-    tau = tolerance_m(depth, voxel_m)
-    told = on_image & (measured > 0) & (depth <= view.max_depth_m)
-    contradicted = told & (depth < nearest - tau)
-    occluded = told & (depth > farthest + tau)
+    supported, contradicted, occluded = (np.zeros(len(u), dtype=bool) for _ in range(3))
+    pixels = v * view.camera.width + u
+    told = np.flatnonzero(on_image & (depth <= view.max_depth_m) & (view.depth_m.ravel()[pixels] > 0))
+    pixels, behind = pixels[told], depth[told]
+    measured, nearest, farthest = (each.ravel()[pixels] for each in (view.depth_m, view.nearest_m, view.farthest_m))
+    tau = tolerance_m(behind, voxel_m if isinstance(voxel_m, float) else voxel_m[told])
     slant = np.minimum((farthest - np.minimum(nearest, farthest)) / 2, 2 * tau)
-    supported = told & (np.abs(depth - measured) <= tau + slant)
+    contradicted[told] = behind < nearest - tau
+    occluded[told] = behind > farthest + tau
+    supported[told] = np.abs(behind - measured) <= tau + slant
     return ObjectView(u, v, depth, on_image, supported, contradicted, occluded)
+
+
+def within_sight(view: DepthView, objects: Sequence[MapObject]) -> list[MapObject]:
+    """The objects that the camera may see: those whose bounding spheres are not wholly outside its view."""
+    holding = [each for each in objects if len(each.voxels)]
+    if not holding:
+        return []
+    spheres = np.array([each.voxels.sphere() for each in holding])
+    return [holding[i] for i in np.flatnonzero(view.may_show(spheres[:, :3], spheres[:, 3]))]
 
 
 def look_at(view: DepthView, objects: Sequence[MapObject]) -> dict[int, ObjectView]:
     """Check all given objects in one pass; returns the views of those with a voxel on the image, by object number."""
+    objects = within_sight(view, objects)
     if not objects:
         return {}
-    sizes = [len(each.voxels) for each in objects]
+    sizes = np.array([len(each.voxels) for each in objects])
     voxel_m = np.repeat([each.voxels.voxel_m for each in objects], sizes)
     whole = check_visibility(view, np.concatenate([each.voxels.centers() for each in objects]), voxel_m)
     ends = np.cumsum(sizes)

@@ -42,6 +42,7 @@ class VoxelMap:
     outside: Float32Array = field(default_factory=lambda: np.zeros(0, np.float32))
     rgb: Float32Array = field(default_factory=lambda: np.zeros((0, 3), np.float32))
     _centers: FloatArray | None = field(default=None, repr=False)
+    _sphere: tuple[float, float, float, float] | None = field(default=None, repr=False)
 
     def __len__(self) -> int:
         return len(self.codes)
@@ -49,8 +50,17 @@ class VoxelMap:
     def centers(self) -> FloatArray:
         """(n, 3) voxel centres in the map frame (kept until the set of voxels changes)."""
         if self._centers is None or len(self._centers) != len(self.codes):
-            self._centers = voxel_centers(unpack_codes(self.codes), self.voxel_m)
+            self._centers, self._sphere = voxel_centers(unpack_codes(self.codes), self.voxel_m), None
         return self._centers
+
+    def sphere(self) -> tuple[float, float, float, float]:
+        """Centre x, y, z and radius of a sphere that holds all centres, n > 0 (kept like these)."""
+        centers = self.centers()
+        if self._sphere is None:
+            low, high = centers.min(axis=0), centers.max(axis=0)
+            x, y, z = ((low + high) / 2).tolist()
+            self._sphere = (x, y, z, float(np.linalg.norm(high - low)) / 2)
+        return self._sphere
 
     def add_points(self, points_map: FloatArray, rgb: UInt8Array, hit_log_odds: float) -> None:
         """Enter the voxels of (m, 3) points with (m, 3) colours that are not there yet, seen once, inside a mask."""
