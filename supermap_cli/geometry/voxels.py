@@ -28,10 +28,12 @@ def pack_keys(keys: Int32Array | IntArray) -> IntArray:
 
 
 def unpack_codes(codes: IntArray) -> Int32Array:
-    """(n, 3) int32 voxel indices of (n,) codes."""
-    return np.stack(
-        [(codes >> (2 * _BITS)) - _OFFSET, ((codes >> _BITS) & _MASK) - _OFFSET, (codes & _MASK) - _OFFSET], axis=1
-    ).astype(np.int32)
+    """(n, 3) int32 voxel indices of (n,) codes, column by column in memory (Fortran's order)."""
+    keys = np.empty((3, len(codes)), np.int32)
+    keys[0] = (codes >> (2 * _BITS)) - _OFFSET
+    keys[1] = ((codes >> _BITS) & _MASK) - _OFFSET
+    keys[2] = (codes & _MASK) - _OFFSET
+    return keys.T
 
 
 def voxel_centers(keys: Int32Array, voxel_m: float) -> FloatArray:
@@ -51,7 +53,7 @@ def is_member(codes: IntArray, sorted_codes: IntArray) -> BoolArray:
 
 _STEPS = np.stack(np.meshgrid(*[[-1, 0, 1]] * 3, indexing="ij"), axis=-1).reshape(-1, 3).astype(np.int64)
 _NEIGHBOUR_CODES = (_STEPS[:, 0] << (2 * _BITS)) + (_STEPS[:, 1] << _BITS) + _STEPS[:, 2]
-_FORWARD_CODES = _NEIGHBOUR_CODES[_NEIGHBOUR_CODES > 0]
+_FORWARD_STEPS, _FORWARD_CODES = _STEPS[_NEIGHBOUR_CODES > 0], _NEIGHBOUR_CODES[_NEIGHBOUR_CODES > 0]
 
 _MOST_CELLS = 1 << 22
 """Sets of voxels that span a larger block than this are searched instead of being laid out in it (4 MB)."""
@@ -140,6 +142,21 @@ def _neighbour_pairs(codes: IntArray) -> Iterator[tuple[IntArray, IntArray]]:
         yield first, at[first]
 
 
+def _forward_neighbours(codes: IntArray) -> IntArray:
+    """(n, 13) positions of the neighbours with greater codes among sorted codes, -1 where there is none."""
+    keys = unpack_codes(codes)
+    block = block_around(keys)
+    if block is None:
+        wanted = codes[:, None] + _FORWARD_CODES
+        at = np.minimum(np.searchsorted(codes, wanted), len(codes) - 1)
+        return np.where(codes[at] == wanted, at, -1)
+    positions = block.positions(keys)
+    numbers = np.full(block.cells, -1, np.int32)
+    numbers[positions] = np.arange(len(codes), dtype=np.int32)
+    steps = (_FORWARD_STEPS[:, 0] * block.shape[1] + _FORWARD_STEPS[:, 1]) * block.shape[2] + _FORWARD_STEPS[:, 2]
+    return numbers[positions[:, None] + steps].astype(np.int64)
+
+
 def connected_components(codes: IntArray) -> IntArray:
     """(n,) component numbers of sorted voxel codes under 26-connectivity, the largest component first (0)."""
     if not len(codes):
@@ -147,10 +164,9 @@ def connected_components(codes: IntArray) -> IntArray:
     from scipy.sparse import csr_array  # noqa: PLC0415 - keeps scipy out of light commands
     from scipy.sparse.csgraph import connected_components as components  # noqa: PLC0415
 
-    wanted = codes[:, None] + _FORWARD_CODES
-    at = np.minimum(np.searchsorted(codes, wanted), len(codes) - 1)
-    joined = codes[at] == wanted
-    starts = np.concatenate([[0], np.cumsum(joined.sum(axis=1))])
+    at = _forward_neighbours(codes)
+    joined = at >= 0
+    starts = np.concatenate([[0], np.cumsum(np.count_nonzero(joined, axis=1))])
     graph = csr_array((np.ones(starts[-1]), at[joined], starts), shape=(len(codes), len(codes)))
     _, labels = components(graph, directed=False)
     order = np.argsort(-np.bincount(labels), kind="stable")

@@ -61,10 +61,10 @@ def _distance_log_ratio(detection: LiftedDetection, candidate: MapObject, covere
 def share_inside(detection: LiftedDetection, view: ObjectView) -> float:
     """Share of the object's supported voxels whose pixels lie within the detection's mask."""
     seen = view.supported
-    count = int(seen.sum())
+    count = np.count_nonzero(seen)
     if count == 0:
         return 0.0
-    return float(pixels_inside(detection, view)[seen].mean())
+    return np.count_nonzero(pixels_inside(detection, view) & seen) / count
 
 
 def pixels_inside(detection: LiftedDetection, view: ObjectView) -> BoolArray:
@@ -76,9 +76,9 @@ def pixels_in_region(region: BoolArray, u0: int, v0: int, view: ObjectView) -> B
     """(n,) which of an object's voxels project into a region (h, w) whose upper left corner is pixel (u0, v0)."""
     h, w = region.shape
     u, v = view.u - u0, view.v - v0
-    within = view.on_image & (u >= 0) & (v >= 0) & (u < w) & (v < h)
+    within = np.flatnonzero(view.on_image & (u >= 0) & (v >= 0) & (u < w) & (v < h))
     inside = np.zeros(len(u), dtype=bool)
-    inside[within] = region[v[within], u[within]]
+    inside[within] = region.ravel()[v[within] * w + u[within]]
     return inside
 
 

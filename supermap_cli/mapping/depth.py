@@ -73,7 +73,8 @@ def depth_view(keyframe: Keyframe, max_depth_m: float) -> DepthView:
     """Prepare a keyframe's depth; the neighbourhood is 5 pixels at a width of 640 and grows with the image."""
     reach = neighbourhood_px(keyframe.camera.width)
     kernel = np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)
-    depth = np.where((keyframe.depth_m > 0) & (keyframe.depth_m <= max_depth_m), keyframe.depth_m, np.float32(0))
+    _, within = cv2.threshold(keyframe.depth_m, max_depth_m, 0, cv2.THRESH_TOZERO_INV)
+    depth = np.asarray(within, np.float32)
     nearest = cv2.erode(np.where(depth > 0, depth, np.float32(np.inf)), kernel, borderType=cv2.BORDER_REPLICATE)
     farthest = cv2.dilate(depth, kernel)
     return DepthView(

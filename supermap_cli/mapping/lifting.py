@@ -8,7 +8,7 @@ from functools import cached_property
 import cv2
 import numpy as np
 
-from supermap_cli.geometry.arrays import BoolArray, Float32Array, FloatArray, UInt8Array
+from supermap_cli.geometry.arrays import BoolArray, Float32Array, FloatArray, IntArray, UInt8Array
 from supermap_cli.geometry.percentiles import percentiles
 from supermap_cli.geometry.se3 import transform_points
 from supermap_cli.geometry.voxels import connected_components, pack_keys, voxel_keys
@@ -73,7 +73,7 @@ def lift(keyframe: Keyframe, view: DepthView, detections: Detections, track_ids:
         mask = detections.masks[index]
         if mask is None or not mask.pixels.any():
             continue
-        rim_px = erosion_px(int(mask.pixels.sum()), keyframe.camera.width)
+        rim_px = erosion_px(np.count_nonzero(mask.pixels), keyframe.camera.width)
         clear = standing_clear(view, mask, rim_px)
         core = erode(mask.pixels, rim_px) | clear
         one = _lift_core(keyframe, view, mask, core, clear)
@@ -115,16 +115,20 @@ def is_truncated(box_xyxy: Float32Array | FloatArray, width: int, height: int) -
 def _lift_core(
     keyframe: Keyframe, view: DepthView, mask: RegionMask, core: BoolArray, clear: BoolArray
 ) -> tuple[FloatArray, UInt8Array, float] | None:
-    v, u = np.nonzero(core & (on_one_surface(view, mask) | clear))
-    u, v = u + mask.u0, v + mask.v0
-    depth = view.depth_m[v, u]
-    plain = depth > 0
-    if plain.sum() < MIN_POINTS:
-        return None
+    own_m = view.depth_m[mask.window]
+    inner = np.flatnonzero(core & (own_m > 0))
+    v, u = np.divmod(inner, core.shape[1])
+    v, u = v + mask.v0, u + mask.u0
+    plain = clear.ravel()[inner]
+    rest = np.flatnonzero(~plain)
+    plain[rest] = on_one_surface(view, v[rest], u[rest])
     chosen = np.flatnonzero(plain)
+    if len(chosen) < MIN_POINTS:
+        return None
     if len(chosen) > MAX_POINTS:
         chosen = chosen[np.linspace(0, len(chosen) - 1, MAX_POINTS).astype(np.int64)]
-    u, v, depth_m = u[chosen], v[chosen], depth[chosen].astype(np.float64)
+    v, u = v[chosen], u[chosen]
+    depth_m = view.depth_m[v, u].astype(np.float64)
     points_camera = keyframe.camera.back_project(np.column_stack([u, v]).astype(np.float64), depth_m)
     main = main_component(points_camera, float(np.median(depth_m)))
     if main.sum() < MIN_POINTS:
@@ -145,30 +149,31 @@ def erode(mask: BoolArray, margin_px: int) -> BoolArray:
     return np.asarray(core[reach:-reach, reach:-reach], dtype=bool)
 
 
-def on_one_surface(view: DepthView, mask: RegionMask) -> BoolArray:
-    """The pixels of a mask, on its region, whose neighbourhood lies on one surface: on no depth edge.
+def on_one_surface(view: DepthView, v: IntArray, u: IntArray) -> BoolArray:
+    """(n,) which pixels with a return have a neighbourhood that lies on one surface: on no depth edge.
 
     Either the depths around a pixel span no more than noise and a moderate slant; or, since the inverse depth of a
     plane is affine in the pixel, the inverse depth bends little about it: a table's top seen at a grazing angle spans a
     lot and is one surface all the same.
     """
-    h, w = mask.pixels.shape
-    at = slice(mask.v0, mask.v0 + h), slice(mask.u0, mask.u0 + w)
-    depth = view.depth_m[at]
-    flat = view.farthest_m[at] - view.nearest_m[at] < edge_step_m(depth)
-    return np.asarray(mask.pixels & (depth > 0) & (flat | (bend_m(view, at) < bend_step_m(depth))), dtype=bool)
+    at = v * view.depth_m.shape[1] + u
+    depth = view.depth_m.ravel()[at]
+    one: BoolArray = view.farthest_m.ravel()[at] - view.nearest_m.ravel()[at] < edge_step_m(depth)
+    wide = np.flatnonzero(~one)
+    one[wide] = bend_m(view, v[wide], u[wide]) < bend_step_m(depth[wide])
+    return one
 
 
-def bend_m(view: DepthView, at: tuple[slice, slice]) -> FloatArray:
-    """How far (metres) the depth of each pixel of a region lies off the plane through its neighbours on both sides: the
+def bend_m(view: DepthView, v: IntArray, u: IntArray) -> FloatArray:
+    """How far (metres) the depth of each of n pixels lies off the plane through its neighbours on both sides: the
     greatest of four directions; infinite where fewer than two directions have a return on both sides.
     """
-    rows, columns, r = *at, view.reach_px
     height, width = view.depth_m.shape
-    v, u = np.arange(rows.start, rows.stop), np.arange(columns.start, columns.stop)
+    r = view.reach_px
+    flat_m = view.depth_m.ravel()
 
     def inverse_depth(dv: int, du: int) -> FloatArray:
-        depth = view.depth_m[np.clip(v + dv, 0, height - 1)[:, None], np.clip(u + du, 0, width - 1)[None, :]]
+        depth = flat_m[np.clip(v + dv, 0, height - 1) * width + np.clip(u + du, 0, width - 1)]
         with np.errstate(divide="ignore"):
             return np.where(depth > 0, 1 / depth, np.nan)
 

@@ -41,26 +41,36 @@ class VoxelMap:
     inside: Float32Array = field(default_factory=lambda: np.zeros(0, np.float32))
     outside: Float32Array = field(default_factory=lambda: np.zeros(0, np.float32))
     rgb: Float32Array = field(default_factory=lambda: np.zeros((0, 3), np.float32))
+    _keys: Int32Array | None = field(default=None, repr=False)
     _centers: FloatArray | None = field(default=None, repr=False)
     _sphere: tuple[float, float, float, float] | None = field(default=None, repr=False)
 
     def __len__(self) -> int:
         return len(self.codes)
 
+    def keys(self) -> Int32Array:
+        """(n, 3) voxel indices (kept, like the centres, until the set of voxels changes)."""
+        if self._keys is None:
+            self._keys = unpack_codes(self.codes)
+        return self._keys
+
     def centers(self) -> FloatArray:
-        """(n, 3) voxel centres in the map frame (kept until the set of voxels changes)."""
-        if self._centers is None or len(self._centers) != len(self.codes):
-            self._centers, self._sphere = voxel_centers(unpack_codes(self.codes), self.voxel_m), None
+        """(n, 3) voxel centres in the map frame."""
+        if self._centers is None:
+            self._centers = voxel_centers(self.keys(), self.voxel_m)
         return self._centers
 
     def sphere(self) -> tuple[float, float, float, float]:
-        """Centre x, y, z and radius of a sphere that holds all centres, n > 0 (kept like these)."""
-        centers = self.centers()
+        """Centre x, y, z and radius of a sphere that holds all centres, n > 0."""
         if self._sphere is None:
-            low, high = centers.min(axis=0), centers.max(axis=0)
+            keys = self.keys()
+            low, high = (voxel_centers(end, self.voxel_m) for end in (keys.min(axis=0), keys.max(axis=0)))
             x, y, z = ((low + high) / 2).tolist()
             self._sphere = (x, y, z, float(np.linalg.norm(high - low)) / 2)
         return self._sphere
+
+    def _set_changed(self) -> None:
+        self._keys = self._centers = self._sphere = None
 
     def add_points(self, points_map: FloatArray, rgb: UInt8Array, hit_log_odds: float) -> None:
         """Enter the voxels of (m, 3) points with (m, 3) colours that are not there yet, seen once, inside a mask."""
@@ -79,7 +89,7 @@ class VoxelMap:
         self.inside = np.concatenate([self.inside, np.ones(n, np.float32)])[order]
         self.outside = np.concatenate([self.outside, np.zeros(n, np.float32)])[order]
         self.rgb = np.concatenate([self.rgb, rgb])[order]
-        self._centers = None
+        self._set_changed()
 
     def keep(self, kept: BoolArray) -> None:
         """Drop all voxels but the (n,) marked ones."""
@@ -87,7 +97,7 @@ class VoxelMap:
             return
         self.codes, self.log_odds = self.codes[kept], self.log_odds[kept]
         self.inside, self.outside, self.rgb = self.inside[kept], self.outside[kept], self.rgb[kept]
-        self._centers = None
+        self._set_changed()
 
     def absorb(self, other: VoxelMap) -> None:
         """Take in another object's voxels, evidence added up."""
@@ -118,7 +128,7 @@ class VoxelMap:
         self.inside = np.concatenate([self.inside, other.inside])[order]
         self.outside = np.concatenate([self.outside, other.outside])[order]
         self.rgb = np.concatenate([self.rgb, other.rgb])[order]
-        self._centers = None
+        self._set_changed()
 
     def solid(self) -> BoolArray:
         """(n,) the voxels that are believed to be the object's: occupied, mostly inside its masks, not alone."""
@@ -135,9 +145,9 @@ class VoxelMap:
         """Double the voxels' edge until the longest side has no more than `MAX_SIDE_VOXELS`: adaptive resolution."""
         if not len(self):
             return
-        keys = unpack_codes(self.codes)
+        keys = self.keys()
         while (keys.max(axis=0) - keys.min(axis=0)).max() > MAX_SIDE_VOXELS:
-            keys >>= 1
+            keys = keys >> 1
             self.voxel_m *= 2
             codes, group = np.unique(pack_keys(keys), return_inverse=True)
             members = np.bincount(group).astype(np.float32)
@@ -149,7 +159,8 @@ class VoxelMap:
             self.rgb = np.stack([np.bincount(group, self.rgb[:, c]) / members for c in range(3)], axis=1).astype(
                 np.float32
             )
-            self.codes, keys, self._centers = codes, unpack_codes(codes), None
+            self.codes, keys = codes, unpack_codes(codes)
+            self._set_changed()
 
     def to_cloud(self) -> VoxelCloud:
         """The value that the memory keeps."""
