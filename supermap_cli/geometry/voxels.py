@@ -185,5 +185,5 @@ def distinct_keys(keys: Int32Array) -> Int32Array:
         return np.unique(keys, axis=0)
     marked = np.zeros(sides, bool)
     marked[tuple((keys - low).T)] = True
-    found: Int32Array = (np.argwhere(marked) + low).astype(np.int32)
+    found: Int32Array = (np.stack(np.nonzero(marked)).T + low).astype(np.int32)
     return found

@@ -204,10 +204,14 @@ def standing_clear(view: DepthView, mask: RegionMask, rim_px: int) -> BoolArray:
     kernel = np.ones((2 * rim_px + 1, 2 * rim_px + 1), np.uint8)
     nearest_beside = cv2.erode(np.where(beside, depth, np.float32(np.inf)), kernel, borderType=cv2.BORDER_REPLICATE)[at]
     own = depth[at]
-    step = edge_step_m(own)
-    before = own < nearest_beside - step
-    whole = own - view.nearest_m[rows, columns][at] < step
-    return np.asarray(mask.pixels & (own > 0) & np.isfinite(nearest_beside) & before & whole, dtype=bool)
+    rim = np.flatnonzero(mask.pixels & (own > 0) & (nearest_beside < np.inf))
+    own_m = own.ravel()[rim]
+    step = edge_step_m(own_m)
+    before = own_m < nearest_beside.ravel()[rim] - step
+    whole = own_m - view.nearest_m[rows, columns][at].ravel()[rim] < step
+    clear = np.zeros(mask.pixels.shape, dtype=bool)
+    clear.ravel()[rim] = before & whole
+    return clear
 
 
 def bend_step_m(depth_m: Float32Array | FloatArray) -> FloatArray:
@@ -236,19 +240,31 @@ def main_component(points_camera: FloatArray, depth_m: float) -> BoolArray:
     unique, inverse = np.unique(codes, return_inverse=True)
     component = connected_components(unique)[inverse]
     counts = np.bincount(component)
-    kept: BoolArray = component == int(np.argmax(counts))
-    others = {int(number) for number in np.flatnonzero(counts >= 0.15 * counts.max())} - {int(np.argmax(counts))}
-    low, high = points_camera[kept].min(axis=0), points_camera[kept].max(axis=0)
+    main = int(np.argmax(counts))
+    numbers = [main, *(number for number in np.flatnonzero(counts >= 0.15 * counts[main]) if number != main)]
+    bodies = [component == number for number in numbers]
+    points = [np.ascontiguousarray(points_camera[body].T) for body in bodies]
+    kept, others = [points[0]], list(range(1, len(bodies)))
+    low, high = _ends(kept)
     reach_m = min(0.5 * float((high - low).max()), REACH_M)
     joined = True
-    while joined:
-        low, high = points_camera[kept].min(axis=0), points_camera[kept].max(axis=0)
-        joined = False
-        for number in sorted(others):
-            body = component == number
-            gap = np.maximum(np.maximum(low - points_camera[body], points_camera[body] - high), 0)
-            if float(np.percentile(np.linalg.norm(gap, axis=1), NEAR_END)) < reach_m:
-                kept |= body
-                others.remove(number)
-                joined = True
-    return kept
+    while joined and others:
+        low, high = _ends(kept)
+        near = [number for number in others if _gap_m(points[number], low, high) < reach_m]
+        kept += [points[number] for number in near]
+        others = [number for number in others if number not in near]
+        joined = bool(near)
+    return np.any([body for number, body in enumerate(bodies) if number not in others], axis=0)
+
+
+def _ends(bodies: list[FloatArray]) -> tuple[FloatArray, FloatArray]:
+    """The bounds (3, 1) of bodies (3, n)."""
+    low = np.min([each.min(axis=1) for each in bodies], axis=0)
+    high = np.max([each.max(axis=1) for each in bodies], axis=0)
+    return low[:, None], high[:, None]
+
+
+def _gap_m(points: FloatArray, low: FloatArray, high: FloatArray) -> float:
+    """How far from bounds a body (3, n) begins."""
+    gap = np.maximum(np.maximum(low - points, points - high), 0)
+    return float(percentiles(np.linalg.norm(gap, axis=0), (NEAR_END,))[0])

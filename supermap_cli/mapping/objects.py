@@ -171,7 +171,9 @@ class ObjectShape:
 def measure_shape(voxels: VoxelMap) -> ObjectShape:
     """Bounds and centroid of the solid voxels; what else there is to know of them is worked out when it is asked."""
     solid = voxels.solid()
-    points = voxels.centers()[solid] if solid.any() else voxels.centers()
+    points = voxels.centers()
+    if solid.any():
+        points = points.T[:, solid].T
     half = voxels.voxel_m / 2
     low, high = percentiles(points, (1, 99)) + np.array([[-half], [half]])
     return ObjectShape(points.mean(axis=0), low, high, points, voxels.voxel_m)
@@ -180,8 +182,9 @@ def measure_shape(voxels: VoxelMap) -> ObjectShape:
 def upright_box(points_map: FloatArray, voxel_m: float) -> Box3D:
     """The upright box (yaw only) that fits (n, 3) voxel centres best, less what sticks out."""
     low, high = percentiles(points_map, TRIM)
-    inner = ((points_map >= low) & (points_map <= high)).all(axis=1)
-    yaw = best_yaw(points_map[inner, :2] if inner.sum() >= 3 else points_map[:, :2], voxel_m)
+    columns = points_map.T
+    inner = np.all([(low[k] <= columns[k]) & (columns[k] <= high[k]) for k in range(3)], axis=0)
+    yaw = best_yaw((columns[:2, inner] if np.count_nonzero(inner) >= 3 else columns[:2]).T, voxel_m)
     axes = np.array([[np.cos(yaw), np.sin(yaw)], [-np.sin(yaw), np.cos(yaw)]])
     nearest, farthest = percentiles(points_map[:, :2] @ axes.T, TRIM)
     (w, h), (cx, cy) = farthest - nearest, (nearest + farthest) / 2 @ axes
