@@ -239,8 +239,8 @@ class MappingEngine:
             detection.hypotheses,
             detection.centroid_map,
             self._crop(keyframe, seen, detection),
-            0 if view is None else np.count_nonzero(view.supported),
-            0 if view is None else np.count_nonzero(view.contradicted),
+            0 if view is None else int(np.count_nonzero(view.supported)),
+            0 if view is None else int(np.count_nonzero(view.contradicted)),
             detection.track_id,
         )
         self.turns.observe(observation)

@@ -69,7 +69,7 @@ def area_share(view: ObjectView, image_area_px: int) -> float:
     box = view.box_xyxy
     if box is None:
         return 0.0
-    seen = np.count_nonzero(view.observable) / max(1, np.count_nonzero(view.on_image))
+    seen = int(np.count_nonzero(view.observable)) / max(1, int(np.count_nonzero(view.on_image)))
     return float((box[2] - box[0] + 1) * (box[3] - box[1] + 1)) * seen / image_area_px
 
 

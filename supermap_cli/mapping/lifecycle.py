@@ -88,22 +88,6 @@ def has_shifted(seen: MapObject, view: ObjectView | None, detection: LiftedDetec
     )
 
 
-@dataclass(frozen=True)
-class Overlap:
-    """How two clouds lie in one another: share of the first near the second, and the other way round."""
-
-    first_in_second: float
-    second_in_first: float
-
-
-def overlap(first: MapObject, second: MapObject) -> Overlap:
-    """Compare two objects' solid voxels."""
-    return Overlap(
-        second.shape.share_near(first.shape.points),
-        first.shape.share_near(second.shape.points),
-    )
-
-
 def same_thing(first: MapObject, second: MapObject, *, seen_apart: bool) -> bool:
     """Whether two objects of the map are one.
 
@@ -112,14 +96,14 @@ def same_thing(first: MapObject, second: MapObject, *, seen_apart: bool) -> bool
     """
     p, q = first.labels.probabilities(), second.labels.probabilities()
     agreement = sum(p[c] * q.get(c, 0.0) for c in p)
-    lying = overlap(first, second)
-    inner, outer = (
-        max(lying.first_in_second, lying.second_in_first),
-        min(lying.first_in_second, lying.second_in_first),
-    )
+    lying = second.shape.share_near(first.shape.points)
     if agreement > 0.3:
-        return inner > (0.85 if seen_apart else 0.5)
-    return outer > 0.7 and inner > 0.8
+        enough = 0.85 if seen_apart else 0.5
+        return lying > enough or first.shape.share_near(second.shape.points) > enough
+    if lying <= 0.7:
+        return False
+    back = first.shape.share_near(second.shape.points)
+    return min(lying, back) > 0.7 and max(lying, back) > 0.8
 
 
 RELOCATION_MARGIN = 1.0

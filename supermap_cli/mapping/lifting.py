@@ -73,7 +73,7 @@ def lift(keyframe: Keyframe, view: DepthView, detections: Detections, track_ids:
         mask = detections.masks[index]
         if mask is None or not mask.pixels.any():
             continue
-        rim_px = erosion_px(np.count_nonzero(mask.pixels), keyframe.camera.width)
+        rim_px = erosion_px(int(np.count_nonzero(mask.pixels)), keyframe.camera.width)
         clear = standing_clear(view, mask, rim_px)
         core = erode(mask.pixels, rim_px) | clear
         one = _lift_core(keyframe, view, mask, core, clear)
@@ -254,7 +254,8 @@ def main_component(points_camera: FloatArray, depth_m: float) -> BoolArray:
         kept += [points[number] for number in near]
         others = [number for number in others if number not in near]
         joined = bool(near)
-    return np.any([body for number, body in enumerate(bodies) if number not in others], axis=0)
+    whole: BoolArray = np.any([body for number, body in enumerate(bodies) if number not in others], axis=0)
+    return whole
 
 
 def _ends(bodies: list[FloatArray]) -> tuple[FloatArray, FloatArray]:

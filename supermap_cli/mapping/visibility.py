@@ -63,9 +63,8 @@ class ObjectView:
         """The image box (4,) around the voxels on the image (the hybrid state's prior); `None` if there are none."""
         if not self.on_image.any():
             return None
-        u, v = self.u[self.on_image], self.v[self.on_image]
-        (u_min, u_max), (v_min, v_max) = percentiles(u, (1, 99)), percentiles(v, (1, 99))
-        return np.array([u_min, v_min, u_max, v_max])
+        pixels = np.stack([self.u[self.on_image], self.v[self.on_image]])
+        return percentiles(pixels.T, (1, 99)).ravel()
 
 
 def tolerance_m(depth_m: FloatArray, voxel_m: FloatArray | float) -> FloatArray:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import TypeVar
 
 import numpy as np
 
-from supermap_cli.geometry.arrays import BoolArray, Float32Array, FloatArray, IntArray, UInt8Array
+from supermap_cli.geometry.arrays import BoolArray, Float32Array, FloatArray, Int32Array, IntArray, UInt8Array
+from supermap_cli.geometry.percentiles import percentiles
 from supermap_cli.geometry.voxels import (
     is_member,
     neighbour_counts,
@@ -16,6 +18,8 @@ from supermap_cli.geometry.voxels import (
     voxel_keys,
 )
 from supermap_cli.types.memory import VoxelCloud
+
+Column = TypeVar("Column", IntArray, Float32Array)
 
 LOG_ODDS_MAX = 4.0
 """Occupancy is clamped, so that a thing that stood for an hour can still be seen to have gone (Hornung et al. 2013)."""
@@ -76,19 +80,27 @@ class VoxelMap:
         """Enter the voxels of (m, 3) points with (m, 3) colours that are not there yet, seen once, inside a mask."""
         codes, first = np.unique(pack_keys(voxel_keys(points_map, self.voxel_m)), return_index=True)
         fresh = ~is_member(codes, self.codes)
-        self._insert(codes[fresh], hit_log_odds, rgb[first[fresh]].astype(np.float32))
+        self._insert(codes[fresh], hit_log_odds, 1, 0, rgb[first[fresh]].astype(np.float32))
 
-    def _insert(self, codes: IntArray, log_odds: float, rgb: Float32Array) -> None:
-        n = len(codes)
-        if not n:
+    def _insert(
+        self,
+        codes: IntArray,
+        log_odds: Float32Array | float,
+        inside: Float32Array | float,
+        outside: Float32Array | float,
+        rgb: Float32Array,
+    ) -> None:
+        """Enter voxels that are not there yet, sorted by their codes, each in its place."""
+        if not len(codes):
             return
-        joined = np.concatenate([self.codes, codes])
-        order = np.argsort(joined, kind="stable")
-        self.codes = joined[order]
-        self.log_odds = np.concatenate([self.log_odds, np.full(n, log_odds, np.float32)])[order]
-        self.inside = np.concatenate([self.inside, np.ones(n, np.float32)])[order]
-        self.outside = np.concatenate([self.outside, np.zeros(n, np.float32)])[order]
-        self.rgb = np.concatenate([self.rgb, rgb])[order]
+        new = np.searchsorted(self.codes, codes) + np.arange(len(codes))
+        old = np.ones(len(self.codes) + len(codes), dtype=bool)
+        old[new] = False
+        self.codes = _laid_in(self.codes, old, codes, new)
+        self.log_odds = _laid_in(self.log_odds, old, log_odds, new)
+        self.inside = _laid_in(self.inside, old, inside, new)
+        self.outside = _laid_in(self.outside, old, outside, new)
+        self.rgb = _laid_in(self.rgb, old, rgb, new)
         self._set_changed()
 
     def keep(self, kept: BoolArray) -> None:
@@ -111,31 +123,15 @@ class VoxelMap:
         self.log_odds[at] = np.minimum(self.log_odds[at] + np.maximum(other.log_odds[source], 0), LOG_ODDS_MAX)
         self.inside[at] += other.inside[source]
         self.outside[at] += other.outside[source]
-        fresh = VoxelMap(
-            self.voxel_m,
-            codes[~known],
-            other.log_odds[first[~known]],
-            other.inside[first[~known]],
-            other.outside[first[~known]],
-            other.rgb[first[~known]],
-        )
-        self._concatenate(fresh)
-
-    def _concatenate(self, other: VoxelMap) -> None:
-        order = np.argsort(np.concatenate([self.codes, other.codes]), kind="stable")
-        self.codes = np.concatenate([self.codes, other.codes])[order]
-        self.log_odds = np.concatenate([self.log_odds, other.log_odds])[order]
-        self.inside = np.concatenate([self.inside, other.inside])[order]
-        self.outside = np.concatenate([self.outside, other.outside])[order]
-        self.rgb = np.concatenate([self.rgb, other.rgb])[order]
-        self._set_changed()
+        fresh = first[~known]
+        self._insert(codes[~known], other.log_odds[fresh], other.inside[fresh], other.outside[fresh], other.rgb[fresh])
 
     def solid(self) -> BoolArray:
         """(n,) the voxels that are believed to be the object's: occupied, mostly inside its masks, not alone."""
-        trusted = (self.log_odds > 0) & (self.inside > self.outside)
-        usual = float(np.percentile(self.inside, 90)) if len(self) else 0.0
+        trusted: BoolArray = (self.log_odds > 0) & (self.inside > self.outside)
+        usual = float(percentiles(self.inside, (90,))[0]) if len(self) else 0.0
         often = trusted & (self.inside >= min(2.0, usual))
-        if often.sum() >= 0.3 * trusted.sum():
+        if np.count_nonzero(often) >= 0.3 * np.count_nonzero(trusted):
             trusted = often
         accompanied = np.zeros(len(self.codes), dtype=bool)
         accompanied[trusted] = neighbour_counts(self.codes[trusted]) >= 2
@@ -172,6 +168,14 @@ class VoxelMap:
             self.outside.copy(),
             self.rgb.round().clip(0, 255).astype(np.uint8),
         )
+
+
+def _laid_in(old: Column, at_old: BoolArray, new: Column | float, at_new: IntArray) -> Column:
+    """One array out of two: the old values where they are marked, the new ones at their positions."""
+    joined = np.empty((len(at_old), *old.shape[1:]), old.dtype)
+    joined[at_old] = old
+    joined[at_new] = new
+    return joined
 
 
 def voxel_map_from_cloud(cloud: VoxelCloud) -> VoxelMap:
