@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field, replace
 
 import cv2
@@ -127,14 +128,21 @@ class TraversalBuild:
         config: BuildConfig,
         store: MapStore,
         began: float | None = None,
+        *,
+        clock: StageClock | None = None,
+        look_ahead: bool = True,
     ) -> None:
-        """`began` is the `time.perf_counter` from which the build's time counts, if the recording was opened for it."""
+        """`began` is the `time.perf_counter` from which the build's time counts, if the recording was opened for it.
+
+        `clock` goes on with the times of earlier traversals; without `look_ahead` one stage runs at a time.
+        """
         self.began = time.perf_counter() if began is None else began
         self.recording = recording
         self.plugins = plugins
         self.config = config
         self.store = store
-        self.clock = StageClock()
+        self.clock = StageClock() if clock is None else clock
+        self.look_ahead = look_ahead
         self.tally = Tally()
         self.backends = choose_backends(recording, plugins, config)
         self.viewers = [each for each in plugins.working if "keyframe_mapped" in each.hooks]
@@ -151,7 +159,7 @@ class TraversalBuild:
         traversal_id = self._begin(placement, name)
         try:
             self._restore()
-            with LookAhead(self._perceived(placement)) as perceived:
+            with self._ahead(self._perceived(placement)) as perceived:
                 for batch in self._batches(perceived, progress):
                     with self.clock.stage("write"):
                         self.store.commit(traversal_id, batch)
@@ -165,6 +173,11 @@ class TraversalBuild:
             self.store.discard_if_created()
             raise
         return self._summary(traversal_id, placement, total_s)
+
+    def _ahead(
+        self, perceived: Iterator[tuple[Keyframe, Detections | None]]
+    ) -> AbstractContextManager[Iterable[tuple[Keyframe, Detections | None]]]:
+        return LookAhead(perceived) if self.look_ahead else nullcontext(perceived)
 
     def _tell_viewers(self, batch: MapDelta) -> None:
         """Call `keyframe_mapped` for what was committed. A viewer that fails is told off and called no more."""
@@ -224,6 +237,8 @@ class TraversalBuild:
             further = [each for group in self.plugins.hook.spatial_predicates() for each in group]
             self.graph = SceneGraph((*PREDICATES, *further))
             self.graph.resume(self.store.load_spatial_edges(open_only=True))
+            self.engine.objects.bounds()
+            self._nodes()
 
     # -- the way of one frame
 
