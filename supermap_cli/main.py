@@ -8,7 +8,20 @@ from typing import Annotated
 
 import typer
 
-from supermap_cli.commands import build, db, demo, diff, evaluate, history, inspect, plugins, query, show, simulate
+from supermap_cli.commands import (
+    bench,
+    build,
+    db,
+    demo,
+    diff,
+    evaluate,
+    history,
+    inspect,
+    plugins,
+    query,
+    show,
+    simulate,
+)
 from supermap_cli.commands.from_plugins import CommandGroup
 from supermap_cli.errors import SupermapError
 from supermap_cli.version import __version__
@@ -49,7 +62,7 @@ def make_app() -> typer.Typer:
     ) -> None:
         """Turn a robot's recording into a 4D memory, and ask it."""
 
-    for command in (build, inspect, query, show, history, diff, simulate, evaluate, demo, plugins, db):
+    for command in (build, inspect, query, show, history, diff, simulate, evaluate, bench, demo, plugins, db):
         command.register(app)
     return app
 

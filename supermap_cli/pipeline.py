@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field, replace
 
 import cv2
@@ -20,6 +21,7 @@ from supermap_cli.lookahead import LookAhead
 from supermap_cli.mapping.drift import DriftCorrection
 from supermap_cli.mapping.engine import MappingEngine
 from supermap_cli.mapping.free_space import encode_small_depth
+from supermap_cli.mapping.objects import MapObject
 from supermap_cli.mapping.restoring import restore_objects
 from supermap_cli.mapping.structure import coarse_depth, stored_depth
 from supermap_cli.memory.store import MapStore
@@ -126,18 +128,26 @@ class TraversalBuild:
         config: BuildConfig,
         store: MapStore,
         began: float | None = None,
+        *,
+        clock: StageClock | None = None,
+        look_ahead: bool = True,
     ) -> None:
-        """`began` is the `time.perf_counter` from which the build's time counts, if the recording was opened for it."""
+        """`began` is the `time.perf_counter` from which the build's time counts, if the recording was opened for it.
+
+        `clock` goes on with the times of earlier traversals; without `look_ahead` one stage runs at a time.
+        """
         self.began = time.perf_counter() if began is None else began
         self.recording = recording
         self.plugins = plugins
         self.config = config
         self.store = store
-        self.clock = StageClock()
+        self.clock = StageClock() if clock is None else clock
+        self.look_ahead = look_ahead
         self.tally = Tally()
         self.backends = choose_backends(recording, plugins, config)
         self.viewers = [each for each in plugins.working if "keyframe_mapped" in each.hooks]
         self.warnings: list[str] = []
+        self.nodes: dict[int, GraphNode] = {}
 
     def run(self, *, name: str | None = None, align: str = "auto", progress: Progress | None = None) -> BuildSummary:
         """Map the whole recording. Whatever goes wrong, the memory is as it was before.
@@ -149,7 +159,7 @@ class TraversalBuild:
         traversal_id = self._begin(placement, name)
         try:
             self._restore()
-            with LookAhead(self._perceived(placement)) as perceived:
+            with self._ahead(self._perceived(placement)) as perceived:
                 for batch in self._batches(perceived, progress):
                     with self.clock.stage("write"):
                         self.store.commit(traversal_id, batch)
@@ -163,6 +173,11 @@ class TraversalBuild:
             self.store.discard_if_created()
             raise
         return self._summary(traversal_id, placement, total_s)
+
+    def _ahead(
+        self, perceived: Iterator[tuple[Keyframe, Detections | None]]
+    ) -> AbstractContextManager[Iterable[tuple[Keyframe, Detections | None]]]:
+        return LookAhead(perceived) if self.look_ahead else nullcontext(perceived)
 
     def _tell_viewers(self, batch: MapDelta) -> None:
         """Call `keyframe_mapped` for what was committed. A viewer that fails is told off and called no more."""
@@ -222,6 +237,8 @@ class TraversalBuild:
             further = [each for group in self.plugins.hook.spatial_predicates() for each in group]
             self.graph = SceneGraph((*PREDICATES, *further))
             self.graph.resume(self.store.load_spatial_edges(open_only=True))
+            self.engine.objects.bounds()
+            self._nodes()
 
     # -- the way of one frame
 
@@ -321,12 +338,13 @@ class TraversalBuild:
         return detections
 
     def _nodes(self) -> dict[int, GraphNode]:
-        """What stands in the map now."""
-        return {
-            each.number: GraphNode(each.number, each.label, each.shape.box, each.shape.points)
+        """What stands in the map now; a node is the same as before while its object has not changed."""
+        self.nodes = {
+            each.number: _node(each, self.nodes.get(each.number))
             for each in self.engine.objects
             if each.confirmed and each.present and not each.doubted and not each.motion.moving
         }
+        return self.nodes
 
     def _record(self, keyframe: Keyframe, *, detected: bool) -> KeyframeRecord:
         config = self.config.keyframes
@@ -400,6 +418,14 @@ class TraversalBuild:
             len(standing),
             tuple(warnings),
         )
+
+
+def _node(standing: MapObject, before: GraphNode | None) -> GraphNode:
+    """An object as the graph sees it."""
+    label, shape = standing.label, standing.shape
+    if before is not None and before.points is shape.points and before.label == label:
+        return before
+    return GraphNode(standing.number, label, shape.box, shape.points)
 
 
 def place_frame(frame: CameraFrame, T_map_base: FloatArray) -> Keyframe:

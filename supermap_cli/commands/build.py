@@ -116,12 +116,14 @@ def build_all(
     paths: list[Path], config: BuildConfig, wanted: RecordingRequest, url: str, *, name: str | None, align: str
 ) -> Iterator[BuildSummary]:
     """Build one recording after the other into one database."""
-    from supermap_cli.memory.opening import open_store  # noqa: PLC0415 - heavy imports only when a build starts
+    from supermap_cli.allocation import keep_freed_memory  # noqa: PLC0415 - heavy imports only when a build starts
+    from supermap_cli.memory.opening import open_store  # noqa: PLC0415
     from supermap_cli.pipeline import TraversalBuild  # noqa: PLC0415
     from supermap_cli.plugin_manager import load_plugins  # noqa: PLC0415
 
     if threading.current_thread() is threading.main_thread():
         signal.signal(signal.SIGTERM, signal.default_int_handler)  # stopped politely, it leaves the map as it was
+    keep_freed_memory()
     plugins = load_plugins()
     for broken in plugins.broken:
         err().print(f"warning: plugin {broken.name} is left out: {broken.error}", markup=False)

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from supermap_cli.geometry.arrays import FloatArray
+
+Outline = list[tuple[float, float]]
+"""The corners (x, y) of a polygon, counter-clockwise."""
 
 
 @dataclass(frozen=True)
@@ -44,6 +49,11 @@ class Box3D:
         """Cubic metres."""
         return float(np.prod(self.size))
 
+    @cached_property
+    def outline(self) -> Outline:
+        """The corners of its footprint as plain numbers."""
+        return _corners(self.footprint())
+
     def footprint(self) -> FloatArray:
         """The four corners (4, 2) of its outline on the floor, counter-clockwise."""
         c, s = np.cos(self.yaw), np.sin(self.yaw)
@@ -76,54 +86,80 @@ def clip_convex(polygon: FloatArray, window: FloatArray) -> FloatArray:
     """The part (k, 2) of a convex polygon (n, 2) within a convex counter-clockwise window (m, 2) (Sutherland, Hodgman
     1974).
     """
-    for start, end in zip(window, np.roll(window, -1, axis=0), strict=True):
-        if not len(polygon):
-            break
-        edge = end - start
-        side = edge[0] * (polygon[:, 1] - start[1]) - edge[1] * (polygon[:, 0] - start[0])
-        following, side_following = np.roll(polygon, -1, axis=0), np.roll(side, -1)
-        kept = []
-        for point, next_point, s, s_next in zip(polygon, following, side, side_following, strict=True):
-            if s >= 0:
-                kept.append(point)
-            if (s >= 0) != (s_next >= 0):
-                kept.append(point + (next_point - point) * s / (s - s_next))
-        polygon = np.array(kept).reshape(-1, 2)
-    return polygon
+    return np.array(_clipped(_corners(polygon), _corners(window))).reshape(-1, 2)
 
 
 def polygon_area_m2(polygon: FloatArray) -> float:
     """Area of a polygon (n, 2) by the shoelace formula."""
-    if len(polygon) < 3:
-        return 0.0
-    x, y = polygon[:, 0], polygon[:, 1]
-    return float(abs(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2)
+    return _area_m2(_corners(polygon))
 
 
 def footprint_overlap_m2(first: Box3D, second: Box3D) -> float:
     """Area that two boxes share on the floor."""
-    reach = (np.linalg.norm(first.size[:2]) + np.linalg.norm(second.size[:2])) / 2
-    if np.linalg.norm(first.center[:2] - second.center[:2]) >= reach:
+    reach = (math.hypot(*first.size[:2].tolist()) + math.hypot(*second.size[:2].tolist())) / 2
+    if math.dist(first.center[:2].tolist(), second.center[:2].tolist()) >= reach:
         return 0.0
-    return polygon_area_m2(clip_convex(first.footprint(), second.footprint()))
+    return _area_m2(_clipped(first.outline, second.outline))
 
 
 def footprint_gap_m(first: Box3D, second: Box3D) -> float:
     """Shortest horizontal distance between two boxes, 0 where they overlap."""
-    a, b = first.footprint(), second.footprint()
-    if len(clip_convex(a, b)):
+    a, b = first.outline, second.outline
+    if _clipped(a, b):
         return 0.0
     return min(_corners_to_outline_m(a, b), _corners_to_outline_m(b, a))
 
 
-def _corners_to_outline_m(corners: FloatArray, outline: FloatArray) -> float:
-    starts, ends = outline, np.roll(outline, -1, axis=0)
-    edges = ends - starts
-    lengths2 = np.maximum((edges**2).sum(axis=1), 1e-12)
-    offsets = corners[:, None, :] - starts[None]
-    along = np.clip((offsets * edges[None]).sum(axis=2) / lengths2, 0, 1)
-    nearest = starts[None] + along[..., None] * edges[None]
-    return float(np.linalg.norm(corners[:, None, :] - nearest, axis=2).min())
+def _corners(polygon: FloatArray) -> Outline:
+    return [(x, y) for x, y in polygon.tolist()]
+
+
+def _clipped(polygon: Outline, window: Outline) -> Outline:
+    """`clip_convex` on plain numbers: arrays of four corners cost many times what there is to reckon."""
+    start_x, start_y = window[-1]
+    for end_x, end_y in window:
+        if not polygon:
+            break
+        edge_x, edge_y = end_x - start_x, end_y - start_y
+        kept = []
+        x, y = polygon[-1]
+        side = edge_x * (y - start_y) - edge_y * (x - start_x)
+        for next_x, next_y in polygon:
+            next_side = edge_x * (next_y - start_y) - edge_y * (next_x - start_x)
+            if (side >= 0) != (next_side >= 0):
+                share = side / (side - next_side)
+                kept.append((x + (next_x - x) * share, y + (next_y - y) * share))
+            if next_side >= 0:
+                kept.append((next_x, next_y))
+            x, y, side = next_x, next_y, next_side
+        polygon = kept
+        start_x, start_y = end_x, end_y
+    return polygon
+
+
+def _area_m2(polygon: Outline) -> float:
+    if len(polygon) < 3:
+        return 0.0
+    twice = 0.0
+    x, y = polygon[-1]
+    for next_x, next_y in polygon:
+        twice += x * next_y - next_x * y
+        x, y = next_x, next_y
+    return abs(twice) / 2
+
+
+def _corners_to_outline_m(corners: Outline, outline: Outline) -> float:
+    least = math.inf
+    start_x, start_y = outline[-1]
+    for end_x, end_y in outline:
+        edge_x, edge_y = end_x - start_x, end_y - start_y
+        length2 = max(edge_x * edge_x + edge_y * edge_y, 1e-12)
+        for x, y in corners:
+            along = min(max(((x - start_x) * edge_x + (y - start_y) * edge_y) / length2, 0.0), 1.0)
+            off_x, off_y = x - start_x - along * edge_x, y - start_y - along * edge_y
+            least = min(least, off_x * off_x + off_y * off_y)
+        start_x, start_y = end_x, end_y
+    return math.sqrt(least)
 
 
 def box_iou(first: Box3D, second: Box3D) -> float:

@@ -54,6 +54,10 @@ class Camera(Protocol):
         """(height, width) which pixels see the world (inside a fisheye's circle, say)."""
         ...
 
+    def widest_angle(self) -> float:
+        """No point farther than this from the optical axis, in radians, falls on the image."""
+        ...
+
     def focal_px(self) -> float:
         """Pixels per radian at the image's centre: how large an object of a given size looks."""
         ...
@@ -94,6 +98,25 @@ class _PixelRays(ABC):
     def valid_mask(self) -> BoolArray:
         """(height, width) which pixels see the world. Read only, computed once."""
         return self._valid
+
+    @cached_property
+    def _widest_angle(self) -> float:
+        u, v = np.arange(self.width + 1) - 0.5, np.arange(self.height + 1) - 0.5
+        across, down = np.ones_like(u), np.ones_like(v)
+        sides = [
+            *(np.column_stack([u, across * edge]) for edge in (v[0], v[-1])),
+            *(np.column_stack([down * edge, v]) for edge in (u[0], u[-1])),
+        ]
+        border = np.concatenate(sides)
+        rays = self.back_project(border, np.ones(len(border)))
+        if not np.isfinite(rays).all():
+            return math.pi
+        cosine = float((rays[:, 2] / np.linalg.norm(rays, axis=1)).min())
+        return min(math.acos(max(cosine, -1.0)) + math.radians(1), math.pi)
+
+    def widest_angle(self) -> float:
+        """See `Camera.widest_angle`: that of the border and a degree; any, if the border sees nothing."""
+        return self._widest_angle
 
     def _on_image(self, u: FloatArray, v: FloatArray) -> BoolArray:
         return (u >= -0.5) & (u < self.width - 0.5) & (v >= -0.5) & (v < self.height - 0.5)

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from supermap_cli.geometry.arrays import BoolArray, FloatArray, Int32Array, IntArray
+from supermap_cli.geometry.arrays import BoolArray, FloatArray, Int32Array, IntArray, UInt8Array
 
 _BITS = 21
 _OFFSET = 1 << (_BITS - 1)
@@ -20,17 +21,19 @@ def voxel_keys(points: NDArray[np.floating], voxel_m: float) -> Int32Array:
     return keys
 
 
-def pack_keys(keys: Int32Array) -> IntArray:
+def pack_keys(keys: Int32Array | IntArray) -> IntArray:
     """(n,) int64 codes of (n, 3) voxel indices, each within +-2^20; equal indices have equal codes."""
     shifted = keys.astype(np.int64) + _OFFSET
     return (shifted[:, 0] << (2 * _BITS)) | (shifted[:, 1] << _BITS) | shifted[:, 2]
 
 
 def unpack_codes(codes: IntArray) -> Int32Array:
-    """(n, 3) int32 voxel indices of (n,) codes."""
-    return np.stack(
-        [(codes >> (2 * _BITS)) - _OFFSET, ((codes >> _BITS) & _MASK) - _OFFSET, (codes & _MASK) - _OFFSET], axis=1
-    ).astype(np.int32)
+    """(n, 3) int32 voxel indices of (n,) codes, column by column in memory (Fortran's order)."""
+    keys = np.empty((3, len(codes)), np.int32)
+    keys[0] = (codes >> (2 * _BITS)) - _OFFSET
+    keys[1] = ((codes >> _BITS) & _MASK) - _OFFSET
+    keys[2] = (codes & _MASK) - _OFFSET
+    return keys.T
 
 
 def voxel_centers(keys: Int32Array, voxel_m: float) -> FloatArray:
@@ -50,15 +53,77 @@ def is_member(codes: IntArray, sorted_codes: IntArray) -> BoolArray:
 
 _STEPS = np.stack(np.meshgrid(*[[-1, 0, 1]] * 3, indexing="ij"), axis=-1).reshape(-1, 3).astype(np.int64)
 _NEIGHBOUR_CODES = (_STEPS[:, 0] << (2 * _BITS)) + (_STEPS[:, 1] << _BITS) + _STEPS[:, 2]
+_FORWARD_STEPS, _FORWARD_CODES = _STEPS[_NEIGHBOUR_CODES > 0], _NEIGHBOUR_CODES[_NEIGHBOUR_CODES > 0]
+
+_MOST_CELLS = 1 << 22
+"""Sets of voxels that span a larger block than this are searched instead of being laid out in it (4 MB)."""
+
+
+@dataclass(frozen=True)
+class VoxelBlock:
+    """The block around a set of voxels, two wider on every side, laid out cell by cell in the order of the codes.
+
+    `low` (3,) is the index of its first cell, `shape` how many cells it has along x, y and z.
+    """
+
+    low: IntArray
+    shape: tuple[int, int, int]
+
+    @property
+    def cells(self) -> int:
+        """How many cells it has."""
+        return self.shape[0] * self.shape[1] * self.shape[2]
+
+    def positions(self, keys: Int32Array) -> IntArray:
+        """(n,) the cells of (n, 3) voxel indices that lie in the block."""
+        x, y, z = keys[:, 0] - self.low[0], keys[:, 1] - self.low[1], keys[:, 2] - self.low[2]
+        positions: IntArray = (x * self.shape[1] + y) * self.shape[2] + z
+        return positions
+
+    def codes(self, positions: IntArray) -> IntArray:
+        """(n,) the codes of cells."""
+        rest, z = np.divmod(positions, self.shape[2])
+        x, y = np.divmod(rest, self.shape[1])
+        return pack_keys(np.stack([x, y, z], axis=1) + self.low)
+
+    def sums_around(self, positions: IntArray) -> UInt8Array:
+        """(cells,) how many of the given cells are within one step of each cell (itself too)."""
+        sums = np.zeros(self.cells, np.uint8)
+        sums[positions] = 1
+        for stride in (1, self.shape[2], self.shape[1] * self.shape[2]):
+            wider = sums.copy()
+            wider[stride:] += sums[:-stride]
+            wider[:-stride] += sums[stride:]
+            sums = wider
+        return sums
+
+
+def block_around(keys: Int32Array) -> VoxelBlock | None:
+    """The block of (n, 3) voxel indices; `None` if there are none, or they lie too far apart for one."""
+    if not len(keys):
+        return None
+    low, high = keys.min(axis=0).astype(np.int64) - 2, keys.max(axis=0).astype(np.int64) + 3
+    x, y, z = (int(side) for side in high - low)
+    block = VoxelBlock(low, (x, y, z))
+    return block if block.cells <= _MOST_CELLS else None
 
 
 def dilate_codes(codes: IntArray) -> IntArray:
     """The sorted codes of all voxels within one step (26 neighbours) of the given ones."""
-    return np.unique((codes[:, None] + _NEIGHBOUR_CODES[None, :]).ravel())
+    keys = unpack_codes(codes)
+    block = block_around(keys)
+    if block is None:
+        return np.unique((codes[:, None] + _NEIGHBOUR_CODES[None, :]).ravel())
+    return block.codes(np.flatnonzero(block.sums_around(block.positions(keys))))
 
 
 def neighbour_counts(codes: IntArray) -> IntArray:
     """(n,) how many of a sorted voxel's 26 neighbours are in the set too."""
+    keys = unpack_codes(codes)
+    block = block_around(keys)
+    if block is not None:
+        positions = block.positions(keys)
+        return block.sums_around(positions)[positions].astype(np.int64) - 1
     counts = np.zeros(len(codes), dtype=np.int64)
     for first, second in _neighbour_pairs(codes):
         counts[first] += 1
@@ -70,26 +135,55 @@ def _neighbour_pairs(codes: IntArray) -> Iterator[tuple[IntArray, IntArray]]:
     """Positions of neighbouring voxels among sorted codes, each pair once, for each of 13 directions."""
     if not len(codes):
         return
-    for step in _NEIGHBOUR_CODES[_NEIGHBOUR_CODES > 0]:
+    for step in _FORWARD_CODES:
         wanted = codes + step
         at = np.minimum(np.searchsorted(codes, wanted), len(codes) - 1)
         first = np.flatnonzero(codes[at] == wanted)
         yield first, at[first]
 
 
+def _forward_neighbours(codes: IntArray) -> IntArray:
+    """(n, 13) positions of the neighbours with greater codes among sorted codes, -1 where there is none."""
+    keys = unpack_codes(codes)
+    block = block_around(keys)
+    if block is None:
+        wanted = codes[:, None] + _FORWARD_CODES
+        at = np.minimum(np.searchsorted(codes, wanted), len(codes) - 1)
+        return np.where(codes[at] == wanted, at, -1)
+    positions = block.positions(keys)
+    numbers = np.full(block.cells, -1, np.int32)
+    numbers[positions] = np.arange(len(codes), dtype=np.int32)
+    steps = (_FORWARD_STEPS[:, 0] * block.shape[1] + _FORWARD_STEPS[:, 1]) * block.shape[2] + _FORWARD_STEPS[:, 2]
+    return numbers[positions[:, None] + steps].astype(np.int64)
+
+
 def connected_components(codes: IntArray) -> IntArray:
     """(n,) component numbers of sorted voxel codes under 26-connectivity, the largest component first (0)."""
     if not len(codes):
         return np.zeros(0, dtype=np.int64)
-    from scipy.sparse import coo_array  # noqa: PLC0415 - keeps scipy out of light commands
+    from scipy.sparse import csr_array  # noqa: PLC0415 - keeps scipy out of light commands
     from scipy.sparse.csgraph import connected_components as components  # noqa: PLC0415
 
-    rows, columns = zip(*_neighbour_pairs(codes), strict=True)
-    row, column = np.concatenate(rows), np.concatenate(columns)
-    graph = coo_array((np.ones(len(row), dtype=np.int8), (row, column)), shape=(len(codes), len(codes)))
+    at = _forward_neighbours(codes)
+    joined = at >= 0
+    starts = np.concatenate([[0], np.cumsum(np.count_nonzero(joined, axis=1))])
+    graph = csr_array((np.ones(starts[-1]), at[joined], starts), shape=(len(codes), len(codes)))
     _, labels = components(graph, directed=False)
     order = np.argsort(-np.bincount(labels), kind="stable")
     rank = np.empty_like(order)
     rank[order] = np.arange(len(order))
     ranked: IntArray = rank[labels].astype(np.int64)
     return ranked
+
+
+def distinct_keys(keys: Int32Array) -> Int32Array:
+    """(m, k) the distinct ones of (n, k) voxel indices, in the order of x, then y (and z)."""
+    low = keys.min(axis=0)
+    sides = keys.max(axis=0) - low + 1
+    cells = int(np.prod(sides, dtype=np.int64))
+    if cells > _MOST_CELLS:
+        return np.unique(keys, axis=0)
+    marked = np.zeros(sides, bool)
+    marked[tuple((keys - low).T)] = True
+    found: Int32Array = (np.stack(np.nonzero(marked)).T + low).astype(np.int32)
+    return found

@@ -39,6 +39,11 @@ class GraphNode:
         """Area of the footprint."""
         return float(self.box.size[0] * self.box.size[1])
 
+    @cached_property
+    def radius_m(self) -> float:
+        """Half the box's diagonal."""
+        return float(np.linalg.norm(self.box.size)) / 2
+
     def heights_over(self, other: Box3D) -> FloatArray:
         """(k,) heights of this node's points over another's footprint, 5 cm wider: what a thing covers is not seen."""
         c, s = np.cos(other.yaw), np.sin(other.yaw)

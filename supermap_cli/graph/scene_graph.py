@@ -23,10 +23,12 @@ class SceneGraph:
 
     predicates: Sequence[SpatialPredicate] = PREDICATES
     held: dict[tuple[int, str, int], SpatialEdge] = field(default_factory=dict)
+    _related: set[int] = field(default_factory=set, repr=False)
 
     def resume(self, edges: Iterable[SpatialEdge]) -> None:
         """Go on from the open edges that the memory kept."""
         self.held = {(e.subject, e.relation, e.object): e for e in edges if e.until_ns is None}
+        self._related = {number for subject, _, other in self.held for number in (subject, other)}
 
     def update(
         self, nodes: Mapping[int, GraphNode], changed: Collection[int], stamp_ns: int
@@ -35,15 +37,24 @@ class SceneGraph:
 
         `nodes` are the instances that are present now: edges of others end at `stamp_ns`.
         """
-        altered = [self._end(key, stamp_ns) for key in list(self.held) if key[0] not in nodes or key[2] not in nodes]
+        altered = self._end_those_without(nodes, stamp_ns)
         for first, second in neighbours(nodes, changed):
             pair = Pair(nodes[first], nodes[second])
-            for one in (pair, pair.turned()):
-                for predicate in self.predicates:
-                    edge = self._judge(predicate, one, stamp_ns)
-                    if edge is not None:
-                        altered.append(edge)
+            altered += self._judge_all(pair, stamp_ns)
+            altered += self._judge_all(pair.turned(), stamp_ns)
         return tuple(altered)
+
+    def _end_those_without(self, nodes: Mapping[int, GraphNode], stamp_ns: int) -> list[SpatialEdge]:
+        """End the edges of what no longer stands in the map."""
+        lost = self._related - nodes.keys()
+        if not lost:
+            return []
+        self._related -= lost
+        return [self._end(key, stamp_ns) for key in list(self.held) if key[0] in lost or key[2] in lost]
+
+    def _judge_all(self, pair: Pair, stamp_ns: int) -> list[SpatialEdge]:
+        judged = [self._judge(predicate, pair, stamp_ns) for predicate in self.predicates]
+        return [edge for edge in judged if edge is not None]
 
     def _judge(self, predicate: SpatialPredicate, pair: Pair, stamp_ns: int) -> SpatialEdge | None:
         subject, other = pair.subject.number, pair.other.number
@@ -55,6 +66,7 @@ class SceneGraph:
         if held is not None and abs(held.confidence - confidence) < 0.1:
             return None
         since_ns = stamp_ns if held is None else held.since_ns
+        self._related |= {subject, other}
         self.held[key] = SpatialEdge(subject, predicate.name, other, since_ns, None, float(confidence))
         return self.held[key]
 
@@ -65,15 +77,16 @@ class SceneGraph:
 
 def neighbours(nodes: Mapping[int, GraphNode], changed: Collection[int]) -> list[tuple[int, int]]:
     """Pairs of nodes within reach of one another of which at least one has changed, each pair once."""
-    numbers = sorted(nodes)
-    if len(numbers) < 2:
+    moved = sorted(nodes.keys() & changed)
+    if not moved or len(nodes) < 2:
         return []
-    centers = np.array([nodes[n].box.center for n in numbers])
-    radii = np.array([np.linalg.norm(nodes[n].box.size) / 2 for n in numbers])
+    numbers = list(nodes)
+    centers = np.array([node.box.center for node in nodes.values()])
+    radii = np.array([node.radius_m for node in nodes.values()])
     pairs = set()
-    for i, number in enumerate(numbers):
-        if number not in changed:
-            continue
-        distances = np.linalg.norm(centers - centers[i], axis=1) - radii - radii[i]
-        pairs |= {tuple(sorted((number, numbers[int(j)]))) for j in np.flatnonzero(distances <= REACH_M) if j != i}
-    return sorted(pairs)  # type: ignore[arg-type]  # sorted() of two ints is a pair of ints
+    for number in moved:
+        node = nodes[number]
+        distances = np.linalg.norm(centers - node.box.center, axis=1) - radii - node.radius_m
+        near = (numbers[i] for i in np.flatnonzero(distances <= REACH_M).tolist())
+        pairs |= {(min(number, other), max(number, other)) for other in near if other != number}
+    return sorted(pairs)

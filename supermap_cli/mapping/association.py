@@ -11,7 +11,7 @@ from scipy.optimize import linear_sum_assignment
 from supermap_cli.geometry.arrays import BoolArray, FloatArray
 from supermap_cli.mapping.belief import label_agreement
 from supermap_cli.mapping.lifting import LiftedDetection
-from supermap_cli.mapping.objects import MapObject
+from supermap_cli.mapping.objects import MapObject, ObjectMap
 from supermap_cli.mapping.visibility import ObjectView
 
 
@@ -61,10 +61,10 @@ def _distance_log_ratio(detection: LiftedDetection, candidate: MapObject, covere
 def share_inside(detection: LiftedDetection, view: ObjectView) -> float:
     """Share of the object's supported voxels whose pixels lie within the detection's mask."""
     seen = view.supported
-    count = int(seen.sum())
+    count = np.count_nonzero(seen)
     if count == 0:
         return 0.0
-    return float(pixels_inside(detection, view)[seen].mean())
+    return np.count_nonzero(pixels_inside(detection, view) & seen) / count
 
 
 def pixels_inside(detection: LiftedDetection, view: ObjectView) -> BoolArray:
@@ -76,9 +76,9 @@ def pixels_in_region(region: BoolArray, u0: int, v0: int, view: ObjectView) -> B
     """(n,) which of an object's voxels project into a region (h, w) whose upper left corner is pixel (u0, v0)."""
     h, w = region.shape
     u, v = view.u - u0, view.v - v0
-    within = view.on_image & (u >= 0) & (v >= 0) & (u < w) & (v < h)
+    within = np.flatnonzero(view.on_image & (u >= 0) & (v >= 0) & (u < w) & (v < h))
     inside = np.zeros(len(u), dtype=bool)
-    inside[within] = region[v[within], u[within]]
+    inside[within] = region.ravel()[v[within] * w + u[within]]
     return inside
 
 
@@ -113,9 +113,24 @@ def associate(
 
 def near_enough(detection: LiftedDetection, candidates: Sequence[MapObject]) -> BoolArray:
     """(m,) which candidates' bounds come within their own size and 0.3 m of the detection's centroid."""
-    low = np.array([each.shape.low for each in candidates])
-    high = np.array([each.shape.high for each in candidates])
+    low, high = np.array([each.shape.low for each in candidates]), np.array([each.shape.high for each in candidates])
+    return bounds_near(detection, low, high)
+
+
+def bounds_near(detection: LiftedDetection, low: FloatArray, high: FloatArray) -> BoolArray:
+    """(m,) which of the bounds `low`, `high` (m, 3) come within their own size and 0.3 m of the detection's
+    centroid.
+    """
     gap: FloatArray = np.maximum(np.maximum(low - detection.centroid_map, detection.centroid_map - high), 0)
     reach = 0.3 + 0.5 * np.maximum((high - low).max(axis=1), detection.extent_m)
     near: BoolArray = np.linalg.norm(gap, axis=1) <= reach
     return near
+
+
+def reached(detections: Sequence[LiftedDetection], objects: ObjectMap) -> list[MapObject]:
+    """The objects that are near enough to one of the detections, in the map's order."""
+    if not detections:
+        return []
+    bounds = objects.bounds()
+    near = np.any([bounds_near(each, bounds.low, bounds.high) for each in detections], axis=0)
+    return [objects[bounds.numbers[row]] for row in np.flatnonzero(near)]

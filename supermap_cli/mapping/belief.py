@@ -53,11 +53,14 @@ class LabelBelief:
 
     def probabilities(self) -> dict[str, float]:
         """The belief, summing to 1, most likely first; labels below 1 in 1000 are left out."""
+        return dict(self._current())
+
+    def _current(self) -> dict[str, float]:
         if not self.logs:
             return {}
         if self._known is None or self._known[0] != (self.looks, self.longest_side_m):
             self._known = ((self.looks, self.longest_side_m), self._posterior())
-        return dict(self._known[1])
+        return self._known[1]
 
     def _posterior(self) -> dict[str, float]:
         labels = sorted(self.logs)
@@ -72,7 +75,7 @@ class LabelBelief:
     @property
     def best(self) -> str:
         """The most likely label."""
-        return next(iter(self.probabilities()))
+        return next(iter(self._current()))
 
 
 def label_agreement(hypotheses: tuple[Hypothesis, ...], belief: Mapping[str, float]) -> float:
@@ -103,8 +106,8 @@ class Viewpoints:
     """From where an object has been looked at, and what the looks said: evidence from nearly one place is correlated.
 
     A view is a cell of bearing (15 degrees in azimuth and elevation) and distance (steps of a factor of 1.5). Its looks
-    count by their square root, in whatever order they come: a long stare does not grow to certainty, and neither a lucky
-    first look nor an unlucky one decides.
+    count by their square root, in whatever order they come: a long stare does not grow to certainty, and neither a
+    lucky first look nor an unlucky one decides.
     """
 
     cells: dict[str, Cell] = field(default_factory=dict)

@@ -9,7 +9,7 @@ import numpy as np
 
 from supermap_cli.geometry.arrays import BoolArray, Float32Array, FloatArray, IntArray
 from supermap_cli.geometry.cameras import Camera
-from supermap_cli.geometry.se3 import inverse, transform_points
+from supermap_cli.geometry.se3 import inverse
 from supermap_cli.types.keyframe import Keyframe
 
 
@@ -42,12 +42,26 @@ class DepthView:
 
     def project(self, points_map: FloatArray) -> tuple[IntArray, IntArray, FloatArray, BoolArray]:
         """(n, 3) map points -> (n,) pixel u and v (0 where not on the image), (n,) depth, (n,) on the image."""
-        points_camera = transform_points(inverse(self.T_map_camera), points_map)
+        T_camera_map = inverse(self.T_map_camera)
+        points_camera = (T_camera_map[:3, :3] @ points_map.T + T_camera_map[:3, 3, None]).T
         pixels, seen = self.camera.project(points_camera)
         depth = self.camera.depth_of(points_camera)
-        u = np.where(seen, pixels[:, 0] + 0.5, 0).astype(np.int64).clip(0, self.camera.width - 1)
-        v = np.where(seen, pixels[:, 1] + 0.5, 0).astype(np.int64).clip(0, self.camera.height - 1)
-        return u, v, depth, seen & (depth > 0)
+        on_image: BoolArray = seen & (depth > 0)
+        at = np.flatnonzero(on_image)
+        u, v = np.zeros(len(depth), np.int64), np.zeros(len(depth), np.int64)
+        u[at] = np.minimum(pixels[at, 0] + 0.5, self.camera.width - 1)
+        v[at] = np.minimum(pixels[at, 1] + 0.5, self.camera.height - 1)
+        return u, v, depth, on_image
+
+    def may_show(self, centers_map: FloatArray, radii_m: FloatArray) -> BoolArray:
+        """(n,) which of n spheres, (n, 3) centres and (n,) radii, may reach into what the camera sees; most do not."""
+        rays = centers_map - self.T_map_camera[:3, 3]
+        distances = np.linalg.norm(rays, axis=1)
+        inside = distances <= radii_m
+        far = np.where(inside, 1.0, distances)
+        off_axis = np.arccos(np.clip(rays @ self.T_map_camera[:3, 2] / far, -1, 1))
+        may: BoolArray = inside | (off_axis <= self.camera.widest_angle() + np.arcsin(np.clip(radii_m / far, 0, 1)))
+        return may
 
 
 def neighbourhood_px(image_width: int) -> int:
@@ -59,7 +73,8 @@ def depth_view(keyframe: Keyframe, max_depth_m: float) -> DepthView:
     """Prepare a keyframe's depth; the neighbourhood is 5 pixels at a width of 640 and grows with the image."""
     reach = neighbourhood_px(keyframe.camera.width)
     kernel = np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)
-    depth = np.where((keyframe.depth_m > 0) & (keyframe.depth_m <= max_depth_m), keyframe.depth_m, np.float32(0))
+    _, within = cv2.threshold(keyframe.depth_m, max_depth_m, 0, cv2.THRESH_TOZERO_INV)
+    depth = np.asarray(within, np.float32)
     nearest = cv2.erode(np.where(depth > 0, depth, np.float32(np.inf)), kernel, borderType=cv2.BORDER_REPLICATE)
     farthest = cv2.dilate(depth, kernel)
     return DepthView(

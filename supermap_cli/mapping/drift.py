@@ -45,7 +45,7 @@ class OdometryNoise:
     """
 
     m: float = 0.003
-    m_per_m: float = 0.02
+    m_per_m: float = 0.03
     deg: float = 0.05
     deg_per_m: float = 0.3
     deg_per_turn: float = 2.0
@@ -62,6 +62,7 @@ class DriftCorrection:
     _near: Surface | None = None
     _near_at: FloatArray = field(default_factory=lambda: np.full(3, np.inf))
     _fresh: int = 0
+    _covariance: FloatArray = field(default_factory=lambda: np.zeros((4, 4)))
     _last: FloatArray | None = None
 
     def remember(self, view: CoarseDepth) -> None:
@@ -70,29 +71,30 @@ class DriftCorrection:
 
     def place(self, view: CoarseDepth, T_drifted_base: FloatArray) -> FloatArray:
         """`T_map_base` of a keyframe: `view` is its depth, placed where the odometry has it, as is `T_drifted_base`."""
-        sigma_m, sigma_rad = self._step_sigma(T_drifted_base)
+        covariance = self._covariance + self._step_covariance(T_drifted_base)
+        self._covariance = covariance
         seen = view.structure(LOOK_M).thinned(SURFACE_M)
         sample = seen.thinned(SAMPLE_M)
         center = transform_points(self.T_map_drifted, T_drifted_base[None, :3, 3])[0]
         if len(sample) >= LEAST_POINTS and (surface := self._surface_near(center)) is not None:
-            T = refine(surface, sample, self.T_map_drifted, center, sigma_m, sigma_rad)
+            T, posterior = refine(surface, sample, self.T_map_drifted, center, covariance)
             if surface.fit(sample, T, REACHES_M[-1]).matched.mean() >= LEAST_MATCHED:
-                self.T_map_drifted = T
+                self.T_map_drifted, self._covariance = T, posterior
         near = np.linalg.norm(seen.points - view.T_frame_camera[:3, 3], axis=1) < REMEMBER_M
         self._learn(seen.take(near).moved(self.T_map_drifted))
         return self.T_map_drifted @ T_drifted_base
 
-    def _step_sigma(self, T_drifted_base: FloatArray) -> tuple[float, float]:
-        """How far (metres, radians) the correction may have changed since the last keyframe."""
+    def _step_covariance(self, T_drifted_base: FloatArray) -> FloatArray:
+        """(4, 4) how far, in x, y, z and heading, the correction may have changed since the last keyframe."""
         last, self._last = self._last, T_drifted_base
         if last is None:
-            return PLACED_SIGMA_M, np.radians(PLACED_SIGMA_DEG)
+            return _covariance(PLACED_SIGMA_M, PLACED_SIGMA_DEG)
         step = inverse(last) @ T_drifted_base
         way_m = float(np.linalg.norm(step[:3, 3]))
         turned = float(np.arccos(np.clip((np.trace(step[:3, :3]) - 1) / 2, -1, 1)) / (2 * np.pi))
         noise = self.noise
         deg = np.hypot(noise.deg, np.hypot(noise.deg_per_m * way_m, noise.deg_per_turn * turned))
-        return float(np.hypot(noise.m, noise.m_per_m * way_m)), float(np.radians(deg))
+        return _covariance(float(np.hypot(noise.m, noise.m_per_m * way_m)), float(deg))
 
     def _learn(self, seen: Structure) -> None:
         codes = pack_keys(voxel_keys(seen.points, SURFACE_M))
@@ -113,26 +115,28 @@ class DriftCorrection:
 
 
 def refine(
-    surface: Surface, sample: Structure, T_start: FloatArray, center: FloatArray, sigma_m: float, sigma_rad: float
-) -> FloatArray:
-    """The level turn and shift of a sample (4, 4) that lays it best onto a surface and is likely for the odometry.
+    surface: Surface, sample: Structure, T_start: FloatArray, center: FloatArray, covariance: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """The level turn and shift of a sample (4, 4) that lays it best onto a surface and is likely for the odometry, and
+    its covariance (4, 4) in x, y, z and heading about `center` (3,).
 
-    Gauss-Newton on point-to-plane distances with Tukey's weights and a Gaussian prior on how far (metres, radians) it
-    leaves `T_start`, about `center` (3,): where the surfaces leave a direction open, as in a corridor, the prior holds.
+    Gauss-Newton on point-to-plane distances with Tukey's weights and a Gaussian prior of `covariance` (4, 4) on
+    how far it leaves `T_start`: where the surfaces leave a direction open, as in a corridor, the prior holds.
     """
-    prior = np.diag(1 / np.square([sigma_m, sigma_m, sigma_m, sigma_rad]))
+    prior = np.linalg.inv(covariance)
+    information = prior
     total = np.zeros(4)
     for reach_m in REACHES_M:
         T = shifted(T_start, center, total)
         residual, normals, points = surface.offsets(sample.moved(T), reach_m)
         if len(residual) < LEAST_POINTS // 2:
-            return T_start
+            return T_start, covariance
         weight = np.square(np.maximum(1 - np.square(residual / reach_m), 0)) / (CORRELATED * SURFACE_SIGMA_M**2)
         turning = np.cross(points - center - total[:3], normals)[:, 2]
         jacobian = np.column_stack([normals, turning])
         information = (jacobian * weight[:, None]).T @ jacobian + prior
         total = total - np.linalg.solve(information, jacobian.T @ (weight * residual) + prior @ total)
-    return shifted(T_start, center, total)
+    return shifted(T_start, center, total), np.linalg.inv(information)
 
 
 def shifted(T_start: FloatArray, center: FloatArray, change: FloatArray) -> FloatArray:
@@ -140,3 +144,7 @@ def shifted(T_start: FloatArray, center: FloatArray, change: FloatArray) -> Floa
     cos, sin = np.cos(change[3]), np.sin(change[3])
     R = np.array([[cos, -sin, 0], [sin, cos, 0], [0, 0, 1.0]])
     return make_transform(R, center - R @ center + change[:3]) @ T_start
+
+
+def _covariance(sigma_m: float, sigma_deg: float) -> FloatArray:
+    return np.diag(np.square([sigma_m, sigma_m, sigma_m, float(np.radians(sigma_deg))]))

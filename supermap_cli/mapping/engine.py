@@ -12,7 +12,7 @@ from supermap_cli.config import Ablation, MappingConfig
 from supermap_cli.geometry.arrays import BoolArray, FloatArray, IntArray
 from supermap_cli.geometry.boxes import pairwise_iou
 from supermap_cli.mapping import lifecycle
-from supermap_cli.mapping.association import Affinity, associate
+from supermap_cli.mapping.association import Affinity, associate, reached
 from supermap_cli.mapping.belief import LabelBelief
 from supermap_cli.mapping.depth import DepthView, depth_view
 from supermap_cli.mapping.free_space import FreeSpaceMemory
@@ -137,7 +137,8 @@ class MappingEngine:
         """Strong detections first, then weak ones, then re-activation of what was gone; only then birth."""
         strong = [each for each in lifted if each.score >= STRONG_SCORE]
         weak = [each for each in lifted if each.score < STRONG_SCORE]
-        present = [each for each in self.objects if each.present]
+        near = reached(lifted, self.objects)
+        present = [each for each in near if each.present]
         matched: dict[int, LiftedDetection] = {}
 
         first = associate(strong, present, look.views)
@@ -147,7 +148,7 @@ class MappingEngine:
         self._fuse_pairs(look, weak, second.pairs, matched)
 
         unexplained = [strong[i] for i in first.free]
-        gone = [each for each in self.objects if not each.present]
+        gone = [each for each in near if not each.present]
         third = associate(unexplained, gone, look.views)
         self._fuse_pairs(look, unexplained, third.pairs, matched)
 
@@ -245,8 +246,8 @@ class MappingEngine:
             detection.hypotheses,
             detection.centroid_map,
             self._crop(keyframe, seen, detection),
-            0 if view is None else int(view.supported.sum()),
-            0 if view is None else int(view.contradicted.sum()),
+            0 if view is None else int(np.count_nonzero(view.supported)),
+            0 if view is None else int(np.count_nonzero(view.contradicted)),
             detection.track_id,
         )
         self.turns.observe(observation)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import cv2
@@ -94,9 +95,23 @@ class FreeSpaceMemory:
 
     def last_seen_empty(self, points_map: FloatArray, voxel_m: float, before_ns: int) -> int | None:
         """The latest time before `before_ns` at which the place of (n, 3) points was seen empty, `None` if never."""
-        earlier = sorted((v for v in self.views.values() if v.stamp_ns < before_ns), key=lambda v: -v.stamp_ns)
         sample = points_map[:: max(1, len(points_map) // 200)]
-        for view in earlier:
+        earlier = _that_may_see(sample, [each for each in self.views.values() if each.stamp_ns < before_ns])
+        for view in sorted(earlier, key=lambda each: -each.stamp_ns):
             if view.share_empty(sample, voxel_m) > EMPTY_SHARE:
                 return view.stamp_ns
         return None
+
+
+def _that_may_see(points_map: FloatArray, views: Sequence[SmallView]) -> list[SmallView]:
+    """Those of the views that do not look past all of (n, 3) points: for these is a look at every point worth it."""
+    if not views:
+        return []
+    center = points_map.mean(axis=0)
+    radius_m = float(np.linalg.norm(points_map - center, axis=1).max())
+    rays = center - np.array([each.T_map_camera[:3, 3] for each in views])
+    distances = np.maximum(np.linalg.norm(rays, axis=1), 1e-9)
+    along = np.einsum("ij,ij->i", rays, np.array([each.T_map_camera[:3, 2] for each in views])) / distances
+    half = np.arcsin(np.clip(radius_m / distances, 0, 1)) + np.array([each.camera.widest_angle() for each in views])
+    may = (distances <= radius_m) | (np.arccos(np.clip(along, -1, 1)) <= half)
+    return [views[i] for i in np.flatnonzero(may).tolist()]

@@ -71,7 +71,7 @@ def area_share(view: ObjectView, image_area_px: int) -> float:
     box = view.box_xyxy
     if box is None:
         return 0.0
-    seen = float(view.observable.sum()) / max(1, int(view.on_image.sum()))
+    seen = int(np.count_nonzero(view.observable)) / max(1, int(np.count_nonzero(view.on_image)))
     return float((box[2] - box[0] + 1) * (box[3] - box[1] + 1)) * seen / image_area_px
 
 
@@ -84,7 +84,7 @@ def expected_recall(
 
 def claimed_by_smaller(masks: list[RegionMask | None], labels: tuple[str, ...]) -> list[RegionMask | None]:
     """Take out of each mask what a much smaller detection with another label claims: the cup is not the table."""
-    areas = [0 if mask is None else int(mask.pixels.sum()) for mask in masks]
+    areas = [0 if mask is None else np.count_nonzero(mask.pixels) for mask in masks]
     result: list[RegionMask | None] = []
     for i, mask in enumerate(masks):
         if mask is None:

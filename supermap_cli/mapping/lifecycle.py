@@ -91,22 +91,6 @@ def has_shifted(seen: MapObject, view: ObjectView | None, detection: LiftedDetec
     )
 
 
-@dataclass(frozen=True)
-class Overlap:
-    """How two clouds lie in one another: share of the first near the second, and the other way round."""
-
-    first_in_second: float
-    second_in_first: float
-
-
-def overlap(first: MapObject, second: MapObject) -> Overlap:
-    """Compare two objects' solid voxels."""
-    return Overlap(
-        second.shape.share_near(first.shape.points),
-        first.shape.share_near(second.shape.points),
-    )
-
-
 def same_thing(first: MapObject, second: MapObject, *, seen_apart: bool) -> bool:
     """Whether two objects of the map are one.
 
@@ -115,19 +99,22 @@ def same_thing(first: MapObject, second: MapObject, *, seen_apart: bool) -> bool
     """
     p, q = first.labels.probabilities(), second.labels.probabilities()
     agreement = sum(p[c] * q.get(c, 0.0) for c in p)
-    lying = overlap(first, second)
-    inner, outer = (
-        max(lying.first_in_second, lying.second_in_first),
-        min(lying.first_in_second, lying.second_in_first),
-    )
+    lying = second.shape.share_near(first.shape.points)
     if agreement > 0.3:
-        return inner > (0.85 if seen_apart else 0.5)
-    return outer > 0.7 and inner > 0.8
+        enough = 0.85 if seen_apart else 0.5
+        return lying > enough or first.shape.share_near(second.shape.points) > enough
+    if lying <= 0.7:
+        return False
+    back = first.shape.share_near(second.shape.points)
+    return min(lying, back) > 0.7 and max(lying, back) > 0.8
 
 
 RELOCATION_MARGIN = 1.0
 """Log ratio (odds of 2.7) by which one explanation must beat all others before an identity is carried over."""
 
+
+CANDIDATE_LOG_RATIO = -1.0
+"""A pair that is less likely one thing than this is no candidate."""
 
 OTHERS_WEIGHT = 4.0
 """How many times likelier one more of a kind is than a thing that moved, for each of its kind that stands by."""
@@ -162,7 +149,7 @@ def relocations(
     rows, columns = linear_sum_assignment(np.maximum(scores, 0.0), maximize=True)
     assigned = set(zip(rows.tolist(), columns.tolist(), strict=True))
     likely = []
-    for row, column in np.argwhere(scores > 0).tolist():
+    for row, column in np.argwhere(scores > CANDIDATE_LOG_RATIO).tolist():
         rivals = np.concatenate([np.delete(scores[row], column), np.delete(scores[:, column], row), [0.0]])
         certain = (row, column) in assigned and scores[row, column] - rivals.max() > RELOCATION_MARGIN
         probability = 1 / (1 + np.exp(rivals - scores[row, column]).sum())
@@ -228,13 +215,8 @@ def older(first: MapObject, second: MapObject) -> tuple[MapObject, MapObject]:
 
 def near_pairs(objects: ObjectMap, touched: set[int]) -> list[tuple[MapObject, MapObject]]:
     """Pairs of present, still objects whose bounds overlap and of which at least one was touched."""
-    candidates = [each for each in objects if each.present and not each.motion.moving]
-    pairs = []
-    for i, first in enumerate(candidates):
-        for second in candidates[i + 1 :]:
-            if first.number not in touched and second.number not in touched:
-                continue
-            gap = np.maximum(first.shape.low - second.shape.high, second.shape.low - first.shape.high)
-            if gap.max() < 0.3:
-                pairs.append((first, second))
-    return pairs
+    return [
+        (first, second)
+        for first, second in objects.beside(touched, 0.3)
+        if first.present and second.present and not first.motion.moving and not second.motion.moving
+    ]

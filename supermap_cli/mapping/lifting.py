@@ -3,31 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
-import cv2
 import numpy as np
 
-from supermap_cli.geometry.arrays import BoolArray, Float32Array, FloatArray, IntArray, UInt8Array
+from supermap_cli.geometry.arrays import BoolArray, Float32Array, FloatArray, UInt8Array
+from supermap_cli.geometry.percentiles import percentiles
 from supermap_cli.geometry.se3 import transform_points
-from supermap_cli.geometry.voxels import connected_components, pack_keys, voxel_keys
-from supermap_cli.mapping.depth import DepthView, depth_sigma_m
+from supermap_cli.mapping.bodies import continued_behind, image_bodies, main_body, same_bodies, voxel_bodies
+from supermap_cli.mapping.depth import DepthView
+from supermap_cli.mapping.mask_core import erode, on_one_surface, standing_clear
 from supermap_cli.types.detections import Detections, Hypothesis, RegionMask
 from supermap_cli.types.keyframe import Keyframe
 
 MAX_POINTS = 2000
 """More pixels of one mask than this are thinned out evenly: voxels get no fuller from them."""
-
-NEAR_END, REACH_M = 5, 0.2
-"""A body begins where this percentile of its points lies; so far from it the next one may begin."""
-
-LARGEST_CUT, CUT_STEPS = 0.35, (0.25, 0.5, 1.0)
-"""No part of a mask loses more than this share of its half thickness on either side; thickness is told in steps."""
-
-LEAST_LEFT = 6
-"""A mask that would lose all but one in so many pixels is taken as it is."""
-
-NEAREST_OF, HIDDEN_SHARE = 64, 0.6
-"""The nearest pixels of two bodies are looked for among so many of each; what parts them must hide so much between."""
 
 MIN_POINTS = 12
 """Fewer pixels than this are no evidence of a shape."""
@@ -57,10 +47,10 @@ class LiftedDetection:
     track_id: int
     truncated: bool
 
-    @property
+    @cached_property
     def extent_m(self) -> float:
         """Length of the longest side of what was seen, without the outermost twentieth."""
-        low, high = np.percentile(self.points_map, (5, 95), axis=0)
+        low, high = percentiles(self.points_map, (5, 95))
         return float((high - low).max())
 
 
@@ -77,7 +67,7 @@ def lift(keyframe: Keyframe, view: DepthView, detections: Detections, track_ids:
         mask = detections.masks[index]
         if mask is None or not mask.pixels.any():
             continue
-        rim_px = erosion_px(int(mask.pixels.sum()), keyframe.camera.width)
+        rim_px = erosion_px(int(np.count_nonzero(mask.pixels)), keyframe.camera.width)
         clear = standing_clear(view, mask, rim_px)
         core = erode(mask.pixels, rim_px) | clear
         one = _lift_core(keyframe, view, mask, core, clear)
@@ -119,217 +109,27 @@ def is_truncated(box_xyxy: Float32Array | FloatArray, width: int, height: int) -
 def _lift_core(
     keyframe: Keyframe, view: DepthView, mask: RegionMask, core: BoolArray, clear: BoolArray
 ) -> tuple[FloatArray, UInt8Array, float] | None:
-    whole = core & (on_one_surface(view, mask) | clear)
-    v, u = np.nonzero(whole)
-    u, v = u + mask.u0, v + mask.v0
-    depth = view.depth_m[v, u]
-    plain = depth > 0
-    if plain.sum() < MIN_POINTS:
-        return None
+    inner = np.flatnonzero(core & (view.depth_m[mask.window] > 0))
+    v, u = np.divmod(inner, core.shape[1])
+    v, u = v + mask.v0, u + mask.u0
+    plain = clear.ravel()[inner]
+    rest = np.flatnonzero(~plain)
+    plain[rest] = on_one_surface(view, v[rest], u[rest])
     chosen = np.flatnonzero(plain)
+    if len(chosen) < MIN_POINTS:
+        return None
+    whole = np.zeros(core.shape, dtype=bool)
+    whole.ravel()[inner[chosen]] = True
     if len(chosen) > MAX_POINTS:
         chosen = chosen[np.linspace(0, len(chosen) - 1, MAX_POINTS).astype(np.int64)]
-    u, v, depth_m = u[chosen], v[chosen], depth[chosen].astype(np.float64)
+    v, u = v[chosen], u[chosen]
+    depth_m = view.depth_m[v, u].astype(np.float64)
     points_camera = keyframe.camera.back_project(np.column_stack([u, v]).astype(np.float64), depth_m)
-    joined = voxel_bodies(points_camera, max(0.03, 0.02 * float(np.median(depth_m))))
-    bodies = same_bodies(joined, image_bodies(whole)[v - mask.v0, u - mask.u0])
+    cell_m = max(0.03, 0.02 * float(np.median(depth_m)))
+    bodies = same_bodies(voxel_bodies(points_camera, cell_m), image_bodies(whole).ravel()[inner[chosen]])
     main = main_body(points_camera, bodies)
     main |= continued_behind(view, (u, v), points_camera, bodies, main)
     if main.sum() < MIN_POINTS:
         return None
     points_map = transform_points(keyframe.T_map_camera, points_camera[main])
     return points_map, keyframe.rgb[v[main], u[main]], float(np.median(depth_m[main]))
-
-
-def erode(mask: BoolArray, margin_px: int) -> BoolArray:
-    """Cut a mask back by a margin, and by less where it is thin: a pen must not vanish, nor the legs of a table, nor
-    its top seen from the side.
-
-    A part is as thick as the largest disc that fits into it (its local thickness); it loses `LARGEST_CUT` of that
-    disc's radius, at least a pixel, and never all of it.
-    """
-    thickest_px = int(np.ceil(margin_px / LARGEST_CUT))
-    padded = cv2.copyMakeBorder(mask.astype(np.uint8), *(1,) * 4, cv2.BORDER_CONSTANT, value=0)
-    within_px = cv2.distanceTransform(padded, cv2.DIST_L2, 3)
-    cut_px = np.ones_like(within_px)
-    for share in CUT_STEPS:
-        radius_px = share * thickest_px
-        centers = within_px > radius_px
-        if not centers.any():
-            break
-        in_disc = cv2.distanceTransform((~centers).astype(np.uint8), cv2.DIST_L2, 3) <= radius_px
-        cut_px[in_disc] = max(1.0, share * margin_px)
-    core = (padded > 0) & (within_px > cut_px)
-    if core.sum() * LEAST_LEFT < mask.sum():
-        return mask
-    return np.asarray(core[1:-1, 1:-1], dtype=bool)
-
-
-def on_one_surface(view: DepthView, mask: RegionMask) -> BoolArray:
-    """The pixels of a mask, on its region, whose neighbourhood lies on one surface: on no depth edge.
-
-    Either the depths around a pixel span no more than noise and a moderate slant; or, since the inverse depth of a
-    plane is affine in the pixel, the inverse depth bends little about it: a table's top seen at a grazing angle spans a
-    lot and is one surface all the same.
-    """
-    h, w = mask.pixels.shape
-    at = slice(mask.v0, mask.v0 + h), slice(mask.u0, mask.u0 + w)
-    depth = view.depth_m[at]
-    flat = view.farthest_m[at] - view.nearest_m[at] < edge_step_m(depth)
-    return np.asarray(mask.pixels & (depth > 0) & (flat | (bend_m(view, at) < bend_step_m(depth))), dtype=bool)
-
-
-def bend_m(view: DepthView, at: tuple[slice, slice]) -> FloatArray:
-    """How far (metres) the depth of each pixel of a region lies off the plane through its neighbours on both sides: the
-    greatest of four directions; infinite where fewer than two directions have a return on both sides.
-    """
-    rows, columns, r = *at, view.reach_px
-    height, width = view.depth_m.shape
-    v, u = np.arange(rows.start, rows.stop), np.arange(columns.start, columns.stop)
-
-    def inverse_depth(dv: int, du: int) -> FloatArray:
-        depth = view.depth_m[np.clip(v + dv, 0, height - 1)[:, None], np.clip(u + du, 0, width - 1)[None, :]]
-        with np.errstate(divide="ignore"):
-            return np.where(depth > 0, 1 / depth, np.nan)
-
-    own = inverse_depth(0, 0)
-    bends = [
-        np.abs(own - (inverse_depth(dv, du) + inverse_depth(-dv, -du)) / 2) / own**2
-        for dv, du in ((0, r), (r, 0), (r, r), (r, -r))
-    ]
-    told = np.isfinite(bends)
-    return np.where(told.sum(axis=0) >= 2, np.where(told, bends, 0.0).max(axis=0), np.inf)
-
-
-def standing_clear(view: DepthView, mask: RegionMask, rim_px: int) -> BoolArray:
-    """The pixels of a mask's rim, on its region, that stand clearly before all that is seen beside the mask near by.
-
-    A mask bleeds onto surfaces that go on beyond it; what stands before all of those is none of them. So thin parts,
-    legs, poles and leaves, which are nothing but rim, are kept. A pixel that lies behind its neighbours is left out:
-    at edges sensors mix both depths.
-    """
-    h, w = mask.pixels.shape
-    height, width = view.depth_m.shape
-    top, left = max(0, mask.v0 - rim_px), max(0, mask.u0 - rim_px)
-    rows, columns = slice(top, min(height, mask.v0 + h + rim_px)), slice(left, min(width, mask.u0 + w + rim_px))
-    depth = view.depth_m[rows, columns]
-    beside = depth > 0
-    at = (slice(mask.v0 - top, mask.v0 - top + h), slice(mask.u0 - left, mask.u0 - left + w))
-    beside[at] &= ~mask.pixels
-    kernel = np.ones((2 * rim_px + 1, 2 * rim_px + 1), np.uint8)
-    nearest_beside = cv2.erode(np.where(beside, depth, np.float32(np.inf)), kernel, borderType=cv2.BORDER_REPLICATE)[at]
-    own = depth[at]
-    step = edge_step_m(own)
-    before = own < nearest_beside - step
-    whole = own - view.nearest_m[rows, columns][at] < step
-    return np.asarray(mask.pixels & (own > 0) & np.isfinite(nearest_beside) & before & whole, dtype=bool)
-
-
-def bend_step_m(depth_m: Float32Array | FloatArray) -> FloatArray:
-    """The bend above which a pixel lies on a depth edge: 4 sigma and what a surface may curve by."""
-    step: FloatArray = 4 * depth_sigma_m(depth_m) + 0.01
-    return step
-
-
-def edge_step_m(depth_m: Float32Array | FloatArray) -> FloatArray:
-    """The depth range within a pixel's neighbourhood above which it lies on an edge: 4 sigma and a slant of 75
-    degrees.
-    """
-    step: FloatArray = 4 * depth_sigma_m(depth_m) + 0.03 * np.asarray(depth_m, np.float64) + 0.02
-    return step
-
-
-def voxel_bodies(points: FloatArray, cell_m: float) -> IntArray:
-    """(n,) the body of each point: points are joined over 26-connected voxels, as wide as what one pixel's noise and
-    thinning leave between neighbours.
-    """
-    unique, inverse = np.unique(pack_keys(voxel_keys(points, cell_m)), return_inverse=True)
-    bodies: IntArray = connected_components(unique)[inverse]
-    return bodies
-
-
-def image_bodies(pixels: BoolArray) -> IntArray:
-    """(h, w) the body of each marked pixel: pixels are joined with their eight neighbours, for where they meet is no
-    depth edge. What is seen at a grazing angle hangs together in the image and not in space.
-    """
-    _, bodies = cv2.connectedComponents(pixels.astype(np.uint8), connectivity=8)
-    return np.asarray(bodies, np.int64)
-
-
-def same_bodies(first: IntArray, second: IntArray) -> IntArray:
-    """(n,) points are of one body if either of two partitions (n,) says so, or both do step by step."""
-    from scipy.sparse import coo_array  # noqa: PLC0415 - heavy
-    from scipy.sparse.csgraph import connected_components as connected  # noqa: PLC0415
-
-    _, rows = np.unique(first, return_inverse=True)
-    _, columns = np.unique(second, return_inverse=True)
-    n = int(rows.max()) + 1
-    links = coo_array((np.ones(len(rows), bool), (rows, columns + n)), shape=(n + len(columns), n + len(columns)))
-    _, body_of = connected(links, directed=False)
-    return np.asarray(body_of[rows], np.int64)
-
-
-def main_component(points_camera: FloatArray, depth_m: float) -> BoolArray:
-    """(n,) which points belong to the body in space that most of a mask's points belong to (`main_body`)."""
-    return main_body(points_camera, voxel_bodies(points_camera, max(0.03, 0.02 * depth_m)))
-
-
-def main_body(points_camera: FloatArray, bodies: IntArray) -> BoolArray:
-    """(n,) which points belong to the largest body, (n,) bodies, and to what goes on near by.
-
-    Further bodies count when they are a good part of the mask and begin within 0.2 m of what is kept so far: a chair's
-    back is parted from its seat by the rail between.
-    """
-    counts = np.bincount(bodies)
-    kept: BoolArray = bodies == int(np.argmax(counts))
-    others = {int(number) for number in np.flatnonzero(counts >= 0.15 * counts.max())} - {int(np.argmax(counts))}
-    low, high = points_camera[kept].min(axis=0), points_camera[kept].max(axis=0)
-    reach_m = min(0.5 * float((high - low).max()), REACH_M)
-    joined = True
-    while joined:
-        low, high = points_camera[kept].min(axis=0), points_camera[kept].max(axis=0)
-        joined = False
-        for number in sorted(others):
-            body = bodies == number
-            gap = np.maximum(np.maximum(low - points_camera[body], points_camera[body] - high), 0)
-            if float(np.percentile(np.linalg.norm(gap, axis=1), NEAR_END)) < reach_m:
-                kept |= body
-                others.remove(number)
-                joined = True
-    return kept
-
-
-def continued_behind(
-    view: DepthView, uv: tuple[IntArray, IntArray], points_camera: FloatArray, bodies: IntArray, kept: BoolArray
-) -> BoolArray:
-    """(n,) which points lie on further bodies of a mask that something nearer parts from the kept ones: a desk goes on
-    on the other side of the chair before it.
-
-    A body counts if it is a good part of the mask and what lies between the nearest pixels of both is nearer than both;
-    how much deeper it may lie grows with how far away it begins.
-    """
-    more = np.zeros(len(kept), dtype=bool)
-    counts = np.bincount(bodies[~kept], minlength=1)
-    own = np.flatnonzero(kept)
-    own = own[:: len(own) // NEAREST_OF + 1]
-    u, v = uv
-    for number in np.flatnonzero(counts >= max(MIN_POINTS, 0.1 * kept.sum())):
-        body = np.flatnonzero(bodies == number)
-        tried = body[:: len(body) // NEAREST_OF + 1]
-        apart = np.hypot(u[own][:, None] - u[tried], v[own][:, None] - v[tried])
-        i, j = np.unravel_index(int(np.argmin(apart)), apart.shape)
-        gap = points_camera[tried[j]] - points_camera[own[i]]
-        hidden = _hidden_share(view, (int(u[own[i]]), int(v[own[i]])), (int(u[tried[j]]), int(v[tried[j]])))
-        if hidden > HIDDEN_SHARE and abs(gap[2]) < REACH_M + float(np.hypot(gap[0], gap[1])):
-            more[body] = True
-    return more
-
-
-def _hidden_share(view: DepthView, first_uv: tuple[int, int], second_uv: tuple[int, int]) -> float:
-    """Share of the way between two pixels on which something nearer than both is seen."""
-    steps = np.linspace(0, 1, 24)[2:-2]
-    u = (first_uv[0] + steps * (second_uv[0] - first_uv[0])).round().astype(np.int64)
-    v = (first_uv[1] + steps * (second_uv[1] - first_uv[1])).round().astype(np.int64)
-    nearer = min(float(view.depth_m[first_uv[1], first_uv[0]]), float(view.depth_m[second_uv[1], second_uv[0]]))
-    between = view.depth_m[v, u]
-    return float(((between > 0) & (between < nearer - edge_step_m(between))).mean())

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
 from supermap_cli.geometry.arrays import BoolArray, FloatArray, IntArray
 from supermap_cli.geometry.boxes import Box3D
-from supermap_cli.geometry.voxels import dilate_codes, is_member, pack_keys, unpack_codes, voxel_keys
+from supermap_cli.geometry.percentiles import percentiles
+from supermap_cli.geometry.voxels import dilate_codes, distinct_keys, is_member, pack_keys, voxel_keys
 from supermap_cli.mapping.belief import LabelBelief, Viewpoints
+from supermap_cli.mapping.bounds import BoundsIndex
 from supermap_cli.mapping.motion import MotionState
 from supermap_cli.mapping.voxel_map import VoxelMap
 from supermap_cli.types.memory import Observation
@@ -19,6 +22,7 @@ TRIM = (1.5, 98.5)
 """A box leaves out what lies beyond these percentiles along each of its axes: strays."""
 
 YAWS = np.radians(np.arange(0.0, 90.0, 2.0))
+COS_YAWS, SIN_YAWS = np.cos(YAWS)[:, None], np.sin(YAWS)[:, None]
 MOST_COLUMNS = 400
 CLOSEST_M = 0.03
 """Headings tried for a box, on no more columns than this; nearer to a side than this is on it."""
@@ -85,6 +89,7 @@ class MapObject:
     visit: VisitCount = field(default_factory=VisitCount)
     best_crop: float = 0.0
     _shape: ObjectShape | None = field(default=None, repr=False)
+    _changed: set[int] = field(default_factory=set, repr=False)
 
     @property
     def label(self) -> str:
@@ -98,9 +103,19 @@ class MapObject:
             self._shape = measure_shape(self.voxels)
         return self._shape
 
+    @property
+    def solid(self) -> BoolArray:
+        """(n,) which voxels are believed to be the object's, as of when its shape was measured."""
+        return self.shape.solid
+
     def touched(self) -> None:
         """Say that the voxels have changed."""
         self._shape = None
+        self._changed.add(self.number)
+
+    def tell(self, changed: set[int]) -> None:
+        """From now on, enter the object's number there whenever its voxels have changed."""
+        self._changed = changed
 
 
 def coarse_edge_m(extent_m: float) -> float:
@@ -112,22 +127,41 @@ def coarse_edge_m(extent_m: float) -> float:
 class ObjectShape:
     """What association and the graph need of an object's voxels.
 
-    `low`, `high` (3,) bound the solid voxels in the map frame; `points` (n, 3) are their centres; `near_codes` the
-    sorted codes of the voxels of edge `coarse_m` that they occupy or touch.
+    `low`, `high` (3,) bound the solid voxels in the map frame; `points` (n, 3) are their centres, `voxel_m` wide;
+    `solid` says which of the object's voxels they are.
     """
 
     centroid: FloatArray
     low: FloatArray
     high: FloatArray
-    box: Box3D
     points: FloatArray
-    coarse_m: float
-    near_codes: IntArray
+    voxel_m: float
+    solid: BoolArray
+
+    @property
+    def bounds(self) -> tuple[FloatArray, FloatArray]:
+        """`low` and `high`."""
+        return self.low, self.high
 
     @property
     def extent_m(self) -> float:
         """Length of the longest side."""
         return float((self.high - self.low).max())
+
+    @cached_property
+    def box(self) -> Box3D:
+        """The upright box that fits them best."""
+        return upright_box(self.points, self.voxel_m)
+
+    @cached_property
+    def coarse_m(self) -> float:
+        """Edge of the coarse voxels by which it is compared with other clouds."""
+        return coarse_edge_m(self.extent_m)
+
+    @cached_property
+    def near_codes(self) -> IntArray:
+        """The sorted codes of the coarse voxels that the points occupy or touch."""
+        return dilate_codes(pack_keys(voxel_keys(self.points, self.coarse_m)))
 
     def share_near(self, points_map: FloatArray) -> float:
         """Share of (n, 3) points that lie in or beside the object's coarse voxels."""
@@ -141,31 +175,24 @@ class ObjectShape:
 
 
 def measure_shape(voxels: VoxelMap) -> ObjectShape:
-    """Box, centroid and coarse occupancy of the solid voxels."""
+    """Bounds and centroid of the solid voxels; what else there is to know of them is worked out when it is asked."""
     solid = voxels.solid()
-    points = voxels.centers()[solid] if solid.any() else voxels.centers()
+    if not solid.any():
+        solid = np.ones(len(voxels), dtype=bool)
+    points = voxels.centers().T[:, solid].T
     half = voxels.voxel_m / 2
-    low, high = np.percentile(points, (1, 99), axis=0) + np.array([[-half], [half]])
-    coarse_m = coarse_edge_m(float((high - low).max()))
-    coarse = np.unique(pack_keys(voxel_keys(points, coarse_m)))
-    return ObjectShape(
-        centroid=points.mean(axis=0),
-        low=low,
-        high=high,
-        box=upright_box(points, voxels.voxel_m),
-        points=points,
-        coarse_m=coarse_m,
-        near_codes=dilate_codes(coarse),
-    )
+    low, high = percentiles(points, (1, 99)) + np.array([[-half], [half]])
+    return ObjectShape(points.mean(axis=0), low, high, points, voxels.voxel_m, solid)
 
 
 def upright_box(points_map: FloatArray, voxel_m: float) -> Box3D:
     """The upright box (yaw only) that fits (n, 3) voxel centres best, less what sticks out."""
-    low, high = np.percentile(points_map, TRIM, axis=0)
-    inner = ((points_map >= low) & (points_map <= high)).all(axis=1)
-    yaw = best_yaw(points_map[inner, :2] if inner.sum() >= 3 else points_map[:, :2], voxel_m)
+    low, high = percentiles(points_map, TRIM)
+    columns = points_map.T
+    inner = np.all([(low[k] <= columns[k]) & (columns[k] <= high[k]) for k in range(3)], axis=0)
+    yaw = best_yaw((columns[:2, inner] if np.count_nonzero(inner) >= 3 else columns[:2]).T, voxel_m)
     axes = np.array([[np.cos(yaw), np.sin(yaw)], [-np.sin(yaw), np.cos(yaw)]])
-    nearest, farthest = np.percentile(points_map[:, :2] @ axes.T, TRIM, axis=0)
+    nearest, farthest = percentiles(points_map[:, :2] @ axes.T, TRIM)
     (w, h), (cx, cy) = farthest - nearest, (nearest + farthest) / 2 @ axes
     if h > w:
         w, h, yaw = h, w, yaw + np.pi / 2
@@ -181,16 +208,12 @@ def best_yaw(points_xy: FloatArray, voxel_m: float) -> float:
     maximised instead is the mean of 1 / distance to the nearest side (Zhang et al., "Efficient L-shape fitting for
     vehicle detection using laser scanners", IV 2017, the closeness criterion), over columns of voxels.
     """
-    keys = np.zeros((len(points_xy), 3))
-    keys[:, :2] = points_xy
-    codes = np.unique(pack_keys(voxel_keys(keys, voxel_m)))
-    columns = unpack_codes(codes[:: len(codes) // MOST_COLUMNS + 1])[:, :2] * voxel_m
-    cos, sin = np.cos(YAWS)[:, None], np.sin(YAWS)[:, None]
-    sides = []
-    for own in (cos * columns[:, 0] + sin * columns[:, 1], cos * columns[:, 1] - sin * columns[:, 0]):
-        low, high = own.min(axis=1, keepdims=True), own.max(axis=1, keepdims=True)
-        sides.append(np.minimum(own - low, high - own))
-    nearest = np.maximum(np.minimum(*sides), max(voxel_m, CLOSEST_M))
+    keys = distinct_keys(voxel_keys(points_xy, voxel_m))
+    columns = keys[:: len(keys) // MOST_COLUMNS + 1] * voxel_m
+    x, y = columns[:, 0], columns[:, 1]
+    own = np.concatenate([COS_YAWS * x + SIN_YAWS * y, COS_YAWS * y - SIN_YAWS * x])
+    sides = np.minimum(own - own.min(axis=1, keepdims=True), own.max(axis=1, keepdims=True) - own)
+    nearest = np.maximum(np.minimum(sides[: len(YAWS)], sides[len(YAWS) :]), max(voxel_m, CLOSEST_M))
     return float(YAWS[int(np.argmax((1 / nearest).mean(axis=1)))])
 
 
@@ -200,6 +223,7 @@ class ObjectMap:
 
     next_number: int = 1
     by_number: dict[int, MapObject] = field(default_factory=dict)
+    _bounds: BoundsIndex = field(default_factory=BoundsIndex, repr=False)
 
     def __iter__(self) -> Iterator[MapObject]:
         return iter(self.by_number.values())
@@ -218,17 +242,24 @@ class ObjectMap:
     def add(self, added: MapObject) -> None:
         """Enter an object."""
         self.by_number[added.number] = added
+        self._bounds.add(added.number)
+        added.tell(self._bounds.changed)
 
     def remove(self, number: int) -> None:
         """Forget an object."""
-        del self.by_number[number]
+        self.by_number.pop(number).tell(set())
+        self._bounds.remove(number)
+
+    def bounds(self) -> BoundsIndex:
+        """Where all objects are now."""
+        self._bounds.refresh(lambda number: self.by_number[number].shape.bounds)
+        return self._bounds
 
     def within(self, center: FloatArray, radius_m: float) -> list[MapObject]:
         """Objects whose bounds come within a distance of a point."""
-        objects = list(self.by_number.values())
-        if not objects:
-            return []
-        low = np.array([each.shape.low for each in objects])
-        high = np.array([each.shape.high for each in objects])
-        gap = np.maximum(np.maximum(low - center, center - high), 0)
-        return [objects[i] for i in np.flatnonzero(np.linalg.norm(gap, axis=1) <= radius_m)]
+        return [self.by_number[number] for number in self.bounds().within(center, radius_m)]
+
+    def beside(self, numbers: Iterable[int], gap_m: float) -> list[tuple[MapObject, MapObject]]:
+        """Pairs of objects, one of them among `numbers`, whose bounds lie closer than `gap_m` along every axis."""
+        pairs = self.bounds().beside(numbers, gap_m)
+        return [(self.by_number[first], self.by_number[second]) for first, second in pairs]

@@ -12,8 +12,8 @@ from supermap_cli.mapping.lifting import LiftedDetection
 from supermap_cli.mapping.objects import MapObject
 from supermap_cli.mapping.visibility import ObjectView, check_visibility
 
-LEAST_SHIFT_M = 0.1
-"""Less is drift, or the error of one pose."""
+LEAST_SHIFT_M, MOST_SHIFT_M = 0.1, 0.6
+"""Less is drift, or the error of one pose; what went farther left its place altogether."""
 
 VACATED_SHARE = 0.15
 """Share of the seen part of its old place that must be empty before a shift is looked for."""
@@ -21,9 +21,11 @@ VACATED_SHARE = 0.15
 EXPLAINED_SHARE = 0.6
 """A shift must explain more than this share of the emptiness."""
 
-_POINTS = 300
-_ROUNDS = 12
-_TRIM = 0.8
+LEAST_GAIN = 0.2
+"""So much better must the shape agree with the image where it is laid (`agreement`, in [-1, 2])."""
+
+COARSE_M, FINE_M = 0.1, 0.03
+_SAMPLES = 250
 
 
 def find_shift(depth: DepthView, seen: MapObject, view: ObjectView, detection: LiftedDetection) -> FloatArray | None:
@@ -34,31 +36,43 @@ def find_shift(depth: DepthView, seen: MapObject, view: ObjectView, detection: L
     before = view.contradicted_share
     if before < VACATED_SHARE:
         return None
-    shift = fit_shift(seen.shape.points, detection.points_map)
+    shift = best_shift(depth, seen, detection, np.zeros(3), COARSE_M, MOST_SHIFT_M)
+    shift = best_shift(depth, seen, detection, shift, FINE_M, COARSE_M)
     if np.linalg.norm(shift) < LEAST_SHIFT_M:
         return None
-    after = check_visibility(depth, seen.voxels.centers() + shift, seen.voxels.voxel_m)
-    explained = after.contradicted_share < (1 - EXPLAINED_SHARE) * before
-    return shift if explained and after.supported.sum() > view.supported.sum() else None
+    (there, left), (here, _) = (agreement(depth, seen, detection, each[None]) for each in (shift, np.zeros(3)))
+    explained = left[0] < (1 - EXPLAINED_SHARE) * before
+    return shift if explained and there[0] - here[0] > LEAST_GAIN else None
 
 
-def fit_shift(cloud: FloatArray, points: FloatArray) -> FloatArray:
-    """The level shift (3,) that brings a cloud (n, 3) onto points (m, 3) of a part of it: trimmed point-to-point ICP
-    (Chetverikov et al. 2002) of a translation, begun where the middles agree and where the cloud is.
+def best_shift(
+    depth: DepthView, seen: MapObject, detection: LiftedDetection, around: FloatArray, step_m: float, reach_m: float
+) -> FloatArray:
+    """The level shift (3,) on a grid about another one with which the object agrees best; of equals the least."""
+    ticks = np.arange(-reach_m, reach_m + step_m / 2, step_m)
+    x, y = np.meshgrid(ticks, ticks)
+    shifts = around + np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
+    shifts = shifts[np.argsort(np.linalg.norm(shifts, axis=1), kind="stable")]
+    return np.asarray(shifts[int(np.argmax(agreement(depth, seen, detection, shifts)[0]))])
+
+
+def agreement(
+    depth: DepthView, seen: MapObject, detection: LiftedDetection, shifts: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """How well an object laid aside by each of k shifts (k, 3) agrees with an image, (k,) in [-1, 2], and which share
+    of what can be told of it there the rays went through (k,).
+
+    It agrees by the share of the detection's points that lie on it, and by what of it is supported rather than
+    contradicted by the depth; where little of it can be told, the latter says little.
     """
-    from scipy.spatial import cKDTree  # noqa: PLC0415 - heavy
-
-    sample = points[:: max(1, len(points) // _POINTS)]
-    tree = cKDTree(cloud)
-    best, least = np.zeros(3), np.inf
-    for start in (np.zeros(3), sample.mean(axis=0) - cloud.mean(axis=0)):
-        shift = start * [1, 1, 0]
-        for _ in range(_ROUNDS):
-            distance, nearest = tree.query(sample - shift)
-            kept = distance <= np.quantile(distance, _TRIM)
-            shift = shift + (sample[kept] - shift - cloud[nearest[kept]]).mean(axis=0) * [1, 1, 0]
-        distance, _ = tree.query(sample - shift)
-        error = float(np.sort(distance)[: int(_TRIM * len(distance)) + 1].mean())
-        if error < least:
-            best, least = shift, error
-    return best
+    cloud = seen.shape.points[:: len(seen.shape.points) // _SAMPLES + 1]
+    points = detection.points_map[:: len(detection.points_map) // _SAMPLES + 1]
+    laid = (cloud[None] + shifts[:, None]).reshape(-1, 3)
+    told = check_visibility(depth, laid, seen.voxels.voxel_m)
+    supported, contradicted = (
+        each.reshape(len(shifts), -1).sum(axis=1) for each in (told.supported, told.contradicted)
+    )
+    covered = seen.shape.near((points[None] - shifts[:, None]).reshape(-1, 3)).reshape(len(shifts), -1).mean(axis=1)
+    observable = supported + contradicted
+    lies = (supported - contradicted) / np.maximum(observable, 0.3 * len(cloud))
+    return covered + lies, contradicted / np.maximum(observable, 1)

@@ -11,6 +11,7 @@ from functools import cached_property
 import numpy as np
 
 from supermap_cli.geometry.arrays import BoolArray, FloatArray, IntArray
+from supermap_cli.geometry.percentiles import percentiles
 from supermap_cli.mapping.depth import DepthView, depth_sigma_m
 from supermap_cli.mapping.objects import MapObject
 
@@ -24,7 +25,7 @@ class ObjectView:
 
     `u`, `v`: pixels; `on_image`: projected onto it; `supported`: |delta| <= tau; `contradicted`: the ray went through;
     `occluded`: behind a measured surface. A voxel without a return, beyond range or at a depth edge is none of the
-    three.
+    three. `solid`: believed to be the object's; shares are of these.
     """
 
     u: IntArray
@@ -34,37 +35,38 @@ class ObjectView:
     supported: BoolArray
     contradicted: BoolArray
     occluded: BoolArray
+    solid: BoolArray
 
-    @property
+    @cached_property
     def observable(self) -> BoolArray:
         """Voxels the image can speak of."""
         return self.supported | self.contradicted
 
-    @property
+    @cached_property
     def observable_share(self) -> float:
-        """Share of all voxels that are observable."""
-        return float(self.observable.mean()) if len(self.u) else 0.0
+        """Share of all solid voxels that are observable."""
+        solid = np.count_nonzero(self.solid)
+        return np.count_nonzero(self.observable & self.solid) / solid if solid else 0.0
 
-    @property
+    @cached_property
     def contradicted_share(self) -> float:
-        """Share of the observable voxels that the rays went through, 0 if none is observable."""
-        observable = int(self.observable.sum())
-        return float(self.contradicted.sum()) / observable if observable else 0.0
+        """Share of the observable solid voxels that the rays went through, 0 if none is observable."""
+        observable = np.count_nonzero(self.observable & self.solid)
+        return np.count_nonzero(self.contradicted & self.solid) / observable if observable else 0.0
 
     @property
     def hidden(self) -> bool:
         """Whether most of what falls onto the image lies behind something nearer."""
-        on_image = int(self.on_image.sum())
-        return on_image > 0 and int(self.occluded.sum()) > 0.7 * on_image
+        on_image = np.count_nonzero(self.on_image)
+        return bool(on_image > 0 and np.count_nonzero(self.occluded) > 0.7 * on_image)
 
     @cached_property
     def box_xyxy(self) -> FloatArray | None:
         """The image box (4,) around the voxels on the image (the hybrid state's prior); `None` if there are none."""
         if not self.on_image.any():
             return None
-        u, v = self.u[self.on_image], self.v[self.on_image]
-        (u_min, u_max), (v_min, v_max) = np.percentile(u, (1, 99)), np.percentile(v, (1, 99))
-        return np.array([u_min, v_min, u_max, v_max])
+        pixels = np.stack([self.u[self.on_image], self.v[self.on_image]])
+        return percentiles(pixels.T, (1, 99)).ravel()
 
 
 def tolerance_m(depth_m: FloatArray, voxel_m: FloatArray | float) -> FloatArray:
@@ -76,22 +78,34 @@ def tolerance_m(depth_m: FloatArray, voxel_m: FloatArray | float) -> FloatArray:
 def check_visibility(view: DepthView, points_map: FloatArray, voxel_m: FloatArray | float) -> ObjectView:
     """Compare (n, 3) map points, of voxels `voxel_m` wide, with a depth image."""
     u, v, depth, on_image = view.project(points_map)
-    measured = view.depth_m[v, u]
-    nearest, farthest = view.nearest_m[v, u], view.farthest_m[v, u]
-    tau = tolerance_m(depth, voxel_m)
-    told = on_image & (measured > 0) & (depth <= view.max_depth_m)
-    contradicted = told & (depth < nearest - tau)
-    occluded = told & (depth > farthest + tau)
+    supported, contradicted, occluded = (np.zeros(len(u), dtype=bool) for _ in range(3))
+    pixels = v * view.camera.width + u
+    told = np.flatnonzero(on_image & (depth <= view.max_depth_m) & (view.depth_m.ravel()[pixels] > 0))
+    pixels, behind = pixels[told], depth[told]
+    measured, nearest, farthest = (each.ravel()[pixels] for each in (view.depth_m, view.nearest_m, view.farthest_m))
+    tau = tolerance_m(behind, voxel_m if isinstance(voxel_m, float) else voxel_m[told])
     slant = np.minimum((farthest - np.minimum(nearest, farthest)) / 2, 2 * tau)
-    supported = told & (np.abs(depth - measured) <= tau + slant)
-    return ObjectView(u, v, depth, on_image, supported, contradicted, occluded)
+    contradicted[told] = behind < nearest - tau
+    occluded[told] = behind > farthest + tau
+    supported[told] = np.abs(behind - measured) <= tau + slant
+    return ObjectView(u, v, depth, on_image, supported, contradicted, occluded, np.ones(len(u), dtype=bool))
+
+
+def within_sight(view: DepthView, objects: Sequence[MapObject]) -> list[MapObject]:
+    """The objects that the camera may see: those whose bounding spheres are not wholly outside its view."""
+    holding = [each for each in objects if len(each.voxels)]
+    if not holding:
+        return []
+    spheres = np.array([each.voxels.sphere() for each in holding])
+    return [holding[i] for i in np.flatnonzero(view.may_show(spheres[:, :3], spheres[:, 3]))]
 
 
 def look_at(view: DepthView, objects: Sequence[MapObject]) -> dict[int, ObjectView]:
     """Check all given objects in one pass; returns the views of those with a voxel on the image, by object number."""
+    objects = within_sight(view, objects)
     if not objects:
         return {}
-    sizes = [len(each.voxels) for each in objects]
+    sizes = np.array([len(each.voxels) for each in objects])
     voxel_m = np.repeat([each.voxels.voxel_m for each in objects], sizes)
     whole = check_visibility(view, np.concatenate([each.voxels.centers() for each in objects]), voxel_m)
     ends = np.cumsum(sizes)
@@ -107,5 +121,6 @@ def look_at(view: DepthView, objects: Sequence[MapObject]) -> dict[int, ObjectVi
                 whole.supported[part],
                 whole.contradicted[part],
                 whole.occluded[part],
+                each.solid,
             )
     return views

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import TypeVar
 
 import numpy as np
 
-from supermap_cli.geometry.arrays import BoolArray, Float32Array, FloatArray, IntArray, UInt8Array
+from supermap_cli.geometry.arrays import BoolArray, Float32Array, FloatArray, Int32Array, IntArray, UInt8Array
+from supermap_cli.geometry.percentiles import percentiles
 from supermap_cli.geometry.voxels import (
     is_member,
     neighbour_counts,
@@ -16,6 +18,8 @@ from supermap_cli.geometry.voxels import (
     voxel_keys,
 )
 from supermap_cli.types.memory import VoxelCloud
+
+Column = TypeVar("Column", IntArray, Float32Array)
 
 LOG_ODDS_MAX = 4.0
 """Occupancy is clamped, so that a thing that stood for an hour can still be seen to have gone (Hornung et al. 2013)."""
@@ -41,35 +45,63 @@ class VoxelMap:
     inside: Float32Array = field(default_factory=lambda: np.zeros(0, np.float32))
     outside: Float32Array = field(default_factory=lambda: np.zeros(0, np.float32))
     rgb: Float32Array = field(default_factory=lambda: np.zeros((0, 3), np.float32))
+    _keys: Int32Array | None = field(default=None, repr=False)
     _centers: FloatArray | None = field(default=None, repr=False)
+    _sphere: tuple[float, float, float, float] | None = field(default=None, repr=False)
 
     def __len__(self) -> int:
         return len(self.codes)
 
+    def keys(self) -> Int32Array:
+        """(n, 3) voxel indices (kept, like the centres, until the set of voxels changes)."""
+        if self._keys is None:
+            self._keys = unpack_codes(self.codes)
+        return self._keys
+
     def centers(self) -> FloatArray:
-        """(n, 3) voxel centres in the map frame (kept until the set of voxels changes)."""
-        if self._centers is None or len(self._centers) != len(self.codes):
-            self._centers = voxel_centers(unpack_codes(self.codes), self.voxel_m)
+        """(n, 3) voxel centres in the map frame."""
+        if self._centers is None:
+            self._centers = voxel_centers(self.keys(), self.voxel_m)
         return self._centers
+
+    def sphere(self) -> tuple[float, float, float, float]:
+        """Centre x, y, z and radius of a sphere that holds all centres, n > 0."""
+        if self._sphere is None:
+            keys = self.keys()
+            low, high = (voxel_centers(end, self.voxel_m) for end in (keys.min(axis=0), keys.max(axis=0)))
+            x, y, z = ((low + high) / 2).tolist()
+            self._sphere = (x, y, z, float(np.linalg.norm(high - low)) / 2)
+        return self._sphere
+
+    def _set_changed(self) -> None:
+        self._keys = self._centers = self._sphere = None
 
     def add_points(self, points_map: FloatArray, rgb: UInt8Array, hit_log_odds: float) -> None:
         """Enter the voxels of (m, 3) points with (m, 3) colours that are not there yet, seen once, inside a mask."""
         codes, first = np.unique(pack_keys(voxel_keys(points_map, self.voxel_m)), return_index=True)
         fresh = ~is_member(codes, self.codes)
-        self._insert(codes[fresh], hit_log_odds, rgb[first[fresh]].astype(np.float32))
+        self._insert(codes[fresh], hit_log_odds, 1, 0, rgb[first[fresh]].astype(np.float32))
 
-    def _insert(self, codes: IntArray, log_odds: float, rgb: Float32Array) -> None:
-        n = len(codes)
-        if not n:
+    def _insert(
+        self,
+        codes: IntArray,
+        log_odds: Float32Array | float,
+        inside: Float32Array | float,
+        outside: Float32Array | float,
+        rgb: Float32Array,
+    ) -> None:
+        """Enter voxels that are not there yet, sorted by their codes, each in its place."""
+        if not len(codes):
             return
-        joined = np.concatenate([self.codes, codes])
-        order = np.argsort(joined, kind="stable")
-        self.codes = joined[order]
-        self.log_odds = np.concatenate([self.log_odds, np.full(n, log_odds, np.float32)])[order]
-        self.inside = np.concatenate([self.inside, np.ones(n, np.float32)])[order]
-        self.outside = np.concatenate([self.outside, np.zeros(n, np.float32)])[order]
-        self.rgb = np.concatenate([self.rgb, rgb])[order]
-        self._centers = None
+        new = np.searchsorted(self.codes, codes) + np.arange(len(codes))
+        old = np.ones(len(self.codes) + len(codes), dtype=bool)
+        old[new] = False
+        self.codes = _laid_in(self.codes, old, codes, new)
+        self.log_odds = _laid_in(self.log_odds, old, log_odds, new)
+        self.inside = _laid_in(self.inside, old, inside, new)
+        self.outside = _laid_in(self.outside, old, outside, new)
+        self.rgb = _laid_in(self.rgb, old, rgb, new)
+        self._set_changed()
 
     def keep(self, kept: BoolArray) -> None:
         """Drop all voxels but the (n,) marked ones."""
@@ -77,7 +109,7 @@ class VoxelMap:
             return
         self.codes, self.log_odds = self.codes[kept], self.log_odds[kept]
         self.inside, self.outside, self.rgb = self.inside[kept], self.outside[kept], self.rgb[kept]
-        self._centers = None
+        self._set_changed()
 
     def absorb(self, other: VoxelMap) -> None:
         """Take in another object's voxels, evidence added up."""
@@ -91,31 +123,15 @@ class VoxelMap:
         self.log_odds[at] = np.minimum(self.log_odds[at] + np.maximum(other.log_odds[source], 0), LOG_ODDS_MAX)
         self.inside[at] += other.inside[source]
         self.outside[at] += other.outside[source]
-        fresh = VoxelMap(
-            self.voxel_m,
-            codes[~known],
-            other.log_odds[first[~known]],
-            other.inside[first[~known]],
-            other.outside[first[~known]],
-            other.rgb[first[~known]],
-        )
-        self._concatenate(fresh)
-
-    def _concatenate(self, other: VoxelMap) -> None:
-        order = np.argsort(np.concatenate([self.codes, other.codes]), kind="stable")
-        self.codes = np.concatenate([self.codes, other.codes])[order]
-        self.log_odds = np.concatenate([self.log_odds, other.log_odds])[order]
-        self.inside = np.concatenate([self.inside, other.inside])[order]
-        self.outside = np.concatenate([self.outside, other.outside])[order]
-        self.rgb = np.concatenate([self.rgb, other.rgb])[order]
-        self._centers = None
+        fresh = first[~known]
+        self._insert(codes[~known], other.log_odds[fresh], other.inside[fresh], other.outside[fresh], other.rgb[fresh])
 
     def solid(self) -> BoolArray:
         """(n,) the voxels that are believed to be the object's: occupied, mostly inside its masks, not alone."""
-        trusted = (self.log_odds > 0) & (self.inside > self.outside)
-        usual = float(np.percentile(self.inside, 90)) if len(self) else 0.0
+        trusted: BoolArray = (self.log_odds > 0) & (self.inside > self.outside)
+        usual = float(percentiles(self.inside, (90,))[0]) if len(self) else 0.0
         often = trusted & (self.inside >= min(2.0, usual))
-        if often.sum() >= 0.3 * trusted.sum():
+        if np.count_nonzero(often) >= 0.3 * np.count_nonzero(trusted):
             trusted = often
         accompanied = np.zeros(len(self.codes), dtype=bool)
         accompanied[trusted] = neighbour_counts(self.codes[trusted]) >= 2
@@ -125,9 +141,9 @@ class VoxelMap:
         """Double the voxels' edge until the longest side has no more than `MAX_SIDE_VOXELS`: adaptive resolution."""
         if not len(self):
             return
-        keys = unpack_codes(self.codes)
+        keys = self.keys()
         while (keys.max(axis=0) - keys.min(axis=0)).max() > MAX_SIDE_VOXELS:
-            keys >>= 1
+            keys = keys >> 1
             self.voxel_m *= 2
             codes, group = np.unique(pack_keys(keys), return_inverse=True)
             members = np.bincount(group).astype(np.float32)
@@ -139,7 +155,8 @@ class VoxelMap:
             self.rgb = np.stack([np.bincount(group, self.rgb[:, c]) / members for c in range(3)], axis=1).astype(
                 np.float32
             )
-            self.codes, keys, self._centers = codes, unpack_codes(codes), None
+            self.codes, keys = codes, unpack_codes(codes)
+            self._set_changed()
 
     def to_cloud(self) -> VoxelCloud:
         """The value that the memory keeps."""
@@ -151,6 +168,14 @@ class VoxelMap:
             self.outside.copy(),
             self.rgb.round().clip(0, 255).astype(np.uint8),
         )
+
+
+def _laid_in(old: Column, at_old: BoolArray, new: Column | float, at_new: IntArray) -> Column:
+    """One array out of two: the old values where they are marked, the new ones at their positions."""
+    joined = np.empty((len(at_old), *old.shape[1:]), old.dtype)
+    joined[at_old] = old
+    joined[at_new] = new
+    return joined
 
 
 def voxel_map_from_cloud(cloud: VoxelCloud) -> VoxelMap:

@@ -25,6 +25,12 @@ class RegionMask:
     v0: int
     pixels: BoolArray
 
+    @property
+    def window(self) -> tuple[slice, slice]:
+        """The rows and columns of the image that the region covers."""
+        h, w = self.pixels.shape
+        return slice(self.v0, self.v0 + h), slice(self.u0, self.u0 + w)
+
     def full(self, height: int, width: int) -> BoolArray:
         """The mask on the whole image, (height, width) bool."""
         mask = np.zeros((height, width), dtype=bool)

@@ -1,0 +1,214 @@
+"""`supermap bench`: what a build costs, stage by stage: what a robot needs to have on board."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from supermap_cli.commands.build import override, request
+from supermap_cli.commands.common import (
+    CameraOption,
+    EndOption,
+    FrameOption,
+    JsonOption,
+    StartOption,
+    TopicOption,
+    err,
+    out,
+    print_json,
+)
+from supermap_cli.commands.tables import print_table
+from supermap_cli.errors import ConfigError
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from supermap_cli.costs.job import Job, Measured
+    from supermap_cli.costs.report import Bench
+
+EXAMPLES = """
+Examples:
+
+    supermap bench run.mcap
+
+    supermap bench run.mcap --json > before.json
+
+    supermap bench run.mcap --compare before.json
+
+    supermap bench run.mcap --objects 40,400
+"""
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command to the app."""
+    app.command(epilog=EXAMPLES)(bench)
+
+
+def bench(  # noqa: PLR0917 - a command line has many options
+    recordings: Annotated[
+        list[Path], typer.Argument(help="Recordings as `supermap build` takes them; one traversal each.")
+    ],
+    detector: Annotated[str | None, typer.Option(help="The detector plugin. [default: recorded, else onnx]")] = None,
+    odometry: Annotated[
+        str | None, typer.Option(help="The odometry plugin. [default: recorded, else kiss-icp]")
+    ] = None,
+    segmenter: Annotated[str | None, typer.Option(help="The segmenter plugin, for boxes without masks.")] = None,
+    tracker: Annotated[str | None, typer.Option(help="The tracker plugin.")] = None,
+    option: Annotated[
+        list[str] | None, typer.Option(metavar="BACKEND.NAME=VALUE", help="An option of a plugin; may be repeated.")
+    ] = None,
+    topic: TopicOption = None,
+    frame: FrameOption = None,
+    camera: CameraOption = None,
+    start: StartOption = None,
+    end: EndOption = None,
+    rate: Annotated[float | None, typer.Option(help="Images mapped a second. [default: 3]")] = None,
+    align: Annotated[
+        str, typer.Option(metavar="auto|none|'X Y Z YAW'", help="How a further traversal is placed in the map.")
+    ] = "auto",
+    objects: Annotated[
+        str | None,
+        typer.Option(metavar="N,N,...", help="Also measure mapping with so many objects in the map, e.g. 40,400."),
+    ] = None,
+    compare: Annotated[
+        Path | None, typer.Option(metavar="OLD.json", help="Set the figures against those of an earlier --json.")
+    ] = None,
+    json: JsonOption = False,
+) -> None:
+    """Measure what building costs: time by stage, memory and disk. The map goes to a temporary database.
+
+    The recordings are built as `supermap build` does it, then once more one stage at a time, then only decoded, each
+    in a process of its own. Other programs at work on the machine show in the figures.
+    """
+    from supermap_cli.config import load_user_config  # noqa: PLC0415 - keeps start-up light
+    from supermap_cli.costs.job import Job  # noqa: PLC0415
+    from supermap_cli.costs.report import compare as set_against  # noqa: PLC0415
+    from supermap_cli.costs.report import read_bench  # noqa: PLC0415
+    from supermap_cli.query.views import to_document  # noqa: PLC0415
+
+    earlier = None if compare is None else read_bench(compare)
+    wanted = parse_objects(objects)
+    config = override(
+        load_user_config(Path.cwd()).build,
+        detector=detector,
+        odometry=odometry,
+        segmenter=segmenter,
+        tracker=tracker,
+        options=option,
+        topics=topic,
+        frames=frame,
+        camera=camera,
+        rate=rate,
+    )
+    with tempfile.TemporaryDirectory(prefix="supermap-bench-") as folder:
+        job = Job(
+            what="build",
+            recordings=tuple(recordings),
+            config=config,
+            wanted=request(config, start, end),
+            align=align,
+            db=Path(folder) / "build.db",
+        )
+        measured = measure(job, recordings, wanted, Path(folder))
+    if earlier is not None and compare is not None:
+        measured = replace(measured, compared=set_against(measured, earlier, compare))
+    if json:
+        print_json(to_document(measured))
+    else:
+        print_bench(out(), measured)
+
+
+def measure(job: Job, recordings: list[Path], objects: tuple[int, ...], folder: Path) -> Bench:
+    """Run every measurement, one after the other."""
+    from supermap_cli.costs.children import run_apart  # noqa: PLC0415 - keeps start-up light
+    from supermap_cli.costs.job import BuildRun, DecodeRun, StagesRun  # noqa: PLC0415
+    from supermap_cli.costs.report import summarise  # noqa: PLC0415
+
+    def asked(what: Measured, told: str, wanted: int = 0) -> Job:
+        err().print(f"measuring: {told}", markup=False)
+        return job.model_copy(update={"what": what, "objects": wanted, "db": folder / f"{what}-{wanted}.db"})
+
+    build = run_apart(asked("build", "the build as it is"), BuildRun, folder)
+    stages = run_apart(asked("stages", "one stage at a time"), StagesRun, folder)
+    decode = run_apart(asked("decode", "decoding alone"), DecodeRun, folder)
+    growth = [
+        (wanted, run_apart(asked("growth", f"{wanted} objects in the map", wanted), StagesRun, folder))
+        for wanted in objects
+    ]
+    return summarise(recordings, build, stages, decode, growth)
+
+
+def parse_objects(text: str | None) -> tuple[int, ...]:
+    """`"40,400"` -> (40, 400). Raises `ConfigError` for anything else."""
+    parts = [part.strip() for part in text.split(",")] if text is not None else []
+    if not all(part.isascii() and part.isdigit() and int(part) > 0 for part in parts):
+        raise ConfigError(f"--objects {text!r} is not understood", cure="write --objects 40,400")
+    return tuple(dict.fromkeys(map(int, parts)))
+
+
+def print_bench(console: Console, bench: Bench) -> None:
+    """All figures for people."""
+    build, machine = bench.build, bench.machine
+    console.print(
+        f"{bench.keyframes} keyframes of {build.recorded_s:.1f} s, {bench.detections} detections, {bench.objects} "
+        f"objects; {machine.cpus} cores, {machine.system}, Python {machine.python}, supermap {machine.supermap}",
+        markup=False,
+    )
+    columns: tuple[str, ...]
+    console.print("  " + ", ".join(f"{kind} {name}" for kind, name in bench.backends.items()) + "\n", markup=False)
+    print_table(console, "", ("stage", "", "mean ms#", "p95 ms#", "share#", "runs#"), _stage_rows(bench))
+    print_table(
+        console,
+        "Rates, with a core to itself",
+        ("module", "ms a keyframe#", "Hz#", "the paper's Hz#"),
+        _rate_rows(bench),
+    )
+    print_table(console, "", ("figure", "value#", "what it says"), _whole_rows(bench))
+    if bench.growth:
+        columns = ("objects in the map", "mapping, ms a keyframe#", "to the first#")
+        print_table(console, "Mapping the second half of the first recording", columns, _growth_rows(bench))
+    if bench.compared is not None:
+        columns = ("figure", "then#", "now#", "then / now#")
+        print_table(console, f"Against {bench.compared.document}", columns, _change_rows(bench))
+
+
+def _stage_rows(bench: Bench) -> Iterator[tuple[str, ...]]:
+    for each in bench.stages:
+        cells = (f"{each.mean_ms:.2f}", f"{each.p95_ms:.2f}", f"{100 * each.share:.0f} %", str(each.runs))
+        yield (each.stage, each.kind, *cells)
+
+
+def _rate_rows(bench: Bench) -> Iterator[tuple[str, ...]]:
+    for each in bench.rates:
+        module = f"{each.module} ({', '.join(each.stages)})"
+        yield module, f"{each.ms:.2f}", f"{each.hz:.1f}", f"{each.paper_hz:g}"
+
+
+def _whole_rows(bench: Bench) -> tuple[tuple[str, ...], ...]:
+    build, floor = bench.build, bench.floor
+    return (
+        ("realtime factor", f"{build.realtime_factor:.1f}", f"recording / build; the build took {build.total_s:.1f} s"),
+        ("cores at realtime", f"{build.cores:.2f}", "CPU seconds for a second of recording, all threads"),
+        ("mapping", f"{floor.mapping_ms:.2f} ms", "a keyframe: all but decoding, odometry and neural inference"),
+        ("decoding alone", f"{floor.decode_ms:.2f} ms", "a keyframe: the same images and recorded detections"),
+        ("mapping / decoding alone", f"{floor.ratio:.2f}", "1: mapping costs as much as reading what it maps"),
+        ("peak memory", f"{build.peak_memory_mb:.0f} MB", f"decoding alone: {floor.peak_memory_mb:.0f} MB"),
+        ("database", f"{build.database_mb:.1f} MB", "on disk"),
+    )
+
+
+def _growth_rows(bench: Bench) -> Iterator[tuple[str, ...]]:
+    first = bench.growth[0].mapping_ms
+    for each in bench.growth:
+        yield str(each.objects), f"{each.mapping_ms:.2f}", f"{each.mapping_ms / max(first, 1e-9):.2f}"
+
+
+def _change_rows(bench: Bench) -> Iterator[tuple[str, ...]]:
+    for each in bench.compared.changes if bench.compared is not None else ():
+        ratio = "-" if each.ratio is None else f"{each.ratio:.2f}"
+        yield each.figure, f"{each.then:.2f}", f"{each.now:.2f}", ratio

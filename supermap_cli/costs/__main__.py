@@ -1,0 +1,25 @@
+"""`python -m supermap_cli.costs JOB RESULT`: makes one measurement, both files JSON."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+from supermap_cli.costs.job import Job
+from supermap_cli.costs.measuring import measure
+from supermap_cli.errors import SupermapError
+from supermap_cli.query.views import to_document
+
+
+def main(job: Path, result: Path) -> None:
+    """What the user can mend is handed back like a result."""
+    try:
+        found = {"run": to_document(measure(Job.model_validate_json(job.read_text(encoding="utf-8"))))}
+    except SupermapError as error:
+        found = {"error": {"what": error.what, "where": error.where, "cure": error.cure}}
+    result.write_text(json.dumps(found), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), Path(sys.argv[2]))

@@ -1,0 +1,126 @@
+"""The measurements themselves, as they run in a process of their own."""
+
+from __future__ import annotations
+
+import resource
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+from supermap_cli.allocation import keep_freed_memory
+from supermap_cli.costs.filling import fill
+from supermap_cli.costs.job import BuildRun, DecodeRun, Job, Run, StagesRun
+from supermap_cli.hookspecs import RecordingRequest
+from supermap_cli.memory.opening import open_store
+from supermap_cli.memory.store import MapStore
+from supermap_cli.pipeline import BuildSummary, TraversalBuild, choose_backends, select_keyframes
+from supermap_cli.plugin_manager import Plugins, load_plugins
+from supermap_cli.protocols import Recording
+from supermap_cli.recordings import open_bag_recording
+from supermap_cli.timing import StageClock
+
+
+def measure(job: Job) -> Run:
+    """Do what a job says. Raises a `SupermapError` for recordings that cannot be mapped."""
+    keep_freed_memory()
+    plugins = load_plugins()
+    if job.what == "decode":
+        return decode(job, plugins)
+    if job.what == "build":
+        return build(job, plugins)
+    with open_store(str(job.db), create=True) as store:
+        if job.what == "stages":
+            return stages(job, plugins, store)
+        return growth(job, plugins, store)
+
+
+def build(job: Job, plugins: Plugins) -> BuildRun:
+    """Build all recordings as `supermap build` does."""
+    began = time.perf_counter()
+    with open_store(str(job.db), create=True) as store:
+        summaries = [
+            TraversalBuild(recording, plugins, job.config, store).run(align=job.align)
+            for recording in _opened(job, plugins, job.wanted)
+        ]
+    total_s = time.perf_counter() - began
+    usage = resource.getrusage(resource.RUSAGE_SELF)
+    return BuildRun(
+        keyframes=sum(each.tally.keyframes for each in summaries),
+        detections=sum(each.tally.detections for each in summaries),
+        objects=summaries[-1].instances,
+        recorded_s=sum(each.recorded_s for each in summaries),
+        total_s=total_s,
+        cpu_s=usage.ru_utime + usage.ru_stime,
+        peak_memory_mb=peak_memory_mb(),
+        database_mb=job.db.stat().st_size / 1e6,
+        backends=summaries[-1].backends,
+    )
+
+
+def stages(job: Job, plugins: Plugins, store: MapStore) -> StagesRun:
+    """Build all recordings, one stage at a time."""
+    clock = StageClock()
+    summaries = [
+        TraversalBuild(recording, plugins, job.config, store, clock=clock, look_ahead=False).run(align=job.align)
+        for recording in _opened(job, plugins, job.wanted)
+    ]
+    return _stages_run(summaries, clock)
+
+
+def growth(job: Job, plugins: Plugins, store: MapStore) -> StagesRun:
+    """Map the second half of the first recording into a map of so many objects."""
+    recording = next(_opened(job, plugins, job.wanted))
+    start_s = job.wanted.start_s or 0.0
+    middle_s = start_s + (recording.end_ns - recording.start_ns) / 2e9
+    first, second = (job.wanted.model_copy(update=half) for half in ({"end_s": middle_s}, {"start_s": middle_s}))
+    built = TraversalBuild(next(_opened(job, plugins, first)), plugins, job.config, store).run(align=job.align)
+    fill(store, built.traversal_id, job.objects, job.config.mapping.max_depth_m)
+    clock = StageClock()
+    traversal = TraversalBuild(
+        next(_opened(job, plugins, second)), plugins, job.config, store, clock=clock, look_ahead=False
+    )
+    return _stages_run([traversal.run(align=job.align)], clock)
+
+
+def decode(job: Job, plugins: Plugins) -> DecodeRun:
+    """Decode the keyframes that a build would map, and what was recorded for them, and drop all of it."""
+    keyframes, total_s = 0, 0.0
+    for recording in _opened(job, plugins, job.wanted):
+        detector = choose_backends(recording, plugins, job.config).detector
+        recorded_ns, rate_hz = detector.image_stamps_ns(), job.config.keyframes.rate_hz
+        due = select_keyframes(recording.frame_stamps_ns(), recorded_ns, rate_hz)
+        next(recording.frames({min(due, default=0)}.__contains__), None)  # calibrates the cameras
+        began = time.perf_counter()
+        for frame in recording.frames(due.__contains__):
+            keyframes += 1
+            if recorded_ns is not None:
+                detector.detect(frame)
+        total_s += time.perf_counter() - began
+    return DecodeRun(keyframes, total_s, peak_memory_mb())
+
+
+def _stages_run(summaries: list[BuildSummary], clock: StageClock) -> StagesRun:
+    keyframes = sum(each.tally.keyframes for each in summaries)
+    return StagesRun(keyframes, summaries[-1].instances, clock.timings())
+
+
+def _opened(job: Job, plugins: Plugins, wanted: RecordingRequest) -> Iterator[Recording]:
+    for path in job.recordings:
+        opened: Recording | None = plugins.hook.open_recording(path=path, request=wanted)
+        yield opened if opened is not None else open_bag_recording(path, wanted)
+
+
+def peak_memory_mb() -> float:
+    """The most memory this process had at a time, 10^6 bytes.
+
+    Linux counts what the process had before it became this program into `ru_maxrss` (getrusage(2)), so it is asked
+    otherwise there.
+    """
+    status = Path("/proc/self/status")
+    if status.is_file():
+        fields = dict(line.split(":", 1) for line in status.read_text(encoding="ascii").splitlines())
+        if "VmHWM" in fields:
+            return int(fields["VmHWM"].split()[0]) * 1024 / 1e6
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return (peak if sys.platform == "darwin" else peak * 1024) / 1e6

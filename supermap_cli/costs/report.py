@@ -1,0 +1,257 @@
+"""The figures of `supermap bench`: the document it prints with --json."""
+
+from __future__ import annotations
+
+import os
+import platform
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from pydantic import TypeAdapter, ValidationError
+
+from supermap_cli.costs.job import BuildRun, DecodeRun, StagesRun
+from supermap_cli.errors import EvaluationError
+from supermap_cli.timing import StageTiming
+from supermap_cli.version import __version__
+
+Kind = Literal["once", "perception", "mapping"]
+
+ONCE = ("place", "restore")
+MAPPING = ("segment", "visibility", "track", "map", "graph", "record", "write")
+"""All that is done for a keyframe but decoding, odometry and neural inference."""
+
+PAPER_HZ = {"pose": 10.0, "map": 3.0, "segmentation": 1.0, "graph": 5.0}
+RATED = {
+    "pose": ("odometry", "depth", "drift"),
+    "map": ("visibility", "track", "map", "record", "write"),
+    "segmentation": ("detect", "segment"),
+    "graph": ("graph",),
+}
+"""The modules whose rates the paper names, and the stages that do their work here."""
+
+
+@dataclass(frozen=True)
+class StageCost:
+    """One stage: `mean_ms` and `p95_ms` of its runs, `share` of all stages' time."""
+
+    stage: str
+    kind: Kind
+    runs: int
+    total_s: float
+    mean_ms: float
+    p95_ms: float
+    share: float
+
+
+@dataclass(frozen=True)
+class Rate:
+    """How often a second a module could run if it had a core to itself, and how often the paper's does."""
+
+    module: str
+    stages: tuple[str, ...]
+    ms: float
+    hz: float
+    paper_hz: float
+
+
+@dataclass(frozen=True)
+class WholeBuild:
+    """The build as `supermap build` does it, perception beside mapping: sizes in 10^6 bytes.
+
+    `realtime_factor`: seconds of recording mapped in a second; `cores`: CPU seconds for a second of recording.
+    """
+
+    recorded_s: float
+    total_s: float
+    realtime_factor: float
+    cpu_s: float
+    cores: float
+    peak_memory_mb: float
+    database_mb: float
+
+
+@dataclass(frozen=True)
+class Floor:
+    """What decoding the same keyframes and recorded detections takes: `ratio` is mapping in units of it.
+
+    Milliseconds for a keyframe. `decode_ms` was measured in a process that did nothing else.
+    """
+
+    decode_ms: float
+    mapping_ms: float
+    ratio: float
+    peak_memory_mb: float
+
+
+@dataclass(frozen=True)
+class Growth:
+    """Mapping time for a keyframe with at least so many objects in the map; `objects` stood in it at the end."""
+
+    wanted: int
+    objects: int
+    keyframes: int
+    mapping_ms: float
+
+
+@dataclass(frozen=True)
+class Change:
+    """A figure then and now; `ratio` is then / now."""
+
+    figure: str
+    then: float
+    now: float
+    ratio: float | None
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Against an earlier document."""
+
+    document: str
+    changes: tuple[Change, ...]
+
+
+@dataclass(frozen=True)
+class Machine:
+    """What it was measured with."""
+
+    cpus: int
+    system: str
+    python: str
+    supermap: str
+
+
+@dataclass(frozen=True)
+class Bench:
+    """All figures of one measurement."""
+
+    recordings: tuple[str, ...]
+    machine: Machine
+    backends: dict[str, str]
+    keyframes: int
+    detections: int
+    objects: int
+    build: WholeBuild
+    stages: tuple[StageCost, ...]
+    rates: tuple[Rate, ...]
+    floor: Floor
+    growth: tuple[Growth, ...] = ()
+    compared: Comparison | None = None
+
+
+def summarise(
+    recordings: Sequence[Path],
+    build: BuildRun,
+    stages: StagesRun,
+    decode: DecodeRun,
+    growth: Sequence[tuple[int, StagesRun]],
+) -> Bench:
+    """The document of what the processes found."""
+    return Bench(
+        recordings=tuple(map(str, recordings)),
+        machine=this_machine(),
+        backends=build.backends,
+        keyframes=build.keyframes,
+        detections=build.detections,
+        objects=build.objects,
+        build=_whole(build),
+        stages=tuple(_costs(stages.timings)),
+        rates=tuple(_rates(stages)),
+        floor=_floor(stages, decode),
+        growth=tuple(Growth(wanted, each.objects, each.keyframes, mapping_ms(each)) for wanted, each in growth),
+    )
+
+
+def this_machine() -> Machine:
+    """Cores that this process may use, system and versions."""
+    cpus = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return Machine(cpus, f"{platform.system()} {platform.machine()}", platform.python_version(), __version__)
+
+
+def mapping_ms(stages: StagesRun) -> float:
+    """Milliseconds of all mapping stages for a keyframe."""
+    return _per_keyframe_ms(stages, MAPPING)
+
+
+def _per_keyframe_ms(stages: StagesRun, names: Sequence[str]) -> float:
+    return 1000 * sum(each.total_s for each in stages.timings if each.stage in names) / max(stages.keyframes, 1)
+
+
+def _whole(build: BuildRun) -> WholeBuild:
+    return WholeBuild(
+        recorded_s=build.recorded_s,
+        total_s=build.total_s,
+        realtime_factor=build.recorded_s / max(build.total_s, 1e-9),
+        cpu_s=build.cpu_s,
+        cores=build.cpu_s / max(build.recorded_s, 1e-9),
+        peak_memory_mb=build.peak_memory_mb,
+        database_mb=build.database_mb,
+    )
+
+
+def _costs(timings: Sequence[StageTiming]) -> Iterator[StageCost]:
+    everything_s = sum(each.total_s for each in timings)
+    for each in timings:
+        kind: Kind = "once" if each.stage in ONCE else "mapping" if each.stage in MAPPING else "perception"
+        share = each.total_s / max(everything_s, 1e-9)
+        yield StageCost(each.stage, kind, each.runs, each.total_s, each.mean_ms, each.p95_ms, share)
+
+
+def _rates(stages: StagesRun) -> Iterator[Rate]:
+    ran = {each.stage for each in stages.timings}
+    for module, names in RATED.items():
+        ms = _per_keyframe_ms(stages, names)
+        if ms > 0:
+            present = tuple(name for name in names if name in ran)
+            yield Rate(module, present, ms, 1000 / ms, PAPER_HZ[module])
+
+
+def _floor(stages: StagesRun, decode: DecodeRun) -> Floor:
+    decode_ms = 1000 * decode.total_s / max(decode.keyframes, 1)
+    mapping = mapping_ms(stages)
+    return Floor(decode_ms, mapping, mapping / max(decode_ms, 1e-9), decode.peak_memory_mb)
+
+
+def compare(now: Bench, then: Bench, document: Path) -> Comparison:
+    """Every figure that both documents have."""
+    before = dict(_figures(then))
+    changes = [
+        Change(name, before[name], value, before[name] / value if value > 0 else None)
+        for name, value in _figures(now)
+        if name in before
+    ]
+    return Comparison(str(document), tuple(changes))
+
+
+def _figures(bench: Bench) -> Iterator[tuple[str, float]]:
+    for stage in bench.stages:
+        yield f"{stage.stage}, mean ms", stage.mean_ms
+    yield "mapping, ms a keyframe", bench.floor.mapping_ms
+    yield "decoding alone, ms a keyframe", bench.floor.decode_ms
+    yield "mapping / decoding alone", bench.floor.ratio
+    for each in bench.growth:
+        yield f"mapping with {each.wanted} objects, ms a keyframe", each.mapping_ms
+    yield "build, s for a second of recording", bench.build.total_s / max(bench.build.recorded_s, 1e-9)
+    yield "cores in use at realtime", bench.build.cores
+    yield "peak memory, MB", bench.build.peak_memory_mb
+    yield "database, MB", bench.build.database_mb
+
+
+def read_bench(path: Path) -> Bench:
+    """An earlier document. Raises `EvaluationError` for a file that is none."""
+    try:
+        return TypeAdapter(Bench).validate_json(path.read_bytes())
+    except OSError as error:
+        raise EvaluationError(
+            f"it cannot be read: {error.strerror}", where=str(path), cure="name a document of `supermap bench --json`"
+        ) from error
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        entry = ".".join(str(part) for part in first["loc"])
+        raise EvaluationError(
+            f"this is no document of `supermap bench --json`: {entry + ': ' if entry else ''}{first['msg']}",
+            where=str(path),
+            cure="make one with `supermap bench RECORDING --json > old.json`",
+        ) from error

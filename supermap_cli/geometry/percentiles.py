@@ -1,0 +1,35 @@
+"""Percentiles of small arrays: `numpy.percentile` with its default, linear interpolation, at a fraction of the cost."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from supermap_cli.geometry.arrays import FloatArray
+
+
+def percentiles(values: NDArray[np.floating | np.integer], wanted: tuple[float, ...]) -> FloatArray:
+    """(q,) percentiles of (n,) values, or (q, k) of the k columns of (n, k); n is at least 1 and no value NaN.
+
+    The same as numpy's to the last bit (Hyndman and Fan 1996, type 7), in float64; of float32 values in float32, as
+    numpy has it for one percentile.
+    """
+    kind = np.float32 if values.dtype == np.float32 else np.float64
+    below, above, share = _ranks(len(values), wanted, kind)
+    ordered = np.partition(values, list({*below, *above}), axis=0)
+    low, high = ordered[below], ordered[above]
+    weights = share if values.ndim == 1 else share[:, None]
+    step = high - low
+    found: FloatArray = np.where(weights < 0.5, low + step * weights, high - step * (1 - weights))
+    return found
+
+
+@lru_cache(maxsize=4096)
+def _ranks(n: int, wanted: tuple[float, ...], kind: type[np.floating]) -> tuple[list[int], list[int], FloatArray]:
+    """The ranks below and above each percentile of n values, and how far between the two it lies."""
+    at = (n - 1) * np.true_divide(np.asarray(wanted, kind), kind(100))
+    below = np.floor(at)
+    above = np.minimum(below + 1, n - 1)
+    return below.astype(int).tolist(), above.astype(int).tolist(), at - below
