@@ -97,7 +97,7 @@ class Cell:
 
     @property
     def evidence(self) -> float:
-        """n looks say what sqrt(n) independent ones would that agree with them on average."""
+        """The looks say what sqrt(n) independent ones that agree with them on average would."""
         return self.log_ratios / float(np.sqrt(self.looks)) if self.looks else 0.0
 
 

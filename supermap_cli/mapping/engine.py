@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from supermap_cli.config import Ablation, MappingConfig
-from supermap_cli.geometry.arrays import BoolArray, FloatArray, IntArray
+from supermap_cli.geometry.arrays import BoolArray, IntArray
 from supermap_cli.geometry.boxes import pairwise_iou
 from supermap_cli.mapping import lifecycle
 from supermap_cli.mapping.association import Affinity, associate, reached
@@ -31,7 +31,7 @@ from supermap_cli.mapping.objects import MapObject, ObjectMap
 from supermap_cli.mapping.pair_evidence import PairEvidence
 from supermap_cli.mapping.recall import RecallModel, ScoreModel
 from supermap_cli.mapping.shifting import find_shift
-from supermap_cli.mapping.transitions import Transitions
+from supermap_cli.mapping.transitions import Transitions, Whereabouts
 from supermap_cli.mapping.visibility import ObjectView, look_at
 from supermap_cli.types.detections import Detections, TrackPrior
 from supermap_cli.types.keyframe import Keyframe
@@ -190,10 +190,10 @@ class MappingEngine:
         if not seen.present:
             self.turns.come_back(seen, stamp_ns)
             view = None
-        elif fit is not None and (to_map := self._moves(look, seen, view, detection, covered)) is not None:
+        elif fit is not None and (to := self._moves(look, seen, view, detection, covered)) is not None:
             if seen.shifted_looks < lifecycle.SHIFTED_LOOKS and seen.label not in ANIMATE:
                 return
-            self.turns.shift(seen, to_map, stamp_ns)
+            self.turns.shift(seen, to, seen.first_shifted_ns)
             view = None
         if view is not None:
             if "semantic-fusion" not in self.ablate:
@@ -207,16 +207,18 @@ class MappingEngine:
     @staticmethod
     def _moves(
         look: Look, seen: MapObject, view: ObjectView | None, detection: LiftedDetection, covered: float
-    ) -> FloatArray | None:
-        """Where this image shows the object, (3,), if away from its place; counts such images in a row."""
-        to_map: FloatArray | None = None
+    ) -> Whereabouts | None:
+        """Where this image shows the object, if away from its place; counts such images in a row."""
+        to: Whereabouts | None = None
         if seen.motion.moving or lifecycle.has_shifted(seen, view, detection, covered):
-            to_map = detection.centroid_map
+            to = Whereabouts(detection.centroid_map, None)
         elif view is not None and view.observable_share >= lifecycle.OBSERVABLE_SHARE:
             shift = find_shift(look.depth, seen, view, detection)
-            to_map = None if shift is None else seen.shape.centroid + shift
-        seen.shifted_looks = 0 if to_map is None else seen.shifted_looks + 1
-        return to_map
+            to = None if shift is None else Whereabouts(seen.shape.centroid + shift, shift)
+        seen.shifted_looks = 0 if to is None else seen.shifted_looks + 1
+        if seen.shifted_looks == 1:
+            seen.first_shifted_ns = look.keyframe.stamp_ns
+        return to
 
     def _support(self, look: Look, seen: MapObject, detection: LiftedDetection, view: ObjectView | None) -> None:
         """Label, existence, track and the observation itself."""

@@ -62,7 +62,8 @@ class MapObject:
     """One thing the map believes in, or is about to (`confirmed` False: tentative, not in the map yet).
 
     `existence` is the log-odds that it is real, `doubted` that it was confirmed once but is believed in no more;
-    `present` False: its place was seen empty in `absent_looks` looks in a row, the first at `first_absent_ns`.
+    `present` False: its place was seen empty in `absent_looks` looks in a row, the first at `first_absent_ns`;
+    so many `shifted_looks` in a row, the first at `first_shifted_ns`, showed it beside its place.
     `pending` are the observations made before it was confirmed; `entered` says that it is known to the memory.
     """
 
@@ -84,6 +85,7 @@ class MapObject:
     absent_looks: int = 0
     first_absent_ns: int = 0
     shifted_looks: int = 0
+    first_shifted_ns: int = 0
     viewpoints: Viewpoints = field(default_factory=Viewpoints)
     motion: MotionState = field(default_factory=MotionState)
     visit: VisitCount = field(default_factory=VisitCount)

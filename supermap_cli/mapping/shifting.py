@@ -36,8 +36,8 @@ def find_shift(depth: DepthView, seen: MapObject, view: ObjectView, detection: L
     before = view.contradicted_share
     if before < VACATED_SHARE:
         return None
-    shift = best_shift(depth, seen, detection, np.zeros(3), COARSE_M, MOST_SHIFT_M)
-    shift = best_shift(depth, seen, detection, shift, FINE_M, COARSE_M)
+    shift = best_shift(depth, seen, detection, _grid(COARSE_M, MOST_SHIFT_M))
+    shift = best_shift(depth, seen, detection, shift + _grid(FINE_M, COARSE_M))
     if np.linalg.norm(shift) < LEAST_SHIFT_M:
         return None
     (there, left), (here, _) = (agreement(depth, seen, detection, each[None]) for each in (shift, np.zeros(3)))
@@ -45,15 +45,17 @@ def find_shift(depth: DepthView, seen: MapObject, view: ObjectView, detection: L
     return shift if explained and there[0] - here[0] > LEAST_GAIN else None
 
 
-def best_shift(
-    depth: DepthView, seen: MapObject, detection: LiftedDetection, around: FloatArray, step_m: float, reach_m: float
-) -> FloatArray:
-    """The level shift (3,) on a grid about another one with which the object agrees best; of equals the least."""
-    ticks = np.arange(-reach_m, reach_m + step_m / 2, step_m)
-    x, y = np.meshgrid(ticks, ticks)
-    shifts = around + np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
+def best_shift(depth: DepthView, seen: MapObject, detection: LiftedDetection, shifts: FloatArray) -> FloatArray:
+    """The one (3,) of some shifts (k, 3) with which the object agrees best; of equals the least."""
     shifts = shifts[np.argsort(np.linalg.norm(shifts, axis=1), kind="stable")]
     return np.asarray(shifts[int(np.argmax(agreement(depth, seen, detection, shifts)[0]))])
+
+
+def _grid(step_m: float, reach_m: float) -> FloatArray:
+    """Level shifts (k, 3) on a square grid about none."""
+    ticks = np.arange(-reach_m, reach_m + step_m / 2, step_m)
+    x, y = np.meshgrid(ticks, ticks)
+    return np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
 
 
 def agreement(

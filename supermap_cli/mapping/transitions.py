@@ -6,11 +6,20 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.mapping.changes import Changes, instance_record, open_state
 from supermap_cli.mapping.lifecycle import join
 from supermap_cli.mapping.objects import MapObject, ObjectMap, OpenState
 from supermap_cli.mapping.voxel_map import FINEST_VOXEL_M, VoxelMap
 from supermap_cli.types.memory import Observation, TemporalEdge, TemporalKind
+
+
+@dataclass(frozen=True)
+class Whereabouts:
+    """Where an image shows an object that is not in its place: its middle (3,), and the shift (3,) if it is known."""
+
+    centroid_map: FloatArray
+    shift_m: FloatArray | None
 
 
 @dataclass
@@ -59,15 +68,21 @@ class Transitions:
         if back.confirmed:
             self._note("reappeared", back, before, (gone_ns, stamp_ns))
 
-    def shift(self, moved: MapObject, to_map: np.ndarray, stamp_ns: int) -> None:
-        """An object stands beside its old place, at `to_map` (3,), or is on the move: its cloud starts anew."""
+    def shift(self, moved: MapObject, to: Whereabouts, since_ns: int) -> None:
+        """An object stands beside its old place since `since_ns`, or is on the move: its cloud comes along where it is
+        known how far, else it starts anew.
+        """
         if moved.confirmed and not moved.motion.moving:
-            distance_m = float(np.linalg.norm(to_map - moved.shape.centroid))
-            before, since_ns = moved.state.index, moved.last_seen_ns
-            self.changes.closed_states.append(open_state(moved, stamp_ns))
-            moved.state = OpenState(before + 1, stamp_ns, since_ns)
-            self._note("moved", moved, before, (since_ns, stamp_ns), distance_m)
-        self._restart_cloud(moved)
+            distance_m = float(np.linalg.norm(to.centroid_map - moved.shape.centroid))
+            before, last_ns = moved.state.index, moved.last_seen_ns
+            self.changes.closed_states.append(open_state(moved, since_ns))
+            moved.state = OpenState(before + 1, since_ns, last_ns)
+            self._note("moved", moved, before, (last_ns, since_ns), distance_m)
+        if to.shift_m is None:
+            self._restart_cloud(moved)
+        else:
+            moved.voxels = moved.voxels.moved(to.shift_m)
+            moved.touched()
 
     def take_over(self, old: MapObject, found: MapObject) -> None:
         """`old`, which was gone, is what was `found` elsewhere; a stored `found` becomes part of it."""

@@ -126,6 +126,20 @@ class VoxelMap:
         fresh = first[~known]
         self._insert(codes[~known], other.log_odds[fresh], other.inside[fresh], other.outside[fresh], other.rgb[fresh])
 
+    def moved(self, shift_m: FloatArray) -> VoxelMap:
+        """The same voxels shifted by (3,) metres, to the nearest voxel."""
+        steps = np.rint(shift_m / self.voxel_m).astype(np.int64)
+        codes = pack_keys(self.keys() + steps)
+        order = np.argsort(codes)
+        return VoxelMap(
+            self.voxel_m,
+            codes[order],
+            self.log_odds[order],
+            self.inside[order],
+            self.outside[order],
+            self.rgb[order],
+        )
+
     def solid(self) -> BoolArray:
         """(n,) the voxels that are believed to be the object's: occupied, mostly inside its masks, not alone."""
         trusted: BoolArray = (self.log_odds > 0) & (self.inside > self.outside)
