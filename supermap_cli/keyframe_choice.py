@@ -8,6 +8,8 @@ import numpy as np
 
 from supermap_cli.geometry.arrays import IntArray
 
+_SLACK_NS = 1e6
+
 
 @dataclass(frozen=True)
 class KeyframeChoice:
@@ -29,17 +31,19 @@ def choose_keyframes(
     if detected_stamps_ns is not None:
         able = np.intersect1d(frame_stamps_ns, detected_stamps_ns)
     perceived = evenly(able, min(rate_hz, perception_rate_hz or rate_hz))
-    between = fill_gaps(frame_stamps_ns, np.array(perceived, np.int64), 1e9 / rate_hz)
-    return KeyframeChoice(frozenset(perceived) | between, frozenset(perceived))
+    chosen = frozenset(perceived)
+    if not perceived or len(perceived) >= len(evenly(frame_stamps_ns, rate_hz)):
+        return KeyframeChoice(chosen, chosen)
+    return KeyframeChoice(chosen | fill_gaps(frame_stamps_ns, np.array(perceived), 1e9 / rate_hz), chosen)
 
 
 def evenly(stamps_ns: IntArray, rate_hz: float) -> list[int]:
     """Evenly `rate_hz` of ascending stamps."""
-    period_ns, slack_ns = 1e9 / rate_hz, 1e6
+    period_ns = 1e9 / rate_hz
     selected: list[int] = []
     due_ns = -np.inf
     for stamp_ns in stamps_ns.tolist():
-        if stamp_ns >= due_ns - slack_ns:
+        if stamp_ns >= due_ns - _SLACK_NS:
             selected.append(stamp_ns)
             on_time = due_ns > stamp_ns - period_ns
             due_ns = (due_ns if on_time else stamp_ns) + period_ns
@@ -49,13 +53,11 @@ def evenly(stamps_ns: IntArray, rate_hz: float) -> list[int]:
 def fill_gaps(stamps_ns: IntArray, chosen_ns: IntArray, period_ns: float) -> frozenset[int]:
     """The stamps that come nearest to an even spacing of about `period_ns` before, between and after the chosen ones.
 
-    Both are ascending. A gap counts from one and a half periods on.
+    Both are ascending, and not empty. Between two chosen ones a gap counts from one and a half periods on.
     """
-    if not len(chosen_ns):
-        return frozenset()
     first_ns, last_ns = chosen_ns[0], chosen_ns[-1]
-    before = first_ns - period_ns * np.arange(1, 1 + round((first_ns - stamps_ns[0]) / period_ns))
-    after = last_ns + period_ns * np.arange(1, 1 + round((stamps_ns[-1] - last_ns) / period_ns))
+    before = np.arange(first_ns - period_ns, stamps_ns[0] - _SLACK_NS, -period_ns)
+    after = np.arange(last_ns + period_ns, stamps_ns[-1] + _SLACK_NS, period_ns)
     wanted = [before, after]
     for start_ns, gap_ns in zip(chosen_ns[:-1], np.diff(chosen_ns), strict=True):
         steps = round(gap_ns / period_ns)
