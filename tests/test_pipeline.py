@@ -372,9 +372,9 @@ def test_the_map_does_not_depend_on_how_late_detections_come(tmp_path: Path, del
 
 
 def test_detections_that_come_too_late_are_left_out_with_a_warning(tmp_path: Path) -> None:
-    summary = two_days(tmp_path / "map.db", {"delay_s": 2.0, "wait_s": 0.5})
+    summary = two_days(tmp_path / "map.db", {"delay_s": 0.7, "wait_s": 0.4})
     assert 0 < summary.tally.perceived < summary.tally.keyframes == 12
-    assert any("came over 0.5 s late" in each for each in summary.warnings)
+    assert any("came over 0.4 s late" in each for each in summary.warnings)
 
 
 @pytest.mark.parametrize("perception", [{"rate_hz": 3.0}, {"dropped": 0.3}])
