@@ -90,6 +90,7 @@ SEEDS ?= 1,2,3
 
 benchmark: $(INSTALLED)
 	@$(BIN)/supermap eval benchmark --seeds $(SEEDS) --keep $(WORLDS)
+	@$(BIN)/supermap eval perception --seeds $(SEEDS) --keep $(WORLDS)
 
 clean:
 	rm -rf $(VENV) build dist demo .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache *.egg-info

@@ -46,12 +46,31 @@ class BackendConfig(Section):
 class KeyframeConfig(Section):
     """Which images are mapped."""
 
-    rate_hz: float = Field(
-        default=3.0, gt=0, le=100, description="images mapped and perceived each second of the recording"
-    )
+    rate_hz: float = Field(default=3.0, gt=0, le=100, description="images mapped each second of the recording")
     thumbnail_px: int = Field(default=160, ge=0, description="width of the stored thumbnails, 0 = none")
     depth_step: int = Field(default=8, ge=1, description="pixels between the depths stored with a keyframe")
     batch: int = Field(default=10, ge=1, description="keyframes written in one transaction")
+
+
+class PerceptionConfig(Section):
+    """Of which of the mapped images the detector is asked, and how long an answer may take.
+
+    A recording is built as fast as it can be, so an answer takes no time; `delay_s` and `dropped` show what a slow
+    detector on a robot would give.
+    """
+
+    rate_hz: float | None = Field(
+        default=None, gt=0, le=100, description="images perceived each second, the others give depth; none: all mapped"
+    )
+    wait_s: float = Field(
+        default=3.0, ge=0, description="how long an image waits for its detections, then it does without"
+    )
+    delay_s: float = Field(
+        default=0.0, ge=0, description="for studies: detections come up to so much late, out of order"
+    )
+    dropped: float = Field(
+        default=0.0, ge=0, le=1, description="for studies: share of images whose detections never come"
+    )
 
 
 class MappingConfig(Section):
@@ -70,6 +89,7 @@ class BuildConfig(Section):
     recording: RecordingConfig = Field(default_factory=RecordingConfig)
     backends: BackendConfig = Field(default_factory=BackendConfig)
     keyframes: KeyframeConfig = Field(default_factory=KeyframeConfig)
+    perception: PerceptionConfig = Field(default_factory=PerceptionConfig)
     mapping: MappingConfig = Field(default_factory=MappingConfig)
     ablate: tuple[Ablation, ...] = Field(default=(), description="components switched off, for comparisons")
 

@@ -8,15 +8,16 @@ from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field, replace
 
 import cv2
-import numpy as np
 
 from supermap_cli.config import BuildConfig
 from supermap_cli.errors import DetectorError, OdometryError, RecordingError
-from supermap_cli.geometry.arrays import FloatArray, IntArray
+from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.geometry.cameras import camera_to_json
 from supermap_cli.geometry.trajectory import Trajectory
 from supermap_cli.graph.predicates import PREDICATES, GraphNode
 from supermap_cli.graph.scene_graph import SceneGraph
+from supermap_cli.keyframe_choice import KeyframeChoice, choose_keyframes
+from supermap_cli.late_results import LateResults
 from supermap_cli.lookahead import LookAhead
 from supermap_cli.mapping.drift import DriftCorrection
 from supermap_cli.mapping.engine import MappingEngine
@@ -59,6 +60,7 @@ class Tally:
     frames: int = 0
     without_pose: int = 0
     keyframes: int = 0
+    perceived: int = 0
     detections: int = 0
     masks: int = 0
     observations: int = 0
@@ -102,22 +104,6 @@ def choose_backends(recording: Recording, plugins: Plugins, config: BuildConfig)
     )
 
 
-def select_keyframes(frame_stamps_ns: IntArray, detected_stamps_ns: IntArray | None, rate_hz: float) -> frozenset[int]:
-    """The stamps of the images to map: evenly `rate_hz` of them, taken among those the detector can speak of."""
-    able = frame_stamps_ns
-    if detected_stamps_ns is not None:
-        able = np.intersect1d(frame_stamps_ns, detected_stamps_ns)
-    period_ns, slack_ns = 1e9 / rate_hz, 1e6
-    selected: list[int] = []
-    due_ns = -np.inf
-    for stamp_ns in able.tolist():
-        if stamp_ns >= due_ns - slack_ns:
-            selected.append(stamp_ns)
-            on_time = due_ns > stamp_ns - period_ns
-            due_ns = (due_ns if on_time else stamp_ns) + period_ns
-    return frozenset(selected)
-
-
 class TraversalBuild:
     """Builds one traversal into the memory; `run` reads like the method."""
 
@@ -146,6 +132,7 @@ class TraversalBuild:
         self.tally = Tally()
         self.backends = choose_backends(recording, plugins, config)
         self.viewers = [each for each in plugins.working if "keyframe_mapped" in each.hooks]
+        self.late = LateResults(config.perception)
         self.warnings: list[str] = []
         self.nodes: dict[int, GraphNode] = {}
 
@@ -160,7 +147,7 @@ class TraversalBuild:
         try:
             self._restore()
             with self._ahead(self._perceived(placement)) as perceived:
-                for batch in self._batches(perceived, progress):
+                for batch in self._batches(self.late.settled(perceived), progress):
                     with self.clock.stage("write"):
                         self.store.commit(traversal_id, batch)
                     self._tell_viewers(batch)
@@ -242,12 +229,15 @@ class TraversalBuild:
 
     # -- the way of one frame
 
-    def _keyframes(self, placement: Placement) -> Iterator[tuple[CameraFrame, Keyframe]]:
+    def _choose_keyframes(self) -> KeyframeChoice:
+        stamps_ns, able_ns = self.recording.frame_stamps_ns(), self.backends.detector.image_stamps_ns()
+        self.tally.frames = len(stamps_ns)
+        config = self.config
+        return choose_keyframes(stamps_ns, able_ns, config.keyframes.rate_hz, config.perception.rate_hz)
+
+    def _keyframes(self, placement: Placement, due: frozenset[int]) -> Iterator[tuple[CameraFrame, Keyframe]]:
         """Frames that are due, decoded, with depth and a place in the map."""
         recording = self.recording
-        stamps = recording.frame_stamps_ns()
-        self.tally.frames = len(stamps)
-        due = select_keyframes(stamps, self.backends.detector.image_stamps_ns(), self.config.keyframes.rate_hz)
         sweeps = None if "depth" in recording.streams else SweepDepth(recording, self.backends.trajectory.at)
         frames = recording.frames(due.__contains__)
         while True:
@@ -274,8 +264,14 @@ class TraversalBuild:
         return T_map_base if self.drift is None or view is None else self.drift.place(view, T_map_base)
 
     def _perceived(self, placement: Placement) -> Iterator[tuple[Keyframe, Detections | None]]:
-        """Keyframes with what the detector says of them, every detection with a mask where one can be told."""
-        for frame, keyframe in self._keyframes(placement):
+        """Keyframes with what the detector says of them, every detection with a mask where one can be told; `None`
+        where it is not asked or says nothing.
+        """
+        chosen = self._choose_keyframes()
+        for frame, keyframe in self._keyframes(placement, chosen.mapped):
+            if frame.stamp_ns not in chosen.perceived:
+                yield keyframe, None
+                continue
             with self.clock.stage("detect"):
                 detections = self.backends.detector.detect(frame)
             if detections is not None:
@@ -313,6 +309,7 @@ class TraversalBuild:
             look = self.engine.look(keyframe)
         track_ids = None
         if detections is not None:
+            self.tally.perceived += 1
             with self.clock.stage("track"):
                 size = (keyframe.camera.width, keyframe.camera.height)
                 track_ids = self.backends.tracker.update(detections, self.engine.track_priors(look), size).track_ids
@@ -387,7 +384,7 @@ class TraversalBuild:
         detector = self.backends.names["detector"]
         if tally.detections == 0:
             raise DetectorError(
-                f"the detector {detector!r} found nothing in {tally.keyframes} images",
+                f"the detector {detector!r} found nothing in {tally.perceived} images",
                 where=where,
                 cure="try another model or a lower score (--option, see `supermap plugins`)",
             )
@@ -406,6 +403,11 @@ class TraversalBuild:
         warnings = [*self.recording.warnings, *placement.warnings, *self.warnings]
         if self.tally.without_pose:
             warnings.append(f"{self.tally.without_pose} images had no pose and were left out")
+        if self.late.too_late:
+            warnings.append(
+                f"the detections of {self.late.too_late} images came over {self.config.perception.wait_s:g} s late "
+                "and were left out (build.perception.wait_s)"
+            )
         return BuildSummary(
             traversal_id,
             name,

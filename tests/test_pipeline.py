@@ -24,7 +24,7 @@ from supermap_cli.errors import (
 from supermap_cli.graph.predicates import SpatialPredicate
 from supermap_cli.memory import MapStore, open_store
 from supermap_cli.memory.values import TraversalStart
-from supermap_cli.pipeline import BuildSummary, TraversalBuild, select_keyframes
+from supermap_cli.pipeline import BuildSummary, TraversalBuild
 from supermap_cli.types.memory import KeyframeRecord, MapDelta
 
 DAY_S = 86_400.0
@@ -335,40 +335,6 @@ def test_images_without_a_pose_are_left_out_with_a_warning(store: MapStore) -> N
 # -- keyframes
 
 
-def stamps(rate_hz: float, seconds: float = 10.0, jitter_ns: int = 0) -> np.ndarray:
-    rng = np.random.default_rng(1)
-    exact = np.arange(0, seconds, 1 / rate_hz) * 1e9
-    return (s.EPOCH_NS + exact + rng.integers(-jitter_ns, jitter_ns + 1, len(exact))).astype(np.int64)
-
-
-def test_no_images_give_no_keyframes() -> None:
-    assert select_keyframes(np.zeros(0, np.int64), None, 3.0) == frozenset()
-
-
-@pytest.mark.parametrize(("recorded_hz", "wanted_hz"), [(30, 3), (15, 3), (30, 30), (10, 3), (15, 4)])
-@pytest.mark.parametrize("jitter_ns", [0, 2_000_000])
-def test_images_are_chosen_at_the_wanted_rate(recorded_hz: float, wanted_hz: float, jitter_ns: int) -> None:
-    chosen = sorted(select_keyframes(stamps(recorded_hz, jitter_ns=jitter_ns), None, wanted_hz))
-    assert len(chosen) == pytest.approx(10 * wanted_hz, abs=1 + 0.02 * 10 * wanted_hz)
-    assert np.diff(chosen).max() <= 1e9 / wanted_hz + 1e9 / recorded_hz + 2 * jitter_ns + 1
-
-
-def test_all_images_are_taken_of_a_recording_slower_than_wanted() -> None:
-    assert len(select_keyframes(stamps(1.0), None, 3.0)) == 10
-
-
-def test_after_a_gap_it_goes_on_at_the_wanted_rate() -> None:
-    both = np.concatenate([stamps(30, 2.0), stamps(30, 2.0) + 60 * 10**9])
-    assert len(select_keyframes(both, None, 3.0)) == 12
-
-
-def test_only_images_the_detector_can_speak_of_are_chosen() -> None:
-    frames = stamps(30)
-    chosen = select_keyframes(frames, frames[5::40], 3.0)
-    assert chosen == frozenset(frames[5::40].tolist())
-    assert select_keyframes(frames, frames + 1, 3.0) == frozenset()
-
-
 def test_recorded_detections_decide_which_images_are_decoded(store: MapStore) -> None:
     recording = f.FakeRecording(f.film(KITCHEN, 40, rate_hz=10))
     spoken_of = recording.frame_stamps_ns()[1::4]
@@ -383,6 +349,46 @@ def test_images_between_keyframes_are_not_decoded(store: MapStore) -> None:
     build(store, recording)
     placing = set(recording.decoded[:30])
     assert len(recording.decoded) == len(placing) + 6
+
+
+# -- late, rare and dropped perception
+
+
+def two_days(path: Path, perception: dict[str, float]) -> BuildSummary:
+    """A cup that moves between two visits, built with a detector that takes its time."""
+    config = f.config(keyframes={"rate_hz": 6, "batch": 3}, perception=perception)
+    with open_store(str(path), create=True) as store:
+        build(store, monday(), config=config)
+        return build(store, tuesday(s.TABLE, s.CUP.at(1.4, 0.4)), config=config)
+
+
+@pytest.mark.parametrize("delay_s", [0.3, 2.0])
+def test_the_map_does_not_depend_on_how_late_detections_come(tmp_path: Path, delay_s: float) -> None:
+    at_once, late = tmp_path / "at_once.db", tmp_path / "late.db"
+    two_days(at_once, {})
+    summary = two_days(late, {"delay_s": delay_s})
+    assert summary.warnings == ()
+    assert contents(late, but=('INSERT INTO "traversal"',)) == contents(at_once, but=('INSERT INTO "traversal"',))
+
+
+def test_detections_that_come_too_late_are_left_out_with_a_warning(tmp_path: Path) -> None:
+    summary = two_days(tmp_path / "map.db", {"delay_s": 0.7, "wait_s": 0.4})
+    assert 0 < summary.tally.perceived < summary.tally.keyframes == 12
+    assert any("came over 0.4 s late" in each for each in summary.warnings)
+
+
+@pytest.mark.parametrize("perception", [{"rate_hz": 3.0}, {"dropped": 0.3}])
+def test_with_fewer_detections_depth_tells_what_has_gone(tmp_path: Path, perception: dict[str, float]) -> None:
+    summary = two_days(tmp_path / "map.db", perception)
+    assert 0 < summary.tally.perceived < summary.tally.keyframes == 12
+    assert summary.tally.labels == {"cup": 1, "dining table": 1}
+    with closing(sqlite3.connect(tmp_path / "map.db")) as connection:
+        assert connection.execute("SELECT 1 FROM temporal_edge WHERE kind = 'moved'").fetchall() == [(1,)]
+
+
+def test_a_detector_that_never_answers_leaves_nothing_and_says_so(store: MapStore) -> None:
+    with pytest.raises(RecordingError, match="no object confirmed"):
+        build(store, monday(), config=f.config(perception={"dropped": 1.0}))
 
 
 @pytest.mark.parametrize(("width", "kept"), [(0, False), (80, True)])

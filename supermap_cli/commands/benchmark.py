@@ -16,6 +16,7 @@ from supermap_cli.errors import EvaluationError
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from supermap_cli.config import BuildConfig
     from supermap_cli.evaluation.report import Report
 
 EXAMPLES = """
@@ -83,7 +84,7 @@ def benchmark(
     tables = []
     with kept_or_temporary(keep) as folder:
         for scenario in scenarios or SCENARIOS:
-            reports = [_scored(scenario, seed, folder / scenario / str(seed)) for seed in chosen]
+            reports = [scored(scenario, seed, folder / scenario / str(seed)) for seed in chosen]
             tables.append(BenchmarkTable(scenario, chosen, tabulate(reports)))
             if not json:
                 _print(out(), tables[-1])
@@ -154,8 +155,8 @@ def _figures(report: Report) -> Iterator[tuple[str, float | None]]:
     yield "odometry: way off its true way (m)", max(report.alignment_rmse_m.values(), default=None)
 
 
-def _scored(scenario: str, seed: int, folder: Path) -> Report:
-    """Simulate a world, unless it is there, build it, and score it."""
+def scored(scenario: str, seed: int, folder: Path, config: BuildConfig | None = None) -> Report:
+    """Simulate a world, unless it is there, build it anew, by default with the default configuration, and score it."""
     from supermap_cli.commands.build import build_all, request  # noqa: PLC0415 - keeps start-up light
     from supermap_cli.commands.simulate import detector_errors, simulate_scenario  # noqa: PLC0415
     from supermap_cli.config import BuildConfig  # noqa: PLC0415
@@ -174,7 +175,7 @@ def _scored(scenario: str, seed: int, folder: Path) -> Report:
         )
     for old in (db, *folder.glob(f"{MAP}-*"), *folder.glob(f"{MAP}.*")):
         old.unlink(missing_ok=True)
-    recordings, config = [folder / each.recording for each in truth.traversals], BuildConfig()
+    recordings, config = [folder / each.recording for each in truth.traversals], config or BuildConfig()
     for summary in build_all(recordings, config, request(config, None, None), str(db), name=None, align="auto"):
         err().print(f"{scenario}, seed {seed}: built {summary.traversal} in {summary.total_s:.0f} s", markup=False)
     return score(*read_map(str(db), folder / TRUTH_FILE))
@@ -182,11 +183,12 @@ def _scored(scenario: str, seed: int, folder: Path) -> Report:
 
 def _print(console: Console, table: BenchmarkTable) -> None:
     columns = (table.scenario, *(f"seed {seed}#" for seed in table.seeds), "mean#")
-    rows = ((figure.name, *map(_cell, figure.values), _cell(figure.mean)) for figure in table.figures)
+    rows = ((figure.name, *map(cell, figure.values), cell(figure.mean)) for figure in table.figures)
     print_table(console, "", columns, rows)
 
 
-def _cell(value: float | None) -> str:
+def cell(value: float | None) -> str:
+    """A figure as it stands in the table."""
     if value is None:
         return "-"
     return str(value) if isinstance(value, int) else f"{value:.3f}"

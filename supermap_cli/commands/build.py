@@ -73,6 +73,10 @@ def build(  # noqa: PLR0917 - a command line has many options
     start: StartOption = None,
     end: EndOption = None,
     rate: Annotated[float | None, typer.Option(help="Images mapped a second. [default: 3]")] = None,
+    perception_rate: Annotated[
+        float | None,
+        typer.Option(help="Images perceived a second, the others give depth. [default: all that are mapped]"),
+    ] = None,
     align: Annotated[
         str, typer.Option(metavar="auto|none|'X Y Z YAW'", help="How a further traversal is placed in the map.")
     ] = "auto",
@@ -99,6 +103,7 @@ def build(  # noqa: PLR0917 - a command line has many options
         frames=frame,
         camera=camera,
         rate=rate,
+        perception_rate=perception_rate,
         ablate=ablate,
     )
     wanted = request(config, start, end)
@@ -162,6 +167,7 @@ def override(
     frames: list[str] | None = None,
     camera: str | None = None,
     rate: float | None = None,
+    perception_rate: float | None = None,
     ablate: list[str] | None = None,
 ) -> BuildConfig:
     """The configuration with the command line's words laid over it. Raises `ConfigError` for what is not understood."""
@@ -181,6 +187,8 @@ def override(
         values["recording"]["camera"] = camera
     if rate is not None:
         values["keyframes"]["rate_hz"] = rate
+    if perception_rate is not None:
+        values["perception"]["rate_hz"] = perception_rate
     if ablate:
         values["ablate"] = tuple(ablate)
     try:
@@ -258,7 +266,7 @@ def print_summary(summary: BuildSummary, db: str) -> None:
     console = out()
     total_s, stages_s = summary.total_s, sum(each.total_s for each in summary.timings)
     console.print(
-        f"{summary.traversal}: {summary.tally.keyframes} keyframes of {summary.recorded_s:.1f} s mapped in "
+        f"{summary.traversal}: {_keyframes(summary)} of {summary.recorded_s:.1f} s mapped in "
         f"{total_s:.1f} s ({summary.recorded_s / max(total_s, 1e-9):.1f} x realtime) into {db}",
         markup=False,
     )
@@ -281,11 +289,17 @@ def print_summary(summary: BuildSummary, db: str) -> None:
     console.print(table)
 
 
+def _keyframes(summary: BuildSummary) -> str:
+    mapped, perceived = summary.tally.keyframes, summary.tally.perceived
+    return f"{mapped} keyframes" + (f" ({perceived} of them perceived)" if perceived < mapped else "")
+
+
 def summary_json(summary: BuildSummary) -> dict[str, object]:
     """What a build did, for programs."""
     return {
         "traversal": summary.traversal,
         "keyframes": summary.tally.keyframes,
+        "perceived": summary.tally.perceived,
         "detections": summary.tally.detections,
         "observations": summary.tally.observations,
         "objects": summary.instances,

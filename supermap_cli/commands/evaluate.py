@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from supermap_cli.commands import ablation, benchmark
+from supermap_cli.commands import ablation, benchmark, perception
 from supermap_cli.commands.common import JsonOption, err, out, print_json
 
 if TYPE_CHECKING:
@@ -54,6 +54,7 @@ def register(app: typer.Typer) -> None:
         group.command(name, epilog=EXAMPLE.format(name, options))(command)
     group.command("ablation", epilog=ablation.EXAMPLES)(ablation.ablation)
     group.command("benchmark", epilog=benchmark.EXAMPLES)(benchmark.benchmark)
+    group.command("perception", epilog=perception.EXAMPLES)(perception.perception)
     app.add_typer(group, name="eval")
 
 

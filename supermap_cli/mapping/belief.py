@@ -46,7 +46,7 @@ class LabelBelief:
 
     def absorb(self, other: LabelBelief) -> None:
         """Join two beliefs that turned out to be about one object."""
-        labels = set(self.logs) | set(other.logs)
+        labels = self.logs | other.logs  # in their order: a set of words has another one in each run
         self.logs = {c: self.logs.get(c, self.unseen_log) + other.logs.get(c, other.unseen_log) for c in labels}
         self.unseen_log += other.unseen_log
         self.looks += other.looks

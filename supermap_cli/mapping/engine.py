@@ -375,11 +375,15 @@ class MappingEngine:
                 self.merged.add(kept.number)
 
     def _forget(self) -> None:
-        """Drop tentative objects that nothing speaks for; doubt confirmed ones, until they are confirmed again."""
+        """Drop tentative objects that nothing speaks for; doubt confirmed ones, until they are confirmed again.
+
+        What was dropped for silence alone was clutter; what went away, or moves by itself, had been there.
+        """
         for each in list(self.objects):
             if not each.confirmed:
                 if each.existence <= lifecycle.FORGET_LOG_ODDS or not each.present:
-                    self.scores.record_clutter(seen.score for seen in each.pending)
+                    if each.present and each.label not in ANIMATE:
+                        self.scores.record_clutter(seen.score for seen in each.pending)
                     self.objects.remove(each.number)
                 continue
             doubted = each.existence <= (lifecycle.CONFIRM_LOG_ODDS if each.doubted else lifecycle.DOUBT_LOG_ODDS)

@@ -19,8 +19,11 @@ BIRTH_LOG_ODDS = -1.0
 """Before its first detection a thing is more likely not there."""
 
 CONFIRM_LOG_ODDS = 2.0
-CONFIRM_OBSERVATIONS = 3
-"""A tentative object enters the map at odds of 7 to 1, and never on fewer than three sightings."""
+CONFIRM_OBSERVATIONS = 2
+CONFIRM_SPAN_NS = 500_000_000
+"""A tentative object enters the map at odds of 7 to 1, and never on a single sighting or on some in quick succession,
+which share their errors: a span of time and not a number of sightings, which would depend on the detector's rate.
+"""
 
 CONFIRM_LABEL = 0.5
 """A thing that may as well be two others is not entered yet."""
@@ -59,6 +62,8 @@ def give_birth(number: int, detection: LiftedDetection, stamp_ns: int) -> MapObj
 def ready_to_confirm(tentative: MapObject) -> bool:
     """Whether a tentative object is believed enough to enter the map, and known enough to be called something."""
     if tentative.existence < CONFIRM_LOG_ODDS or tentative.observations < CONFIRM_OBSERVATIONS:
+        return False
+    if tentative.last_seen_ns - tentative.first_seen_ns < CONFIRM_SPAN_NS:
         return False
     return max(tentative.labels.probabilities().values()) >= CONFIRM_LABEL
 

@@ -208,7 +208,7 @@ def test_a_viewer_that_fails_costs_a_warning_and_not_the_map(plugins: f.FakePlug
 
 
 def test_a_bug_is_not_hidden(plugins: f.FakePlugins, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("supermap_cli.pipeline.select_keyframes", lambda *_: 1 / 0)
+    monkeypatch.setattr("supermap_cli.pipeline.choose_keyframes", lambda *_: 1 / 0)
     monkeypatch.setattr(sys, "argv", ["supermap", "build", "monday.fake"])
     with pytest.raises(ZeroDivisionError):
         entry.main()

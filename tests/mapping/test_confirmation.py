@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -31,6 +33,26 @@ def test_a_thing_enters_the_map_on_its_third_sighting_with_all_that_was_seen_of_
     (state,) = delta.states
     assert (state.index, state.first_seen_ns, state.last_seen_ns, state.gone_ns) == (0, s.ns(0), s.ns(2 / 3), None)
     assert state.confidence > 0.85
+
+
+@pytest.mark.parametrize(("apart_s", "enters"), [(0.2, False), (1.0, True)])
+def test_two_strong_sightings_are_enough_if_not_in_quick_succession(apart_s: float, enters: bool) -> None:
+    """A slow detector must not need more time in view than a fast one."""
+    run = s.Run()
+    run.see(CHAIR_WORLD, (0, -0.5, 1.2))
+    run.pause(apart_s - 1 / 3)
+    run.see(CHAIR_WORLD, (0, 0.5, 1.2))
+    assert bool(run.standing("chair")) == enters
+
+
+def test_who_walks_by_is_not_taken_for_clutter() -> None:
+    person = replace(s.CHAIR, label="person")
+    run = s.Run()
+    run.see((*s.ROOM, person), (0, 0, 1.2))
+    run.pause(4)
+    run.walk(s.ROOM, 4)
+    assert len(run.engine.objects) == 0
+    assert sum(run.engine.scores.clutter) == 0
 
 
 def test_it_stands_where_it_stands_and_is_as_large_as_it_looks() -> None:

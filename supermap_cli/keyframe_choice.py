@@ -1,0 +1,69 @@
+"""Which images of a recording are mapped, and of which the detector is asked."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from supermap_cli.geometry.arrays import IntArray
+
+_SLACK_NS = 1e6
+
+
+@dataclass(frozen=True)
+class KeyframeChoice:
+    """Stamps (ns) of the images to map, and of those among them to perceive; of the others only the depth speaks."""
+
+    mapped: frozenset[int]
+    perceived: frozenset[int]
+
+
+def choose_keyframes(
+    frame_stamps_ns: IntArray, detected_stamps_ns: IntArray | None, rate_hz: float, perception_rate_hz: float | None
+) -> KeyframeChoice:
+    """Evenly `rate_hz` images a second to map, of which `perception_rate_hz` (all, if `None`) are perceived.
+
+    The perceived ones are taken among the images that the detector can speak of; where these are farther apart than
+    keyframes should be, images between them are mapped by their depth alone. Nothing perceived is nothing to map.
+    """
+    able = frame_stamps_ns
+    if detected_stamps_ns is not None:
+        able = np.intersect1d(frame_stamps_ns, detected_stamps_ns)
+    perceived = evenly(able, min(rate_hz, perception_rate_hz or rate_hz))
+    chosen = frozenset(perceived)
+    if not perceived or len(perceived) >= len(evenly(frame_stamps_ns, rate_hz)):
+        return KeyframeChoice(chosen, chosen)
+    return KeyframeChoice(chosen | fill_gaps(frame_stamps_ns, np.array(perceived), 1e9 / rate_hz), chosen)
+
+
+def evenly(stamps_ns: IntArray, rate_hz: float) -> list[int]:
+    """Evenly `rate_hz` of ascending stamps."""
+    period_ns = 1e9 / rate_hz
+    selected: list[int] = []
+    due_ns = -np.inf
+    for stamp_ns in stamps_ns.tolist():
+        if stamp_ns >= due_ns - _SLACK_NS:
+            selected.append(stamp_ns)
+            on_time = due_ns > stamp_ns - period_ns
+            due_ns = (due_ns if on_time else stamp_ns) + period_ns
+    return selected
+
+
+def fill_gaps(stamps_ns: IntArray, chosen_ns: IntArray, period_ns: float) -> frozenset[int]:
+    """The stamps that come nearest to an even spacing of about `period_ns` before, between and after the chosen ones.
+
+    Both are ascending, and not empty. Between two chosen ones a gap counts from one and a half periods on.
+    """
+    first_ns, last_ns = chosen_ns[0], chosen_ns[-1]
+    before = np.arange(first_ns - period_ns, stamps_ns[0] - _SLACK_NS, -period_ns)
+    after = np.arange(last_ns + period_ns, stamps_ns[-1] + _SLACK_NS, period_ns)
+    wanted = [before, after]
+    for start_ns, gap_ns in zip(chosen_ns[:-1], np.diff(chosen_ns), strict=True):
+        steps = round(gap_ns / period_ns)
+        wanted.append(start_ns + gap_ns * np.arange(1, steps) / max(steps, 1))
+    wanted_ns = np.concatenate(wanted)
+    right = np.searchsorted(stamps_ns, wanted_ns).clip(1, max(len(stamps_ns) - 1, 1))
+    pairs = stamps_ns[np.stack([right - 1, right % len(stamps_ns)])]
+    nearest = np.where(wanted_ns - pairs[0] <= pairs[1] - wanted_ns, pairs[0], pairs[1])
+    return frozenset(nearest[np.abs(nearest - wanted_ns) < period_ns / 2].tolist())

@@ -1,0 +1,36 @@
+"""`supermap eval perception`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from cli import document, supermap
+from supermap_cli.commands import perception
+from supermap_cli.commands.perception import PerceptionFigure, ways_of_perceiving
+
+
+def test_a_world_is_built_once_for_each_way_of_perceiving(tmp_path: Path) -> None:
+    simulated = supermap("simulate", "tiny", "--seed", "2", "--seconds", "3", "--out", tmp_path / "tiny" / "2")
+    assert simulated.exit_code == 0, simulated.output
+    printed = document("perception", "eval", "perception", "tiny", "--seeds", "2", "--keep", tmp_path)
+    assert printed["ways"] == list(ways_of_perceiving())
+    (table,) = printed["tables"]
+    assert (table["scenario"], table["seeds"]) == ("tiny", [2])
+    figures = {each["name"]: each["means"] for each in table["figures"]}
+    at_once, late, *_ = figures["objects: F1"]
+    assert at_once == late
+    assert "change: F1 of the diff" not in figures
+    assert all(len(means) == len(printed["ways"]) for means in figures.values())
+
+
+def test_the_table_names_the_ways(monkeypatch: pytest.MonkeyPatch) -> None:
+    figures = (PerceptionFigure("objects: F1", (0.9, 0.9, 0.875, None)),)
+    monkeypatch.setattr(perception, "_compare", lambda *_: figures)
+    result = supermap("eval", "perception", "office", "--seeds", "1,2")
+    assert result.exit_code == 0, result.output
+    assert "office, mean of seeds 1, 2" in result.stdout
+    assert all(way in result.stdout for way in ways_of_perceiving())
+    (line,) = [each.split() for each in result.stdout.splitlines() if each.startswith("objects: F1")]
+    assert line[2:] == ["0.900", "0.900", "0.875", "-"]
