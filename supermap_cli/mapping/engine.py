@@ -139,7 +139,7 @@ class MappingEngine:
         """Take in one keyframe. `detections` `None`: no detector looked at it, only geometry speaks."""
         stamp_ns = look.keyframe.stamp_ns
         matched: set[int] = set()
-        masked = np.zeros(look.keyframe.depth_m.shape, bool)
+        masked: BoolArray | None = None
         self.turns.touched.clear()
         if detections is not None:
             ids = np.full(len(detections), -1) if track_ids is None or "tracker" in self.ablate else track_ids
@@ -147,7 +147,7 @@ class MappingEngine:
             if by_px:
                 look = look.turned(by_px)
                 detections, ids = turned_detections(detections, ids, look.keyframe.camera.width, by_px)
-            masked = covered_by(detections, masked)
+            masked = None if look.depth.lowest is None else covered_by(detections, look.depth.depth_m.shape)
             masks = claimed_by_smaller(list(detections.masks), detections.labels)
             masks = [
                 mask if worth else None for mask, worth in zip(masks, worth_lifting(look, detections), strict=True)
@@ -447,9 +447,9 @@ def worth_lifting(look: Look, detections: Detections) -> BoolArray:
     return worth
 
 
-def covered_by(detections: Detections, image: BoolArray) -> BoolArray:
+def covered_by(detections: Detections, shape: tuple[int, ...]) -> BoolArray:
     """(h, w) the pixels that some detection's mask covers."""
-    covered = np.zeros_like(image)
+    covered = np.zeros(shape, bool)
     for mask in detections.masks:
         if mask is not None:
             h, w = mask.pixels.shape
@@ -457,8 +457,10 @@ def covered_by(detections: Detections, image: BoolArray) -> BoolArray:
     return covered
 
 
-def in_sight(view: ObjectView, masked: BoolArray) -> bool:
+def in_sight(view: ObjectView, masked: BoolArray | None) -> bool:
     """Whether an object lies where only the image shows it, and nothing that is detected covers most of its place."""
+    if masked is None:
+        return False
     free = (view.unmeasured & ~masked[view.v, view.u]) | view.contradicted
     if not len(free) or float(view.unmeasured.mean()) < lifecycle.OBSERVABLE_SHARE:
         return False
