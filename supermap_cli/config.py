@@ -77,6 +77,7 @@ class MappingConfig(Section):
     """The mapping engine's parameters (SI units). Defaults hold for indoor rooms."""
 
     max_depth_m: float = Field(default=6.0, gt=0, description="returns farther off are not used")
+    max_range_m: float = Field(default=12.0, gt=0, description="the same for a LiDAR")
     correct_drift: bool = Field(
         default=True, description="lay every keyframe's surfaces onto those seen before, where the odometry drifts"
     )

@@ -146,7 +146,7 @@ class TraversalBuild:
         placement = self._place(align)
         traversal_id = self._begin(placement, name)
         try:
-            self._restore()
+            self._restore(placement)
             with self._ahead(self._perceived(placement)) as perceived:
                 for batch in self._batches(self.late.settled(perceived), progress):
                     with self.clock.stage("write"):
@@ -210,11 +210,12 @@ class TraversalBuild:
         )
         return self.store.begin_traversal(start)
 
-    def _restore(self) -> None:
+    def _restore(self, placement: Placement) -> None:
         """Go on from what earlier traversals left: objects, open relations, and which space was seen empty when."""
         with self.clock.stage("restore"):
             objects = restore_objects(self.store.load_instances(), self.store.next_object_number())
             self.engine = MappingEngine(self.config.mapping, frozenset(self.config.ablate), objects)
+            self.engine.floor_z = placement.floor_z
             self.drift = DriftCorrection() if self.config.mapping.correct_drift else None
             for traversal in self.store.traversals():
                 for record in self.store.keyframe_depths([traversal.id]):
@@ -239,7 +240,9 @@ class TraversalBuild:
     def _keyframes(self, placement: Placement, due: frozenset[int]) -> Iterator[tuple[CameraFrame, Keyframe]]:
         """Frames that are due, decoded, with depth and a place in the map."""
         recording = self.recording
-        sweeps = None if "depth" in recording.streams else SweepDepth(recording, self.backends.trajectory.at)
+        sweeps = (
+            None if "depth" in recording.streams else SweepDepth(recording.sweeps(), self.backends.trajectory.at_many)
+        )
         frames = recording.frames(due.__contains__)
         while True:
             with self.clock.stage("decode"):
@@ -253,8 +256,7 @@ class TraversalBuild:
                 continue
             if sweeps is not None:
                 with self.clock.stage("depth"):
-                    depth_m = sweeps.depth_for(frame.stamp_ns, frame.camera, frame.T_base_camera)
-                    frame = replace(frame, depth_m=depth_m)
+                    frame = sweeps.complete(frame)
             with self.clock.stage("drift"):
                 T_map_base = self._without_drift(frame, placement.T_map_odom @ T_odom_base)
             yield frame, place_frame(frame, T_map_base)
@@ -436,7 +438,13 @@ def place_frame(frame: CameraFrame, T_map_base: FloatArray) -> Keyframe:
     if frame.depth_m is None:
         raise ValueError("a keyframe needs depth")
     return Keyframe(
-        frame.stamp_ns, frame.rgb, frame.depth_m, frame.camera, T_map_base @ frame.T_base_camera, T_map_base
+        frame.stamp_ns,
+        frame.rgb,
+        frame.depth_m,
+        frame.camera,
+        T_map_base @ frame.T_base_camera,
+        T_map_base,
+        frame.returns_camera,
     )
 
 

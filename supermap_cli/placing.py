@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.geometry.trajectory import Trajectory
 from supermap_cli.mapping.alignment import Alignment, align, placed_by_hand
-from supermap_cli.mapping.levelling import Levelling, level, level_view
+from supermap_cli.mapping.levelling import Levelling, LowReturns, level, level_view
 from supermap_cli.mapping.structure import CoarseDepth, coarse_depth, stored_depth
 from supermap_cli.memory.store import MapStore
 from supermap_cli.protocols import Recording
@@ -22,11 +22,14 @@ SAMPLED_FRAMES = 30
 
 @dataclass(frozen=True)
 class Placement:
-    """`T_map_odom`, how it was found, in words, and what the user should know about it."""
+    """`T_map_odom`, how it was found, in words, and what the user should know about it; `floor_z`: the floor's height,
+    `None` if it was not seen.
+    """
 
     T_map_odom: FloatArray
     method: str
     warnings: tuple[str, ...] = ()
+    floor_z: float | None = None
 
 
 def place_traversal(recording: Recording, trajectory: Trajectory, store: MapStore, wish: str) -> Placement:
@@ -34,34 +37,36 @@ def place_traversal(recording: Recording, trajectory: Trajectory, store: MapStor
 
     Raises `AlignmentError` if a further traversal cannot be placed with confidence, or the wish is not understood.
     """
-    views = list(sample_views(recording, trajectory))
-    levelling = level(map(level_view, views), recording.imu() if "imu" in recording.streams else (), trajectory)
+    low = LowReturns(trajectory)
+    views = list(sample_views(recording, trajectory, low))
+    level_views = [*map(level_view, views), *low.views()]
+    levelling = level(level_views, recording.imu() if "imu" in recording.streams else (), trajectory)
     warnings = () if levelling.warning is None else (levelling.warning,)
     if wish not in {"auto", "none"}:
-        return Placement(placed_by_hand(wish, levelling.T_map_odom), f"given: {wish}", warnings)
+        return Placement(placed_by_hand(wish, levelling.T_map_odom), f"given: {wish}", warnings, levelling.floor_z)
     earlier = store.traversals()
     if wish == "none" or not earlier:
-        return Placement(levelling.T_map_odom, describe_levelling(levelling), warnings)
+        return Placement(levelling.T_map_odom, describe_levelling(levelling), warnings, levelling.floor_z)
     map_views = [stored_depth(record) for record in store.keyframe_depths()]
     hypotheses = [each.T_map_odom for each in reversed(earlier)]
     aligned = align(map_views, views, levelling.T_map_odom, hypotheses)
-    return Placement(aligned.T_map_odom, describe_alignment(aligned), warnings)
+    floor_z = None
+    if levelling.floor_z is not None:
+        floor_z = levelling.floor_z + float(aligned.T_map_odom[2, 3] - levelling.T_map_odom[2, 3])
+    return Placement(aligned.T_map_odom, describe_alignment(aligned), warnings, floor_z)
 
 
-def sample_views(recording: Recording, trajectory: Trajectory) -> Iterator[CoarseDepth]:
-    """Coarse depth images in the odom frame, spread evenly over the recording."""
+def sample_views(recording: Recording, trajectory: Trajectory, low: LowReturns) -> Iterator[CoarseDepth]:
+    """Coarse depth images in the odom frame, spread evenly over the recording; `low` sees all sweeps meanwhile."""
     stamps = recording.frame_stamps_ns()
     chosen = np.unique(np.linspace(0, len(stamps) - 1, min(SAMPLED_FRAMES, len(stamps))).astype(np.int64))
     wanted = frozenset(stamps[chosen].tolist())
-    sweeps = None if "depth" in recording.streams else SweepDepth(recording, trajectory.at)
+    sweeps = None if "depth" in recording.streams else SweepDepth(low.watched(recording.sweeps()), trajectory.at_many)
     for frame in recording.frames(wanted.__contains__):
         T_odom_base = trajectory.at(frame.stamp_ns)
         if T_odom_base is None:
             continue
-        seen = frame
-        if sweeps is not None:
-            depth_m = sweeps.depth_for(frame.stamp_ns, frame.camera, frame.T_base_camera)
-            seen = replace(frame, depth_m=depth_m)
+        seen = frame if sweeps is None else sweeps.complete(frame)
         view = coarse_depth(seen, T_odom_base)
         if view is not None:
             yield view

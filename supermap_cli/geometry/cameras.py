@@ -38,6 +38,11 @@ class Camera(Protocol):
         """Pixels down."""
         ...
 
+    @property
+    def full_turn(self) -> bool:
+        """Whether the image goes all the way round: its left border is its right one."""
+        ...
+
     def project(self, points_camera: FloatArray) -> tuple[FloatArray, BoolArray]:
         """(n, 3) points in the optical frame -> ((n, 2) pixels u, v; (n,) which of them fall on the image)."""
         ...
@@ -72,6 +77,11 @@ class _PixelRays(ABC):
 
     width: int
     height: int
+
+    @property
+    def full_turn(self) -> bool:
+        """See `Camera.full_turn`."""
+        return False
 
     @abstractmethod
     def back_project(self, pixels_uv: FloatArray, depth_m: FloatArray) -> FloatArray:
@@ -316,6 +326,11 @@ class EquirectangularCamera(_PixelRays):
 
     def __post_init__(self) -> None:
         _check_intrinsics(self.width, self.height, (1.0, 1.0))
+
+    @property
+    def full_turn(self) -> bool:
+        """It is a full panorama."""
+        return True
 
     def project(self, points_camera: FloatArray) -> tuple[FloatArray, BoolArray]:
         """See `Camera.project`; every point but the centre itself is seen."""

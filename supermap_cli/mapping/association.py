@@ -59,8 +59,8 @@ def _distance_log_ratio(detection: LiftedDetection, candidate: MapObject, covere
 
 
 def share_inside(detection: LiftedDetection, view: ObjectView) -> float:
-    """Share of the object's supported voxels whose pixels lie within the detection's mask."""
-    seen = view.supported
+    """Share of the object's shown voxels whose pixels lie within the detection's mask."""
+    seen = view.shown
     count = np.count_nonzero(seen)
     if count == 0:
         return 0.0

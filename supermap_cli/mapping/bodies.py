@@ -53,9 +53,11 @@ def same_bodies(first: IntArray, second: IntArray) -> IntArray:
     return np.asarray(body_of[rows], np.int64)
 
 
-def main_component(points_camera: FloatArray, depth_m: float) -> BoolArray:
-    """(n,) which points belong to the body in space that most of a mask's points belong to (`main_body`)."""
-    return main_body(points_camera, voxel_bodies(points_camera, max(0.03, 0.02 * depth_m)))
+def main_component(points_camera: FloatArray, depth_m: float, apart_m: float = 0.0) -> BoolArray:
+    """(n,) which points belong to the body in space that most of a mask's points belong to (`main_body`); points that
+    are no farther apart than `apart_m` may hang together.
+    """
+    return main_body(points_camera, voxel_bodies(points_camera, max(0.03, 0.02 * depth_m, apart_m)))
 
 
 def main_body(points_camera: FloatArray, bodies: IntArray) -> BoolArray:

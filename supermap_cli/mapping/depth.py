@@ -10,7 +10,11 @@ import numpy as np
 from supermap_cli.geometry.arrays import BoolArray, Float32Array, FloatArray, IntArray
 from supermap_cli.geometry.cameras import Camera
 from supermap_cli.geometry.se3 import inverse
+from supermap_cli.mapping.beneath import LowestReturns, lowest_returns
+from supermap_cli.mapping.returns import LIDAR_SIGMA_M, Returns, returns_on_image
 from supermap_cli.types.keyframe import Keyframe
+
+_NEIGHBOURHOOD_PX, _USUAL_WIDTH_PX, _LEAST_FOCAL_PX = 2, 640, 360
 
 
 def depth_sigma_m(depth_m: FloatArray | Float32Array) -> FloatArray:
@@ -25,7 +29,8 @@ class DepthView:
 
     A pixel's neighbourhood spans what colour and depth may be out of register by, and the pose's own error; so a point
     is compared with an interval, which is wide at depth edges and on slanted surfaces and narrow on plain ones.
-    `nearest_m` is +inf and `farthest_m` 0 where nothing returned.
+    `nearest_m` is +inf and `farthest_m` 0 where nothing returned. Of a LiDAR, `returns` are the single ones, and
+    `lowest` says down to where it saw; both are `None` of a depth camera. `floor_z` is the floor's height, if known.
     """
 
     camera: Camera
@@ -34,11 +39,20 @@ class DepthView:
     nearest_m: Float32Array
     farthest_m: Float32Array
     max_depth_m: float
+    returns: Returns | None = None
+    lowest: LowestReturns | None = None
+    floor_z: float | None = None
+
+    def sigma_m(self, depth_m: FloatArray | Float32Array) -> FloatArray:
+        """Standard deviation of the sensor's depth (n,) at depths (n,)."""
+        if self.returns is None:
+            return depth_sigma_m(depth_m)
+        return np.full(np.shape(depth_m), LIDAR_SIGMA_M)
 
     @property
     def reach_px(self) -> int:
         """How far a pixel's neighbourhood goes on every side."""
-        return neighbourhood_px(self.camera.width)
+        return neighbourhood_px(self.camera)
 
     def project(self, points_map: FloatArray) -> tuple[IntArray, IntArray, FloatArray, BoolArray]:
         """(n, 3) map points -> (n,) pixel u and v (0 where not on the image), (n,) depth, (n,) on the image."""
@@ -64,14 +78,24 @@ class DepthView:
         return may
 
 
-def neighbourhood_px(image_width: int) -> int:
-    """How far a pixel's neighbourhood goes on every side: 2 pixels at a width of 640."""
-    return max(1, round(image_width / 320))
+def pixel_scale(camera: Camera) -> float:
+    """Pixels per pixel of a usual image, 640 wide; by angle, if the image is more than 83 degrees across."""
+    return min(camera.width / _USUAL_WIDTH_PX, camera.focal_px() / _LEAST_FOCAL_PX)
 
 
-def depth_view(keyframe: Keyframe, max_depth_m: float) -> DepthView:
-    """Prepare a keyframe's depth; the neighbourhood is 5 pixels at a width of 640 and grows with the image."""
-    reach = neighbourhood_px(keyframe.camera.width)
+def neighbourhood_px(camera: Camera) -> int:
+    """How far a pixel's neighbourhood goes on every side: 2 pixels of a usual image."""
+    return max(1, round(_NEIGHBOURHOOD_PX * pixel_scale(camera)))
+
+
+def depth_view(keyframe: Keyframe, max_depth_m: float, floor_z: float | None = None) -> DepthView:
+    """Prepare a keyframe's depth; the neighbourhood is 5 pixels of a usual image, and reaches to a LiDAR's next return:
+    a ray that went by beside a mug did not go through it.
+    """
+    camera, returns = keyframe.camera, keyframe.returns_camera
+    reach = neighbourhood_px(camera)
+    if returns is not None and len(returns):
+        reach = max(reach, round(float(np.sqrt(np.count_nonzero(keyframe.depth_m) / len(returns)))))
     kernel = np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)
     _, within = cv2.threshold(keyframe.depth_m, max_depth_m, 0, cv2.THRESH_TOZERO_INV)
     depth = np.asarray(within, np.float32)
@@ -84,4 +108,7 @@ def depth_view(keyframe: Keyframe, max_depth_m: float) -> DepthView:
         np.asarray(nearest, np.float32),
         np.asarray(farthest, np.float32),
         max_depth_m,
+        None if returns is None else returns_on_image(camera, returns, max_depth_m),
+        None if returns is None else lowest_returns(keyframe.depth_m, camera, keyframe.T_map_camera),
+        floor_z,
     )

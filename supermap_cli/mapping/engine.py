@@ -13,7 +13,7 @@ from supermap_cli.geometry.arrays import BoolArray, IntArray
 from supermap_cli.geometry.boxes import pairwise_iou
 from supermap_cli.mapping import lifecycle
 from supermap_cli.mapping.association import Affinity, associate, reached
-from supermap_cli.mapping.belief import LabelBelief
+from supermap_cli.mapping.belief import LabelBelief, Viewpoints
 from supermap_cli.mapping.depth import DepthView, depth_view
 from supermap_cli.mapping.free_space import FreeSpaceMemory
 from supermap_cli.mapping.fusion import (
@@ -30,6 +30,14 @@ from supermap_cli.mapping.lifting import LiftedDetection, is_truncated, lift
 from supermap_cli.mapping.objects import MapObject, ObjectMap
 from supermap_cli.mapping.pair_evidence import PairEvidence
 from supermap_cli.mapping.recall import RecallModel, ScoreModel
+from supermap_cli.mapping.seam import (
+    box_before_turning,
+    turn_px,
+    turned_depth,
+    turned_detections,
+    turned_keyframe,
+    turned_view,
+)
 from supermap_cli.mapping.shifting import find_shift
 from supermap_cli.mapping.transitions import Transitions, Whereabouts
 from supermap_cli.mapping.visibility import ObjectView, look_at
@@ -53,11 +61,33 @@ ANIMATE_MEMORY_NS = 3_000_000_000
 
 @dataclass(frozen=True)
 class Look:
-    """One keyframe held against the map: its depth, and what it says of every object it can see."""
+    """One keyframe held against the map: its depth, and what it says of every object it can see.
+
+    A panorama may be `turned_px` columns to the left of how it came (`seam`).
+    """
 
     keyframe: Keyframe
     depth: DepthView
     views: dict[int, ObjectView]
+    turned_px: int = 0
+
+    def turned(self, by_px: int) -> Look:
+        """The same look at a panorama with its seam elsewhere."""
+        keyframe = turned_keyframe(self.keyframe, by_px)
+        width = keyframe.camera.width
+        views = {number: turned_view(view, width, by_px) for number, view in self.views.items()}
+        return Look(keyframe, turned_depth(self.depth, keyframe, by_px), views, by_px)
+
+
+@dataclass(frozen=True)
+class Sight:
+    """What a keyframe can tell of an object by silence: its `view`; `unmeasured`: the image shows its place, and no ray
+    can reach it; `detector_looked`.
+    """
+
+    view: ObjectView
+    unmeasured: bool
+    detector_looked: bool
 
 
 @dataclass
@@ -69,6 +99,7 @@ class MappingEngine:
     objects: ObjectMap = field(default_factory=ObjectMap)
     recall: RecallModel = field(default_factory=RecallModel)
     scores: ScoreModel = field(default_factory=ScoreModel)
+    floor_z: float | None = None
     free_space: FreeSpaceMemory = field(default_factory=FreeSpaceMemory)
     pairs: PairEvidence = field(default_factory=PairEvidence)
     linked: set[tuple[int, int]] = field(default_factory=set)
@@ -85,8 +116,9 @@ class MappingEngine:
 
     def look(self, keyframe: Keyframe) -> Look:
         """Geometric consistency of all objects near by with this keyframe's depth."""
-        depth = depth_view(keyframe, self.config.max_depth_m)
-        near = self.objects.within(keyframe.T_map_camera[:3, 3], self.config.max_depth_m)
+        reach_m = self.config.max_depth_m if keyframe.returns_camera is None else self.config.max_range_m
+        depth = depth_view(keyframe, reach_m, self.floor_z)
+        near = self.objects.within(keyframe.T_map_camera[:3, 3], reach_m)
         return Look(keyframe, depth, look_at(depth, near))
 
     def track_priors(self, look: Look) -> tuple[TrackPrior, ...]:
@@ -97,6 +129,8 @@ class MappingEngine:
         for number, view in look.views.items():
             tracked = self.objects[number]
             box = view.box_xyxy
+            if look.keyframe.camera.full_turn and box is not None and box[2] - box[0] > look.keyframe.camera.width / 2:
+                continue  # across the seam
             if tracked.track_id >= 0 and tracked.present and box is not None:
                 priors.append(TrackPrior(tracked.track_id, box.astype(np.float32), tracked.label, view.hidden))
         return tuple(priors)
@@ -105,9 +139,15 @@ class MappingEngine:
         """Take in one keyframe. `detections` `None`: no detector looked at it, only geometry speaks."""
         stamp_ns = look.keyframe.stamp_ns
         matched: set[int] = set()
+        masked: BoolArray | None = None
         self.turns.touched.clear()
         if detections is not None:
             ids = np.full(len(detections), -1) if track_ids is None or "tracker" in self.ablate else track_ids
+            by_px = turn_px(detections, look.keyframe.camera)
+            if by_px:
+                look = look.turned(by_px)
+                detections, ids = turned_detections(detections, ids, look.keyframe.camera.width, by_px)
+            masked = None if look.depth.lowest is None else covered_by(detections, look.depth.depth_m.shape)
             masks = claimed_by_smaller(list(detections.masks), detections.labels)
             masks = [
                 mask if worth else None for mask, worth in zip(masks, worth_lifting(look, detections), strict=True)
@@ -115,7 +155,9 @@ class MappingEngine:
             lifted = lift(look.keyframe, look.depth, detections.with_masks(tuple(masks)), ids)
             matched = self._match(look, lifted)
         for number, view in look.views.items():
-            self._weigh_silence(look, self.objects[number], view, number in matched, detections is not None)
+            seen = self.objects[number]
+            sight = Sight(view, in_sight(view, masked), detector_looked=detections is not None)
+            self._weigh_silence(look, seen, sight, number in matched)
         self._lose_animate(stamp_ns)
         self._confirm()
         self._merge(matched, stamp_ns)
@@ -193,7 +235,8 @@ class MappingEngine:
         elif fit is not None and (to := self._moves(look, seen, view, detection, covered)) is not None:
             if seen.shifted_looks < lifecycle.SHIFTED_LOOKS and seen.label not in ANIMATE:
                 return
-            self.turns.shift(seen, to, seen.first_shifted_ns)
+            since_ns = seen.first_shifted_ns if seen.first_shifted_ns > seen.last_seen_ns else stamp_ns
+            self.turns.shift(seen, to, since_ns)
             view = None
         if view is not None:
             if "semantic-fusion" not in self.ablate:
@@ -230,20 +273,22 @@ class MappingEngine:
         believe_more(seen, detection, self.scores, keyframe.T_map_camera[:3, 3])
         seen.observations += 1
         seen.absent_looks = 0
+        for share, truncated in seen.unsettled:
+            self.recall.record(seen.label, share, truncated, detected=False, weight=1.0)
+        seen.silence, seen.silent_views, seen.unsettled = 0.0, Viewpoints(), []
         seen.last_seen_ns = keyframe.stamp_ns
         if detection.track_id >= 0:
             seen.track_id = detection.track_id
         seen.visit.support(keyframe.stamp_ns)
-        self._observe(keyframe, seen, detection, view)
+        self._observe(look, seen, detection, view)
         self.turns.touch(seen)
 
-    def _observe(
-        self, keyframe: Keyframe, seen: MapObject, detection: LiftedDetection, view: ObjectView | None
-    ) -> None:
+    def _observe(self, look: Look, seen: MapObject, detection: LiftedDetection, view: ObjectView | None) -> None:
+        keyframe = look.keyframe
         observation = Observation(
             keyframe.stamp_ns,
             seen.number,
-            detection.box_xyxy,
+            box_before_turning(detection.box_xyxy, keyframe.camera.width, look.turned_px),
             detection.score,
             detection.hypotheses,
             detection.centroid_map,
@@ -270,27 +315,30 @@ class MappingEngine:
 
     # -- what silence and emptiness say
 
-    def _weigh_silence(
-        self, look: Look, seen: MapObject, view: ObjectView, matched: bool, detector_looked: bool
-    ) -> None:
-        keyframe = look.keyframe
-        observable = view.observable_share >= lifecycle.OBSERVABLE_SHARE
+    def _weigh_silence(self, look: Look, seen: MapObject, sight: Sight, matched: bool) -> None:
+        keyframe, view, detector_looked = look.keyframe, sight.view, sight.detector_looked
+        observable = view.observable_share >= lifecycle.OBSERVABLE_SHARE or sight.unmeasured
         if observable and not matched:
             seen.visit.in_view += 1
             self.turns.changes.dirty.add(seen.number)
         box = view.box_xyxy
-        truncated = box is not None and is_truncated(box, keyframe.camera.width, keyframe.camera.height)
+        truncated = box is not None and is_truncated(box, keyframe.camera)
         if observable and detector_looked and seen.confirmed and seen.present and seen.existence > SURE_LOG_ODDS:
             share = area_share(view, _area(keyframe))
-            self.recall.record(seen.label, share, truncated, matched, 1.0)
+            if sight.unmeasured and not matched:
+                seen.unsettled.append((share, truncated))
+            else:
+                self.recall.record(seen.label, share, truncated, matched, 1.0)
         if matched or not seen.present:
             return
         if "geometric-consistency" not in self.ablate:
             self._weigh_geometry(seen, view, keyframe.stamp_ns)
-        stands = observable and seen.present and view.contradicted_share <= 0.5
-        if stands and detector_looked and "semantic-fusion" not in self.ablate:
+        stands = sight.unmeasured or (observable and view.contradicted_share <= 0.5)
+        if stands and seen.present and detector_looked and "semantic-fusion" not in self.ablate:
             rate = expected_recall(self.recall, seen, view, _area(keyframe), truncated)
             believe_less(seen, rate, keyframe.T_map_camera[:3, 3])
+            if sight.unmeasured and lifecycle.fallen_silent(seen, view, keyframe, rate):
+                self.turns.go(seen, seen.first_silent_ns)
 
     def _weigh_geometry(self, seen: MapObject, view: ObjectView, stamp_ns: int) -> None:
         if lifecycle.watch_presence(seen, view, stamp_ns):
@@ -398,6 +446,26 @@ def worth_lifting(look: Look, detections: Detections) -> BoolArray:
     if boxes and not worth.all():
         worth = worth | (pairwise_iou(detections.boxes_xyxy, np.array(boxes)) > EXPECTED_IOU).any(axis=1)
     return worth
+
+
+def covered_by(detections: Detections, shape: tuple[int, ...]) -> BoolArray:
+    """(h, w) the pixels that some detection's mask covers."""
+    covered = np.zeros(shape, bool)
+    for mask in detections.masks:
+        if mask is not None:
+            h, w = mask.pixels.shape
+            covered[mask.v0 : mask.v0 + h, mask.u0 : mask.u0 + w] |= mask.pixels
+    return covered
+
+
+def in_sight(view: ObjectView, masked: BoolArray | None) -> bool:
+    """Whether an object lies where only the image shows it, and nothing that is detected covers most of its place."""
+    if masked is None:
+        return False
+    free = (view.unmeasured & ~masked[view.v, view.u]) | view.contradicted
+    if not len(free) or float(view.unmeasured.mean()) < lifecycle.OBSERVABLE_SHARE:
+        return False
+    return float(free.mean()) > lifecycle.UNCOVERED_SHARE
 
 
 def _area(keyframe: Keyframe) -> int:

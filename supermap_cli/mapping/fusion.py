@@ -34,10 +34,10 @@ def fuse_mask(seen: MapObject, view: ObjectView, detection: LiftedDetection) -> 
     nothing).
     """
     mask, rim = detection.mask, detection.rim_px
-    inside = view.supported & pixels_in_region(detection.core, mask.u0, mask.v0, view)
+    inside = view.shown & pixels_in_region(detection.core, mask.u0, mask.v0, view)
     padded = cv2.copyMakeBorder(mask.pixels.astype(np.uint8), *(rim,) * 4, cv2.BORDER_CONSTANT, value=0)
     grown = cv2.dilate(padded, np.ones((2 * rim + 1, 2 * rim + 1), np.uint8)) > 0
-    beside = view.supported & ~pixels_in_region(grown, mask.u0 - rim, mask.v0 - rim, view)
+    beside = view.shown & ~pixels_in_region(grown, mask.u0 - rim, mask.v0 - rim, view)
     seen.voxels.inside[inside] += 1
     seen.voxels.outside[beside] += 1
 
@@ -45,6 +45,8 @@ def fuse_mask(seen: MapObject, view: ObjectView, detection: LiftedDetection) -> 
 def fuse_points(seen: MapObject, detection: LiftedDetection) -> None:
     """Enter the points a detection adds, and drop the voxels that the evidence has turned against."""
     voxels = seen.voxels
+    if not len(voxels):
+        voxels.voxel_m = max(voxels.voxel_m, detection.voxel_m)
     voxels.add_points(detection.points_map, detection.rgb, HIT_LOG_ODDS)
     voxels.keep((voxels.log_odds > -1.2) & (voxels.outside <= 2 * voxels.inside + 2))
     voxels.fit_voxel()
@@ -71,7 +73,8 @@ def area_share(view: ObjectView, image_area_px: int) -> float:
     box = view.box_xyxy
     if box is None:
         return 0.0
-    seen = int(np.count_nonzero(view.observable)) / max(1, int(np.count_nonzero(view.on_image)))
+    observable = np.count_nonzero(view.observable | view.unmeasured)
+    seen = observable / max(1, int(np.count_nonzero(view.on_image)))
     return float((box[2] - box[0] + 1) * (box[3] - box[1] + 1)) * seen / image_area_px
 
 

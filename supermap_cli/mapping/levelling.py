@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
 from supermap_cli.geometry.arrays import FloatArray
-from supermap_cli.geometry.se3 import make_transform, rotation_between
+from supermap_cli.geometry.se3 import make_transform, rotation_between, transform_points
 from supermap_cli.geometry.trajectory import Trajectory
 from supermap_cli.mapping.structure import CoarseDepth, Structure, join, structure_of_points
 from supermap_cli.types.sensing import ImuSample, Sweep
@@ -20,6 +20,7 @@ _UP = np.array([0.0, 0.0, 1.0])
 _VOXEL_M = 0.05
 _UP_CONE = np.cos(np.radians(50))
 _TILE_M = 2.0
+_WELL_BENEATH_M = 0.2
 _LEAST_AREA_M2 = 0.3
 _LEVEL_ALREADY_DEG = {"imu": 3.0, "structure": 2.0}
 _SAME_FLOOR_M = 0.05
@@ -47,13 +48,47 @@ def sweep_view(sweep: Sweep, T_odom_base: FloatArray) -> LevelView:
     return LevelView(structure_of_points(sweep.points_lidar).moved(T_odom_lidar), T_odom_lidar[:3, 2])
 
 
+class LowReturns:
+    """A LiDAR's returns from well beneath it, of a whole recording.
+
+    One that hardly looks down sees the floor far off only and now and then: not in 30 views, but in thousands of
+    sweeps.
+    """
+
+    def __init__(self, trajectory: Trajectory) -> None:
+        self._trajectory = trajectory
+        self._points_odom: list[FloatArray] = []
+        self._up_odom = _UP
+
+    def watched(self, sweeps: Iterable[Sweep]) -> Iterator[Sweep]:
+        """The same sweeps, looked at as they go by."""
+        for sweep in sweeps:
+            T_odom_base = self._trajectory.at(sweep.stamp_ns)
+            if T_odom_base is not None:
+                T_odom_lidar = T_odom_base @ sweep.T_base_lidar
+                self._up_odom = T_odom_lidar[:3, 2]
+                beneath = sweep.points_lidar[sweep.points_lidar[:, 2] < -_WELL_BENEATH_M]
+                self._points_odom.append(transform_points(T_odom_lidar, beneath))
+            yield sweep
+
+    def views(self) -> list[LevelView]:
+        """The level surfaces among them, as one view; none without a LiDAR, or where it sees nothing there."""
+        points = np.concatenate([np.zeros((0, 3)), *self._points_odom])
+        surfaces = structure_of_points(points, voxel_m=_VOXEL_M, max_range_m=np.inf)
+        facing = np.sign(surfaces.normals @ self._up_odom)[:, None]
+        level_ones = np.abs(surfaces.normals @ self._up_odom) > _UP_CONE
+        faced = Structure(surfaces.points, surfaces.normals * facing).take(level_ones)
+        return [LevelView(faced, self._up_odom)] if len(faced) else []
+
+
 @dataclass(frozen=True)
 class Levelling:
     """`T_map_odom` and how it was found.
 
     `method` "odom" means that odom's own z axis was kept: because it is level already, or, then with a `warning`,
     because nothing told where up is. `tilt_deg` is the angle between odom's z axis and the up direction found (0 if
-    none was). `floor_seen` tells whether z = 0 is a floor; else odom's height is kept.
+    none was). `floor_seen` tells whether z = 0 is a floor; else odom's height is kept. `floor_z` is the floor's height
+    in the map as measured, within 5 cm of 0 where odom was kept; `None` if none was seen.
     """
 
     T_map_odom: FloatArray
@@ -61,6 +96,7 @@ class Levelling:
     tilt_deg: float
     floor_seen: bool
     warning: str | None = None
+    floor_z: float | None = None
 
 
 def level(views: Iterable[LevelView], imu: Iterable[ImuSample] = (), trajectory: Trajectory | None = None) -> Levelling:
@@ -90,8 +126,8 @@ def level(views: Iterable[LevelView], imu: Iterable[ImuSample] = (), trajectory:
     T_map_odom = make_transform(R_map_odom, np.zeros(3))
     floor_z = floor_height(surfaces.moved(T_map_odom))
     if floor_z is not None and not (method == "odom" and abs(floor_z) < _SAME_FLOOR_M):
-        T_map_odom[2, 3] = -floor_z
-    return Levelling(T_map_odom, method, tilt_deg, floor_seen=floor_z is not None)
+        T_map_odom[2, 3], floor_z = -floor_z, 0.0
+    return Levelling(T_map_odom, method, tilt_deg, floor_seen=floor_z is not None, floor_z=floor_z)
 
 
 def gravity_up(imu: Iterable[ImuSample], trajectory: Trajectory) -> FloatArray | None:

@@ -11,8 +11,10 @@ from scipy.optimize import linear_sum_assignment
 from supermap_cli.mapping.belief import LabelBelief
 from supermap_cli.mapping.lifting import LiftedDetection
 from supermap_cli.mapping.objects import MapObject, ObjectMap, OpenState
+from supermap_cli.mapping.recall import miss_log_ratio
 from supermap_cli.mapping.visibility import ObjectView
 from supermap_cli.mapping.voxel_map import FINEST_VOXEL_M, VoxelMap
+from supermap_cli.types.keyframe import Keyframe
 from supermap_cli.types.labels import ANIMATE
 
 BIRTH_LOG_ODDS = -1.0
@@ -41,8 +43,17 @@ ABSENT_LOOKS = 3
 SHIFTED_LOOKS = 2
 """Images in a row that must show a thing beside its empty place: one may have a bad pose, and says nothing."""
 
+UNCOVERED_SHARE = 0.6
+"""Share of a thing beneath all rays that must be free of other masks before the detector's silence counts."""
+
 OBSERVABLE_SHARE = 0.3
 """Share of an object's voxels an image must be able to speak of before silence or emptiness counts against it."""
+
+GONE_LOG_ODDS, SILENT_NS, FOUND_SHARE = 4.0, 2_000_000_000, 0.5
+"""Gone, too, where no ray can tell: silence of that weight and so long, after it was found in that share of looks."""
+
+LEAST_THROUGH, THROUGH_LOG_ODDS = 30, -1.0
+"""What the few rays say that reach the top of such a thing, and go through so many voxels of it."""
 
 
 def give_birth(number: int, detection: LiftedDetection, stamp_ns: int) -> MapObject:
@@ -81,6 +92,27 @@ def watch_presence(watched: MapObject, view: ObjectView, stamp_ns: int) -> bool:
     if watched.absent_looks == 1:
         watched.first_absent_ns = stamp_ns
     return watched.present and watched.absent_looks >= ABSENT_LOOKS
+
+
+def fallen_silent(watched: MapObject, view: ObjectView, keyframe: Keyframe, expected_recall: float) -> bool:
+    """Take in one more look that did not find a thing that no ray can reach; whether it has gone: it was found at most
+    looks, and then at none for some time.
+
+    What was never real is found now and then; it is doubted, as all that the detector imagines.
+    """
+    visit, at = watched.visit, watched.shape.centroid
+    if watched.silence == 0:
+        watched.first_silent_ns = keyframe.stamp_ns
+    against = miss_log_ratio(expected_recall)
+    if int(view.contradicted.sum()) >= LEAST_THROUGH and view.contradicted_share > ABSENT_SHARE:
+        against += THROUGH_LOG_ODDS
+    watched.silence += watched.silent_views.miss(keyframe.T_map_camera[:3, 3], at, against)
+    return (
+        watched.confirmed
+        and watched.silence < -GONE_LOG_ODDS
+        and keyframe.stamp_ns - watched.first_silent_ns > SILENT_NS
+        and visit.supported > FOUND_SHARE * visit.in_view_then
+    )
 
 
 def has_shifted(seen: MapObject, view: ObjectView | None, detection: LiftedDetection, covered: float) -> bool:

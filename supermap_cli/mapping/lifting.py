@@ -8,11 +8,15 @@ from functools import cached_property
 import numpy as np
 
 from supermap_cli.geometry.arrays import BoolArray, Float32Array, FloatArray, UInt8Array
+from supermap_cli.geometry.cameras import Camera
 from supermap_cli.geometry.percentiles import percentiles
 from supermap_cli.geometry.se3 import transform_points
 from supermap_cli.mapping.bodies import continued_behind, image_bodies, main_body, same_bodies, voxel_bodies
-from supermap_cli.mapping.depth import DepthView
+from supermap_cli.mapping.depth import DepthView, pixel_scale
+from supermap_cli.mapping.lidar_lifting import lift_returns
 from supermap_cli.mapping.mask_core import erode, on_one_surface, standing_clear
+from supermap_cli.mapping.returns import LIDAR_SIGMA_M
+from supermap_cli.mapping.voxel_map import FINEST_VOXEL_M
 from supermap_cli.types.detections import Detections, Hypothesis, RegionMask
 from supermap_cli.types.keyframe import Keyframe
 
@@ -30,7 +34,7 @@ class LiftedDetection:
     `points_map` (n, 3) metres with `rgb` (n, 3); `centroid_map` (3,); `mask` is the detector's own, `core` the part of
     it that is surely the object's: all but its rim, and of the rim what stands clear (both on the region of `mask`);
     `rim_px` is how wide the rim is; `truncated` says that the image's border cuts it, so that its extent is only part
-    of the object's.
+    of the object's; `voxel_m` is the edge of voxels that are not finer than what the sensor tells apart.
     """
 
     index: int
@@ -46,6 +50,7 @@ class LiftedDetection:
     hypotheses: tuple[Hypothesis, ...]
     track_id: int
     truncated: bool
+    voxel_m: float = FINEST_VOXEL_M
 
     @cached_property
     def extent_m(self) -> float:
@@ -54,23 +59,25 @@ class LiftedDetection:
         return float((high - low).max())
 
 
-def erosion_px(area_px: int, image_width_px: int) -> int:
-    """How far a mask is cut back: 2 to 6 pixels of a 640-pixel image, more for larger masks, which bleed more."""
-    scale = image_width_px / 640
+def erosion_px(area_px: int, scale: float) -> int:
+    """How far a mask is cut back: 2 to 6 pixels of a usual image, more for larger masks, which bleed more."""
     return max(1, round(float(np.clip(0.08 * np.sqrt(area_px), 2 * scale, 6 * scale))))
 
 
 def lift(keyframe: Keyframe, view: DepthView, detections: Detections, track_ids: np.ndarray) -> list[LiftedDetection]:
-    """Lift all detections that have a mask and enough depth beneath it."""
+    """Lift all detections that have a mask and enough depth beneath it, or, with a LiDAR, stand on the floor."""
     lifted = []
     for index in range(len(detections)):
         mask = detections.masks[index]
         if mask is None or not mask.pixels.any():
             continue
-        rim_px = erosion_px(int(np.count_nonzero(mask.pixels)), keyframe.camera.width)
+        rim_px = erosion_px(int(np.count_nonzero(mask.pixels)), pixel_scale(keyframe.camera))
         clear = standing_clear(view, mask, rim_px)
         core = erode(mask.pixels, rim_px) | clear
-        one = _lift_core(keyframe, view, mask, core, clear)
+        if view.returns is None:
+            one = _lift_core(keyframe, view, mask, core, clear)
+        else:
+            one = lift_returns(keyframe, view, mask, core, [m for m in detections.masks if m is not None])
         if one is None:
             continue
         points, rgb, depth = one
@@ -89,21 +96,19 @@ def lift(keyframe: Keyframe, view: DepthView, detections: Detections, track_ids:
                 float(detections.scores[index]),
                 detections.hypotheses[index],
                 int(track_ids[index]),
-                is_truncated(box, keyframe.camera.width, keyframe.camera.height),
+                is_truncated(box, keyframe.camera),
+                FINEST_VOXEL_M if view.returns is None else LIDAR_SIGMA_M,
             )
         )
     return lifted
 
 
-def is_truncated(box_xyxy: Float32Array | FloatArray, width: int, height: int) -> bool:
-    """Whether an image box reaches the border."""
-    margin = max(3, width // 160)
-    return bool(
-        box_xyxy[0] < margin
-        or box_xyxy[1] < margin
-        or box_xyxy[2] > width - 1 - margin
-        or box_xyxy[3] > height - 1 - margin
-    )
+def is_truncated(box_xyxy: Float32Array | FloatArray, camera: Camera) -> bool:
+    """Whether an image box reaches the border, which at the sides of a full turn is none."""
+    margin = max(3, camera.width // 160)
+    if box_xyxy[1] < margin or box_xyxy[3] > camera.height - 1 - margin:
+        return True
+    return not camera.full_turn and bool(box_xyxy[0] < margin or box_xyxy[2] > camera.width - 1 - margin)
 
 
 def _lift_core(

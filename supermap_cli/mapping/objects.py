@@ -39,11 +39,15 @@ class OpenState:
 
 @dataclass
 class VisitCount:
-    """How often the running traversal supported an object, had its place in view, and saw its place empty."""
+    """How often the running traversal supported an object, had its place in view, and saw its place empty.
+
+    `in_view_then` is how often it had been in view when it was last supported.
+    """
 
     supported: int = 0
     in_view: int = 0
     contradicted: int = 0
+    in_view_then: int = 0
     first_support_ns: int | None = None
     last_support_ns: int | None = None
 
@@ -53,6 +57,7 @@ class VisitCount:
             return
         self.supported += 1
         self.in_view += 1
+        self.in_view_then = self.in_view
         self.first_support_ns = stamp_ns if self.first_support_ns is None else self.first_support_ns
         self.last_support_ns = stamp_ns
 
@@ -64,6 +69,9 @@ class MapObject:
     `existence` is the log-odds that it is real, `doubted` that it was confirmed once but is believed in no more;
     `present` False: its place was seen empty in `absent_looks` looks in a row, the first at `first_absent_ns`;
     so many `shifted_looks` in a row, the first at `first_shifted_ns`, showed it beside its place.
+    `silence` is what the looks since it was last seen say against it (log-odds), the first at `first_silent_ns`, from
+    `silent_views`; `unsettled` are those of them (visible share of the image, truncated) that were misses only if it is
+    still there.
     `pending` are the observations made before it was confirmed; `entered` says that it is known to the memory.
     """
 
@@ -86,6 +94,10 @@ class MapObject:
     first_absent_ns: int = 0
     shifted_looks: int = 0
     first_shifted_ns: int = 0
+    silence: float = 0.0
+    silent_views: Viewpoints = field(default_factory=Viewpoints)
+    first_silent_ns: int = 0
+    unsettled: list[tuple[float, bool]] = field(default_factory=list)
     viewpoints: Viewpoints = field(default_factory=Viewpoints)
     motion: MotionState = field(default_factory=MotionState)
     visit: VisitCount = field(default_factory=VisitCount)

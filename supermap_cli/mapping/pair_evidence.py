@@ -37,7 +37,7 @@ class PairEvidence:
         views: Mapping[int, ObjectView],
     ) -> None:
         """Count one image's evidence. `views` are the objects as they were before the image."""
-        in_view = [each for each in objects if each.number in views and views[each.number].supported.any()]
+        in_view = [each for each in objects if each.number in views and views[each.number].shown.any()]
         for each in in_view:
             detection = matched.get(each.number)
             if detection is None:

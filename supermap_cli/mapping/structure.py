@@ -17,6 +17,7 @@ _COLUMNS = 160
 _BASELINE = 1 / 60
 _GRAZING = 0.1
 _DENSE = 0.3
+_CAMERA_REACH_M, _LIDAR_REACH_M = 5.0, 12.0
 
 
 @dataclass(frozen=True)
@@ -68,19 +69,23 @@ class CoarseDepth:
     step_px: int
     camera: Camera
     T_frame_camera: FloatArray
+    max_depth_m: float = _CAMERA_REACH_M
 
     def moved(self, T_target_frame: FloatArray) -> CoarseDepth:
         """The same image in another frame."""
         return replace(self, T_frame_camera=T_target_frame @ self.T_frame_camera)
 
-    def structure(self, max_depth_m: float = 5.0) -> Structure:
-        """Its surfaces in the frame; a depth image with returns here and there, as from a LiDAR, counts as points."""
-        rows, columns = np.nonzero((self.depth_m > 0) & (self.depth_m < max_depth_m))
+    def structure(self, max_depth_m: float | None = None) -> Structure:
+        """Its surfaces in the frame, up to a depth, by default the sensor's own; a depth image with returns here and
+        there, as from a LiDAR, counts as points.
+        """
+        reach_m = self.max_depth_m if max_depth_m is None else max_depth_m
+        rows, columns = np.nonzero((self.depth_m > 0) & (self.depth_m < reach_m))
         if len(rows) < _DENSE * self.depth_m.size:
             pixels_uv = np.column_stack([columns, rows]).astype(np.float64) * self.step_px
             points = self.camera.back_project(pixels_uv, self.depth_m[rows, columns].astype(np.float64))
             return structure_of_points(points).moved(self.T_frame_camera)
-        seen = structure_of_depth(self.depth_m, self.camera, pixel_step=self.step_px, max_depth_m=max_depth_m)
+        seen = structure_of_depth(self.depth_m, self.camera, pixel_step=self.step_px, max_depth_m=reach_m)
         return seen.moved(self.T_frame_camera)
 
 
@@ -89,7 +94,8 @@ def coarse_depth(frame: CameraFrame, T_frame_base: FloatArray, step_px: int | No
     if frame.depth_m is None:
         return None
     step = step_px or max(1, frame.camera.width // _COLUMNS)
-    return CoarseDepth(frame.depth_m[::step, ::step], step, frame.camera, T_frame_base @ frame.T_base_camera)
+    reach_m = _CAMERA_REACH_M if frame.returns_camera is None else _LIDAR_REACH_M
+    return CoarseDepth(frame.depth_m[::step, ::step], step, frame.camera, T_frame_base @ frame.T_base_camera, reach_m)
 
 
 def stored_depth(record: KeyframeRecord) -> CoarseDepth:

@@ -18,6 +18,9 @@ from supermap_cli.mapping.objects import MapObject
 POSE_SIGMA_M = 0.015
 """What a good odometry is off by from one keyframe to the next; the paper assumes none."""
 
+LEAST_REACHABLE = 1 / 3
+"""Share of an object's voxels that counts as within a LiDAR's reach at least."""
+
 
 @dataclass(frozen=True)
 class ObjectView:
@@ -25,7 +28,8 @@ class ObjectView:
 
     `u`, `v`: pixels; `on_image`: projected onto it; `supported`: |delta| <= tau; `contradicted`: the ray went through;
     `occluded`: behind a measured surface. A voxel without a return, beyond range or at a depth edge is none of the
-    three. `solid`: believed to be the object's; shares are of these.
+    three. `solid`: believed to be the object's; shares are of these. `unmeasured`: beneath all that a LiDAR can reach,
+    before what it saw there, so that only the image shows them.
     """
 
     u: IntArray
@@ -36,6 +40,7 @@ class ObjectView:
     contradicted: BoolArray
     occluded: BoolArray
     solid: BoolArray
+    unmeasured: BoolArray
 
     @cached_property
     def observable(self) -> BoolArray:
@@ -44,9 +49,20 @@ class ObjectView:
 
     @cached_property
     def observable_share(self) -> float:
-        """Share of all solid voxels that are observable."""
+        """Share of all solid voxels that are observable, but for those that no ray can reach from here.
+
+        A few that can be reached do not speak for the whole.
+        """
         solid = np.count_nonzero(self.solid)
-        return np.count_nonzero(self.observable & self.solid) / solid if solid else 0.0
+        if not solid:
+            return 0.0
+        reachable = solid - np.count_nonzero(self.unmeasured & self.solid)
+        return float(np.count_nonzero(self.observable & self.solid) / max(reachable, LEAST_REACHABLE * solid))
+
+    @cached_property
+    def shown(self) -> BoolArray:
+        """Voxels that the image shows if the thing is there: measured, or beneath what can be measured."""
+        return self.supported | self.unmeasured
 
     @cached_property
     def contradicted_share(self) -> float:
@@ -69,9 +85,12 @@ class ObjectView:
         return percentiles(pixels.T, (1, 99)).ravel()
 
 
-def tolerance_m(depth_m: FloatArray, voxel_m: FloatArray | float) -> FloatArray:
-    """tau: three sigma of the sensor at that depth and of the pose, and half a voxel's diagonal."""
-    tau: FloatArray = 3 * np.hypot(depth_sigma_m(depth_m), POSE_SIGMA_M) + 0.87 * np.asarray(voxel_m)
+def tolerance_m(
+    depth_m: FloatArray, voxel_m: FloatArray | float, sigma_m: FloatArray | float | None = None
+) -> FloatArray:
+    """tau: three sigma of the sensor (a depth camera's at that depth) and of the pose, and half a voxel's diagonal."""
+    sensor_m = depth_sigma_m(depth_m) if sigma_m is None else sigma_m
+    tau: FloatArray = 3 * np.hypot(sensor_m, POSE_SIGMA_M) + 0.87 * np.asarray(voxel_m)
     return tau
 
 
@@ -83,12 +102,17 @@ def check_visibility(view: DepthView, points_map: FloatArray, voxel_m: FloatArra
     told = np.flatnonzero(on_image & (depth <= view.max_depth_m) & (view.depth_m.ravel()[pixels] > 0))
     pixels, behind = pixels[told], depth[told]
     measured, nearest, farthest = (each.ravel()[pixels] for each in (view.depth_m, view.nearest_m, view.farthest_m))
-    tau = tolerance_m(behind, voxel_m if isinstance(voxel_m, float) else voxel_m[told])
+    tau = tolerance_m(behind, voxel_m if isinstance(voxel_m, float) else voxel_m[told], view.sigma_m(behind))
     slant = np.minimum((farthest - np.minimum(nearest, farthest)) / 2, 2 * tau)
     contradicted[told] = behind < nearest - tau
     occluded[told] = behind > farthest + tau
     supported[told] = np.abs(behind - measured) <= tau + slant
-    return ObjectView(u, v, depth, on_image, supported, contradicted, occluded, np.ones(len(u), dtype=bool))
+    solid, unmeasured = np.ones(len(u), dtype=bool), np.zeros(len(u), dtype=bool)
+    if view.lowest is not None:
+        away_m = np.linalg.norm(points_map[:, :2] - view.T_map_camera[:2, 3], axis=1)
+        before = away_m < view.lowest.distance_m[u] + tolerance_m(depth, voxel_m, view.sigma_m(depth))
+        unmeasured = on_image & (depth <= view.max_depth_m) & view.lowest.beneath(u, v) & before
+    return ObjectView(u, v, depth, on_image, supported, contradicted, occluded, solid, unmeasured)
 
 
 def within_sight(view: DepthView, objects: Sequence[MapObject]) -> list[MapObject]:
@@ -122,5 +146,6 @@ def look_at(view: DepthView, objects: Sequence[MapObject]) -> dict[int, ObjectVi
                 whole.contradicted[part],
                 whole.occluded[part],
                 each.solid,
+                whole.unmeasured[part],
             )
     return views

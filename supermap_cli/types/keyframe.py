@@ -14,7 +14,8 @@ class Keyframe:
     """An image placed in the map.
 
     `rgb` (h, w, 3) uint8; `depth_m` (h, w) float32 in the measure of `Camera.depth_of`, 0 = no return;
-    `T_map_camera` and `T_map_base` at the image's stamp.
+    `T_map_camera` and `T_map_base` at the image's stamp. `returns_camera` (n, 3) are the LiDAR's returns that the depth
+    was drawn of, in the optical frame; `None` where the depth is a camera's own.
     """
 
     stamp_ns: int
@@ -23,9 +24,12 @@ class Keyframe:
     camera: Camera
     T_map_camera: FloatArray
     T_map_base: FloatArray
+    returns_camera: FloatArray | None = None
 
     def __post_init__(self) -> None:
         check_shape("rgb", self.rgb, (self.camera.height, self.camera.width, 3))
         check_shape("depth_m", self.depth_m, (self.camera.height, self.camera.width))
+        if self.returns_camera is not None:
+            check_shape("returns_camera", self.returns_camera, (None, 3))
         check_transform("T_map_camera", self.T_map_camera)
         check_transform("T_map_base", self.T_map_base)

@@ -17,7 +17,8 @@ class CameraFrame:
 
     `rgb` is (h, w, 3) uint8. `depth_m` is (h, w) float32 metres on the colour camera's own pixels, in the measure of
     `Camera.depth_of` (z for a pinhole, range for a panorama), 0 = no return; `None` where the rig has a LiDAR instead.
-    `T_base_camera` places the optical frame (z forward) in the robot's base at the stamp.
+    `T_base_camera` places the optical frame (z forward) in the robot's base at the stamp. `returns_camera` (n, 3) are
+    the LiDAR's returns that `depth_m` was drawn of, in the optical frame; `None` where the depth is a camera's own.
     """
 
     stamp_ns: int
@@ -26,9 +27,12 @@ class CameraFrame:
     depth_m: Float32Array | None
     camera: Camera
     T_base_camera: FloatArray
+    returns_camera: FloatArray | None = None
 
     def __post_init__(self) -> None:
         check_shape("rgb", self.rgb, (self.camera.height, self.camera.width, 3))
+        if self.returns_camera is not None:
+            check_shape("returns_camera", self.returns_camera, (None, 3))
         if self.depth_m is not None:
             check_shape("depth_m", self.depth_m, (self.camera.height, self.camera.width))
         check_transform("T_base_camera", self.T_base_camera)

@@ -121,7 +121,7 @@ def test_a_thing_at_the_border_is_truncated() -> None:
     ],
 )
 def test_a_box_is_truncated_at_any_side(box: tuple[int, int, int, int], truncated: bool) -> None:
-    assert is_truncated(np.array(box, np.float32), 160, 120) == truncated
+    assert is_truncated(np.array(box, np.float32), s.CAMERA) == truncated
 
 
 @given(hnp.arrays(bool, (12, 14)), st.integers(1, 6))
@@ -151,7 +151,7 @@ def test_a_mask_that_fills_its_region_is_eroded_at_the_regions_border() -> None:
     ("side_px", "width_px", "margin_px"), [(5, 640, 2), (50, 640, 4), (400, 640, 6), (200, 320, 3)]
 )
 def test_the_margin_grows_with_the_mask_and_the_image(side_px: int, width_px: int, margin_px: int) -> None:
-    assert erosion_px(side_px**2, width_px) == margin_px
+    assert erosion_px(side_px**2, width_px / 640) == margin_px
 
 
 LAMP = s.Thing("lamp", (1.6, 0, 0.75), (0.02, 0.02, 1.5))
