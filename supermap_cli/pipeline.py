@@ -319,7 +319,7 @@ class TraversalBuild:
             self._relate(keyframe.stamp_ns, edges)
         with self.clock.stage("record"):
             record = self._record(keyframe, detected=detections is not None)
-            self.engine.free_space.recall(self.traversal_number, record)
+            self.engine.free_space.look(self.traversal_number, keyframe, self.config.keyframes.depth_step)
         return record
 
     def _relate(self, stamp_ns: int, edges: dict[tuple[int, str, int, int], SpatialEdge]) -> None:
@@ -442,6 +442,12 @@ def place_frame(frame: CameraFrame, T_map_base: FloatArray) -> Keyframe:
 def thumbnail(keyframe: Keyframe, width_px: int) -> bytes:
     """A small JPEG of a keyframe's image."""
     height_px = max(1, round(width_px * keyframe.camera.height / keyframe.camera.width))
-    small = cv2.resize(keyframe.rgb, (width_px, height_px), interpolation=cv2.INTER_AREA)
-    _, jpeg = cv2.imencode(".jpg", small[:, :, ::-1], [cv2.IMWRITE_JPEG_QUALITY, 75])
+    small = keyframe.rgb
+    while small.shape[1] >= 2 * width_px and small.shape[0] % 2 == small.shape[1] % 2 == 0:  # exact and quick
+        small = np.asarray(
+            cv2.resize(small, (small.shape[1] // 2, small.shape[0] // 2), interpolation=cv2.INTER_AREA), np.uint8
+        )
+    if small.shape[:2] != (height_px, width_px):
+        small = np.asarray(cv2.resize(small, (width_px, height_px), interpolation=cv2.INTER_AREA), np.uint8)
+    _, jpeg = cv2.imencode(".jpg", cv2.cvtColor(small, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, 75])
     return jpeg.tobytes()

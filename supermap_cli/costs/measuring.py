@@ -12,9 +12,10 @@ from supermap_cli.allocation import keep_freed_memory
 from supermap_cli.costs.filling import fill
 from supermap_cli.costs.job import BuildRun, DecodeRun, Job, Run, StagesRun
 from supermap_cli.hookspecs import RecordingRequest
+from supermap_cli.keyframe_choice import choose_keyframes
 from supermap_cli.memory.opening import open_store
 from supermap_cli.memory.store import MapStore
-from supermap_cli.pipeline import BuildSummary, TraversalBuild, choose_backends, select_keyframes
+from supermap_cli.pipeline import BuildSummary, TraversalBuild, choose_backends
 from supermap_cli.plugin_manager import Plugins, load_plugins
 from supermap_cli.protocols import Recording
 from supermap_cli.recordings import open_bag_recording
@@ -89,7 +90,8 @@ def decode(job: Job, plugins: Plugins) -> DecodeRun:
     for recording in _opened(job, plugins, job.wanted):
         detector = choose_backends(recording, plugins, job.config).detector
         recorded_ns, rate_hz = detector.image_stamps_ns(), job.config.keyframes.rate_hz
-        due = select_keyframes(recording.frame_stamps_ns(), recorded_ns, rate_hz)
+        rare_hz = job.config.perception.rate_hz
+        due = choose_keyframes(recording.frame_stamps_ns(), recorded_ns, rate_hz, rare_hz).mapped
         next(recording.frames({min(due, default=0)}.__contains__), None)  # calibrates the cameras
         began = time.perf_counter()
         for frame in recording.frames(due.__contains__):

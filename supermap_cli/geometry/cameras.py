@@ -10,7 +10,7 @@ import json
 import math
 from abc import ABC, abstractmethod
 from dataclasses import asdict, dataclass, fields
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Protocol
 
 import numpy as np
@@ -369,8 +369,9 @@ def camera_to_json(camera: Camera) -> str:
     raise TypeError(f"no JSON form for a {type(camera).__name__}")
 
 
+@lru_cache(maxsize=64)
 def camera_from_json(text: str) -> Camera:
-    """The camera of `camera_to_json`. Raises `CalibrationError` if the text is none."""
+    """The camera of `camera_to_json`, the same one for the same text. Raises `CalibrationError` if the text is none."""
     try:
         values = json.loads(text)
         model = _MODELS[values.pop("model")]

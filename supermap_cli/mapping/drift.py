@@ -12,11 +12,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from supermap_cli.geometry.arrays import BoolArray, FloatArray, IntArray
+from supermap_cli.geometry.arrays import FloatArray, IntArray
 from supermap_cli.geometry.se3 import inverse, make_transform, transform_points
 from supermap_cli.geometry.voxels import is_member, pack_keys, voxel_keys
 from supermap_cli.mapping.icp import Surface
-from supermap_cli.mapping.structure import CoarseDepth, Structure, join
+from supermap_cli.mapping.structure import CoarseDepth, Structure
 
 SURFACE_M = 0.05
 """One point is kept of every cube of this edge: the first, so that what was seen early holds what is seen late."""
@@ -51,13 +51,43 @@ class OdometryNoise:
     deg_per_turn: float = 2.0
 
 
+class KnownSurfaces:
+    """All surfaces seen so far, in arrays with room to grow: adding to them does not copy what is there."""
+
+    def __init__(self) -> None:
+        self._points, self._normals = np.empty((4096, 3)), np.empty((4096, 3))
+        self._count = 0
+
+    def __len__(self) -> int:
+        return self._count
+
+    @property
+    def structure(self) -> Structure:
+        """All of them."""
+        return Structure(self._points[: self._count], self._normals[: self._count])
+
+    def add(self, seen: Structure) -> None:
+        """Add surfaces after those that are there."""
+        count = self._count + len(seen)
+        while count > len(self._points):
+            self._points = np.concatenate([self._points, np.empty_like(self._points)])
+            self._normals = np.concatenate([self._normals, np.empty_like(self._normals)])
+        self._points[self._count : count], self._normals[self._count : count] = seen.points, seen.normals
+        self._count = count
+
+    def within(self, center: FloatArray, radius_m: float) -> Structure:
+        """Those that come within a distance of a point (3,)."""
+        offsets = self.structure.points - center
+        return self.structure.take(np.flatnonzero(np.einsum("ij,ij->i", offsets, offsets) < radius_m**2))
+
+
 @dataclass
 class DriftCorrection:
     """Holds the correction, `T_map_drifted`, and the surfaces by which it is found."""
 
     noise: OdometryNoise = field(default_factory=OdometryNoise)
     T_map_drifted: FloatArray = field(default_factory=lambda: np.eye(4))
-    known: Structure = field(default_factory=lambda: join([]))
+    known: KnownSurfaces = field(default_factory=KnownSurfaces)
     _codes: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
     _near: Surface | None = None
     _near_at: FloatArray = field(default_factory=lambda: np.full(3, np.inf))
@@ -100,16 +130,16 @@ class DriftCorrection:
         codes = pack_keys(voxel_keys(seen.points, SURFACE_M))
         codes, first = np.unique(codes, return_index=True)
         fresh = ~is_member(codes, self._codes)
-        self._codes = np.union1d(self._codes, codes[fresh])
-        self.known = join([self.known, seen.take(first[fresh])])
+        self._codes = np.insert(self._codes, np.searchsorted(self._codes, codes[fresh]), codes[fresh])
+        self.known.add(seen.take(first[fresh]))
         self._fresh += int(fresh.sum())
 
     def _surface_near(self, center: FloatArray) -> Surface | None:
         """The known surfaces around a place; made anew when it has been left, or much has been seen since."""
         moved_m = float(np.linalg.norm(center - self._near_at))
         if self._near is None or moved_m > 1.0 or self._fresh > 0.05 * len(self._near.structure):
-            near: BoolArray = np.linalg.norm(self.known.points - center, axis=1) < LOOK_M + 2.0
-            self._near = Surface(self.known.take(near)) if near.sum() >= LEAST_POINTS else None
+            near = self.known.within(center, LOOK_M + 2.0)
+            self._near = Surface(near) if len(near) >= LEAST_POINTS else None
             self._near_at, self._fresh = center, 0
         return self._near
 

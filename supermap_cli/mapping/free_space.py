@@ -19,9 +19,13 @@ from supermap_cli.types.memory import KeyframeRecord
 
 def encode_small_depth(keyframe: Keyframe, step_px: int) -> bytes:
     """A 16-bit millimetre PNG of the depth at every `step_px`-th pixel in u and v, 0 = no return."""
-    small_mm = np.rint(keyframe.depth_m[::step_px, ::step_px] * 1000).clip(0, 65535).astype(np.uint16)
-    _, png = cv2.imencode(".png", small_mm)
+    _, png = cv2.imencode(".png", _small_mm(keyframe, step_px))
     return png.tobytes()
+
+
+def _small_mm(keyframe: Keyframe, step_px: int) -> UInt16Array:
+    small_mm: UInt16Array = np.rint(keyframe.depth_m[::step_px, ::step_px] * 1000).clip(0, 65535).astype(np.uint16)
+    return small_mm
 
 
 def decode_small_depth(record: KeyframeRecord) -> Float32Array:
@@ -86,6 +90,13 @@ class FreeSpaceMemory:
         elevation = np.degrees(np.arcsin(np.clip(T[2, 2], -1, 1))) // 30
         position = np.floor(T[:3, 3] / 0.5)
         self.views[traversal, *(int(x) for x in position), int(azimuth), int(elevation)] = view
+
+    def look(self, traversal: int, keyframe: Keyframe, step_px: int) -> None:
+        """Keep a keyframe's look, the same that `recall` makes of what the memory stores of it."""
+        small_m = (_small_mm(keyframe, step_px) / 1000).astype(np.float32)
+        self.remember(
+            traversal, small_view(keyframe.stamp_ns, keyframe.T_map_camera, keyframe.camera, small_m, step_px)
+        )
 
     def recall(self, traversal: int, record: KeyframeRecord) -> None:
         """Keep a look that the memory had stored."""

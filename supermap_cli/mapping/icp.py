@@ -29,7 +29,7 @@ class Surface:
         from scipy.spatial import cKDTree  # noqa: PLC0415 - heavy
 
         self.structure = structure
-        self._tree = cKDTree(structure.points)
+        self._tree = cKDTree(structure.points, balanced_tree=False, compact_nodes=False)
 
     def fit(self, source: Structure, T_target_source: FloatArray, reach_m: float) -> Fit:
         """Match a source with the surface where it lies; a partner is within reach and faces the same way."""

@@ -43,10 +43,10 @@ class Structure:
 
     def thinned(self, voxel_m: float) -> Structure:
         """At most one point a voxel: the first of each, so that the number of points measures area."""
-        keys = np.floor(self.points / voxel_m).astype(np.int64)
-        keys -= keys.min(axis=0, initial=0)
-        extent = keys.max(axis=0, initial=0) + 1
-        _, first = np.unique((keys[:, 0] * extent[1] + keys[:, 1]) * extent[2] + keys[:, 2], return_index=True)
+        keys = np.floor(self.points.T / voxel_m).astype(np.int64)
+        keys -= keys.min(axis=1, initial=0, keepdims=True)
+        extent = keys.max(axis=1, initial=0) + 1
+        _, first = np.unique((keys[0] * extent[1] + keys[1]) * extent[2] + keys[2], return_index=True)
         return self.take(np.sort(first))
 
 
