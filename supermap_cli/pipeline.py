@@ -8,6 +8,7 @@ from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field, replace
 
 import cv2
+import numpy as np
 
 from supermap_cli.config import BuildConfig
 from supermap_cli.errors import DetectorError, OdometryError, RecordingError
