@@ -193,7 +193,8 @@ class MappingEngine:
         elif fit is not None and (to := self._moves(look, seen, view, detection, covered)) is not None:
             if seen.shifted_looks < lifecycle.SHIFTED_LOOKS and seen.label not in ANIMATE:
                 return
-            self.turns.shift(seen, to, seen.first_shifted_ns)
+            since_ns = seen.first_shifted_ns if seen.first_shifted_ns > seen.last_seen_ns else stamp_ns
+            self.turns.shift(seen, to, since_ns)
             view = None
         if view is not None:
             if "semantic-fusion" not in self.ablate:
