@@ -13,8 +13,7 @@ from supermap_cli.geometry.arrays import FloatArray
 def percentiles(values: NDArray[np.floating | np.integer], wanted: tuple[float, ...]) -> FloatArray:
     """(q,) percentiles of (n,) values, or (q, k) of the k columns of (n, k); n is at least 1 and no value NaN.
 
-    The same as numpy's to the last bit (Hyndman and Fan 1996, type 7), in float64; of float32 values in float32, as
-    numpy has it for one percentile.
+    The same as numpy's (Hyndman and Fan 1996, type 7), in float64 to the last bit; float32 values in float32.
     """
     kind = np.float32 if values.dtype == np.float32 else np.float64
     below, above, share = _ranks(len(values), wanted, kind)

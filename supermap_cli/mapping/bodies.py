@@ -42,15 +42,17 @@ def image_bodies(pixels: BoolArray) -> IntArray:
 
 def same_bodies(first: IntArray, second: IntArray) -> IntArray:
     """(n,) points are of one body if either of two partitions (n,) says so, or both do step by step."""
-    from scipy.sparse import coo_array  # noqa: PLC0415 - heavy
-    from scipy.sparse.csgraph import connected_components as connected  # noqa: PLC0415
-
-    _, rows = np.unique(first, return_inverse=True)
-    _, columns = np.unique(second, return_inverse=True)
-    n = int(rows.max()) + 1
-    links = coo_array((np.ones(len(rows), bool), (rows, columns + n)), shape=(n + len(columns), n + len(columns)))
-    _, body_of = connected(links, directed=False)
-    return np.asarray(body_of[rows], np.int64)
+    width = int(second.max()) + 1
+    pairs = np.flatnonzero(np.bincount(first * width + second))
+    body_of = list(range(int(first.max()) + 1))
+    seen_in: dict[int, int] = {}
+    for row, column in zip((pairs // width).tolist(), (pairs % width).tolist(), strict=True):
+        one, other = body_of[row], body_of[seen_in.setdefault(column, row)]
+        if one != other:
+            kept, joined = min(one, other), max(one, other)
+            body_of = [kept if body == joined else body for body in body_of]
+    _, numbers = np.unique(body_of, return_inverse=True)
+    return np.asarray(numbers[first], np.int64)
 
 
 def main_component(points_camera: FloatArray, depth_m: float, apart_m: float = 0.0) -> BoolArray:

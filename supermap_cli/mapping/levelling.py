@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from array import array
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
-from supermap_cli.geometry.arrays import FloatArray
+from supermap_cli.geometry.arrays import FloatArray, IntArray
 from supermap_cli.geometry.se3 import make_transform, rotation_between, transform_points
 from supermap_cli.geometry.trajectory import Trajectory
 from supermap_cli.mapping.structure import CoarseDepth, Structure, join, structure_of_points
@@ -130,6 +131,10 @@ def level(views: Iterable[LevelView], imu: Iterable[ImuSample] = (), trajectory:
     return Levelling(T_map_odom, method, tilt_deg, floor_seen=floor_z is not None, floor_z=floor_z)
 
 
+_BLOCK = 4096
+"""IMU samples turned at a time: an hour of them must not be held as transforms."""
+
+
 def gravity_up(imu: Iterable[ImuSample], trajectory: Trajectory) -> FloatArray | None:
     """The up direction (3,) in odom by the specific force, which at rest points up; `None` where it makes no sense.
 
@@ -137,19 +142,34 @@ def gravity_up(imu: Iterable[ImuSample], trajectory: Trajectory) -> FloatArray |
     remains cancels in the mean. Any unit will do (some drivers give g). A mean much shorter than its parts tells that
     the IMU's mounting or the orientation is wrong; a rotating or falling sensor has no level either.
     """
-    samples = list(imu)
-    if len(samples) < 20:
+    stamps, forces = array("q"), array("d")
+    for sample in imu:
+        stamps.append(sample.stamp_ns)
+        forces.extend(sample.specific_force_base.tolist())
+    if len(stamps) < 20:
         return None
-    force_base = np.array([sample.specific_force_base for sample in samples])
-    T_odom_base, valid = trajectory.at_many(np.array([sample.stamp_ns for sample in samples], np.int64))
+    stamps_ns, force_base = np.array(stamps, np.int64), np.array(forces).reshape(-1, 3)
     magnitude = np.linalg.norm(force_base, axis=1)
     usual = float(np.median(magnitude))
-    calm = valid & np.isfinite(magnitude) & (np.abs(magnitude - usual) < 0.05 * usual)
-    if usual < 0.5 or calm.sum() < 20:
+    calm = np.isfinite(magnitude) & (np.abs(magnitude - usual) < 0.05 * usual)
+    direction = force_base[calm] / magnitude[calm, None]
+    turned = [
+        _turned(trajectory, stamps_ns[calm][start : start + _BLOCK], direction[start : start + _BLOCK])
+        for start in range(0, len(direction), _BLOCK)
+    ]
+    up = np.concatenate([np.zeros((0, 3)), *turned])
+    if usual < 0.5 or len(up) < 20:
         return None
-    mean = np.einsum("nij,nj->ni", T_odom_base[calm, :3, :3], force_base[calm] / magnitude[calm, None]).mean(axis=0)
+    mean = up.mean(axis=0)
     length = float(np.linalg.norm(mean))
     return mean / length if length > 0.97 else None
+
+
+def _turned(trajectory: Trajectory, stamps_ns: IntArray, direction_base: FloatArray) -> FloatArray:
+    """Directions (n, 3) turned into odom, those at whose stamps there is a pose."""
+    T_odom_base, valid = trajectory.at_many(stamps_ns)
+    turned: FloatArray = np.einsum("nij,nj->ni", T_odom_base[valid, :3, :3], direction_base[valid])
+    return turned
 
 
 def structural_up(level_surfaces: Structure) -> FloatArray | None:
