@@ -12,7 +12,7 @@ from supermap_cli.config import Ablation, MappingConfig
 from supermap_cli.geometry.arrays import BoolArray, IntArray
 from supermap_cli.geometry.boxes import pairwise_iou
 from supermap_cli.mapping import lifecycle
-from supermap_cli.mapping.association import Affinity, associate, reached
+from supermap_cli.mapping.association import Affinity, affinity, associate, reached
 from supermap_cli.mapping.belief import LabelBelief, Viewpoints
 from supermap_cli.mapping.depth import DepthView, depth_view
 from supermap_cli.mapping.free_space import FreeSpaceMemory
@@ -119,7 +119,10 @@ class MappingEngine:
         reach_m = self.config.max_depth_m if keyframe.returns_camera is None else self.config.max_range_m
         depth = depth_view(keyframe, reach_m, self.floor_z)
         near = self.objects.within(keyframe.T_map_camera[:3, 3], reach_m)
-        return Look(keyframe, depth, look_at(depth, near))
+        views = look_at(depth, near)
+        if "geometric-consistency" in self.ablate:
+            views = {number: view.unchecked() for number, view in views.items()}
+        return Look(keyframe, depth, views)
 
     def track_priors(self, look: Look) -> tuple[TrackPrior, ...]:
         """Where tracked objects ought to be in this image (hybrid state: c = pi(K T_CW X))."""
@@ -142,7 +145,7 @@ class MappingEngine:
         masked: BoolArray | None = None
         self.turns.touched.clear()
         if detections is not None:
-            ids = np.full(len(detections), -1) if track_ids is None or "tracker" in self.ablate else track_ids
+            ids = np.full(len(detections), -1) if track_ids is None else track_ids
             by_px = turn_px(detections, look.keyframe.camera)
             if by_px:
                 look = look.turned(by_px)
@@ -153,14 +156,16 @@ class MappingEngine:
                 mask if worth else None for mask, worth in zip(masks, worth_lifting(look, detections), strict=True)
             ]
             lifted = lift(look.keyframe, look.depth, detections.with_masks(tuple(masks)), ids)
-            matched = self._match(look, lifted)
+            by_track = "tracker" in self.ablate
+            matched = self._match_by_track(look, lifted) if by_track else self._match(look, lifted)
         for number, view in look.views.items():
             seen = self.objects[number]
             sight = Sight(view, in_sight(view, masked), detector_looked=detections is not None)
             self._weigh_silence(look, seen, sight, number in matched)
         self._lose_animate(stamp_ns)
         self._confirm()
-        self._merge(matched, stamp_ns)
+        if "tracker" not in self.ablate:
+            self._merge(matched, stamp_ns)
         self._forget()
 
     def leave(self) -> None:
@@ -202,6 +207,19 @@ class MappingEngine:
                 self._give_birth(look, detection)
         self.pairs.take_in(self.objects, matched, look.views)
         return set(matched)
+
+    def _match_by_track(self, look: Look, lifted: Sequence[LiftedDetection]) -> set[int]:
+        """Without the 3D-aware tracker, a thing is what was one track in the image, and a new track is a new thing."""
+        followed = {each.track_id: each for each in self.objects if each.present and each.track_id >= 0}
+        matched: set[int] = set()
+        for detection in lifted:
+            seen = followed.get(detection.track_id)
+            if seen is not None and seen.number not in matched:
+                self._fuse(look, seen, detection, affinity(detection, seen, look.views.get(seen.number)))
+                matched.add(seen.number)
+            elif detection.score >= STRONG_SCORE:
+                self._give_birth(look, detection)
+        return matched
 
     def _fuse_pairs(
         self,
@@ -373,7 +391,7 @@ class MappingEngine:
             empty_ns = self.free_space.last_seen_empty(points, each.voxels.voxel_m, each.state.first_seen_ns)
             each.state.empty_before_ns = empty_ns
             each.confirmed = True
-        relocated = self._relocate(newly)
+        relocated = set() if "tracker" in self.ablate else self._relocate(newly)
         for each in newly:
             if each.number not in relocated:
                 self.turns.enter(each)

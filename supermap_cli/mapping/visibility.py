@@ -5,7 +5,7 @@ D).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -41,6 +41,11 @@ class ObjectView:
     occluded: BoolArray
     solid: BoolArray
     unmeasured: BoolArray
+
+    def unchecked(self) -> ObjectView:
+        """What is left of it without the depth: whatever falls onto the image counts as seen there."""
+        nothing = np.zeros(len(self.u), dtype=bool)
+        return replace(self, supported=self.on_image, contradicted=nothing, occluded=nothing)
 
     @cached_property
     def observable(self) -> BoolArray:
