@@ -89,14 +89,13 @@ def decode(job: Job, plugins: Plugins) -> DecodeRun:
     keyframes, total_s = 0, 0.0
     for recording in _opened(job, plugins, job.wanted):
         detector = choose_backends(recording, plugins, job.config).detector
-        recorded_ns, rate_hz = detector.image_stamps_ns(), job.config.keyframes.rate_hz
-        rare_hz = job.config.perception.rate_hz
-        due = choose_keyframes(recording.frame_stamps_ns(), recorded_ns, rate_hz, rare_hz).mapped
-        next(recording.frames({min(due, default=0)}.__contains__), None)  # calibrates the cameras
+        recorded_ns, rates = detector.image_stamps_ns(), (job.config.keyframes.rate_hz, job.config.perception.rate_hz)
+        due = choose_keyframes(recording.frame_stamps_ns(), recorded_ns, *rates)
+        next(recording.frames({min(due.mapped, default=0)}.__contains__), None)  # calibrates the cameras
         began = time.perf_counter()
-        for frame in recording.frames(due.__contains__):
+        for frame in recording.frames(due.mapped.__contains__):
             keyframes += 1
-            if recorded_ns is not None:
+            if recorded_ns is not None and frame.stamp_ns in due.perceived:
                 detector.detect(frame)
         total_s += time.perf_counter() - began
     return DecodeRun(keyframes, total_s, peak_memory_mb())
