@@ -4,14 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
+from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.mapping.class_sizes import size_log_likelihood
 from supermap_cli.types.detections import Hypothesis
 
 UNSEEN_LABEL_LIKELIHOOD = 0.05
 """P(z | L = c) for a label c that the detection did not consider: a detector's confusion is never nil."""
+
+SPELL_NS = 2_000_000_000
+"""So long a detector's error mostly lasts: what looks farther apart say is on its own."""
 
 INDEPENDENT_LOOKS = 2.0
 """One network errs on one thing in one way: however often it looks, its word on the label counts as this many."""
@@ -101,28 +106,71 @@ class Cell:
         return self.log_ratios / float(np.sqrt(self.looks)) if self.looks else 0.0
 
 
+@dataclass(frozen=True)
+class Vantage:
+    """When and from where (`camera_map`, (3,)) an object, its middle at `centroid_map` (3,), is looked at."""
+
+    stamp_ns: int
+    camera_map: FloatArray
+    centroid_map: FloatArray
+
+    @cached_property
+    def cell(self) -> str:
+        """The view this is one of: bearing and distance."""
+        ray = self.camera_map - self.centroid_map
+        distance = float(np.linalg.norm(ray))
+        azimuth = int(np.floor(np.degrees(np.arctan2(ray[1], ray[0])) / 15))
+        elevation = int(np.floor(np.degrees(np.arcsin(np.clip(ray[2] / max(distance, 1e-6), -1, 1))) / 15))
+        return f"{azimuth},{elevation},{int(np.floor(np.log(max(distance, 0.1)) / np.log(1.5)))}"
+
+
+@dataclass(frozen=True)
+class Spell:
+    """The last looks as far as they said the same: that they were `hit`s or not, how many, and since when."""
+
+    hit: bool = False
+    looks: int = 0
+    began_ns: int = 0
+
+    def then(self, stamp_ns: int, *, hit: bool) -> Spell:
+        """The spell after one more look."""
+        if self.looks > 0 and hit == self.hit and stamp_ns - self.began_ns < SPELL_NS:
+            return Spell(hit, self.looks + 1, self.began_ns)
+        return Spell(hit, 1, stamp_ns)
+
+    @property
+    def weight(self) -> float:
+        """What the last look counts."""
+        return 1 / float(np.sqrt(self.looks))
+
+
 @dataclass
 class Viewpoints:
-    """From where an object has been looked at, and what the looks said: evidence from nearly one place is correlated.
+    """From where an object has been looked at, and what the looks said: evidence from nearly one place is correlated,
+    and so is that of looks in quick succession.
 
-    A view is a cell of bearing (15 degrees in azimuth and elevation) and distance (steps of a factor of 1.5). Its looks
-    count by their square root, in whatever order they come: a long stare does not grow to certainty, and neither a
-    lucky first look nor an unlucky one decides.
+    A detector that errs goes on to err for a while: the k-th look within `SPELL_NS` that says the same as those before
+    it counts 1 / sqrt(k), from wherever it was. A view is a cell of bearing (15 degrees in azimuth and elevation) and
+    distance (steps of a factor of 1.5). Its looks count by their square root, in whatever order they come: a long stare
+    does not grow to certainty, and neither a lucky first look nor an unlucky one decides.
     """
 
     cells: dict[str, Cell] = field(default_factory=dict)
+    spell: Spell = field(default_factory=Spell)
 
-    def support(self, camera_map: np.ndarray, centroid_map: np.ndarray, log_ratio: float) -> tuple[float, float]:
-        """Take in a look from `camera_map` (3,) that supported the object: how much its word on the label weighs, in
-        (0, 1], and how far it moves the log-odds of existence.
+    def support(self, view: Vantage, log_ratio: float) -> tuple[float, float]:
+        """Take in a look that supported the object: how much its word on the label weighs, in (0, 1], and how far it
+        moves the log-odds of existence.
         """
-        gain = self._take_in(cell := cell_of(camera_map, centroid_map), Cell(1, 1, log_ratio))
-        n = self.cells[cell].supports
+        self.spell = self.spell.then(view.stamp_ns, hit=True)
+        gain = self._take_in(view.cell, Cell(1, 1, log_ratio * self.spell.weight))
+        n = self.cells[view.cell].supports
         return float(np.sqrt(n) - np.sqrt(n - 1)), gain
 
-    def miss(self, camera_map: np.ndarray, centroid_map: np.ndarray, log_ratio: float) -> float:
+    def miss(self, view: Vantage, log_ratio: float) -> float:
         """Take in a look without a detection: how far it moves the log-odds of existence."""
-        return self._take_in(cell_of(camera_map, centroid_map), Cell(0, 1, log_ratio))
+        self.spell = self.spell.then(view.stamp_ns, hit=False)
+        return self._take_in(view.cell, Cell(0, 1, log_ratio * self.spell.weight))
 
     def _take_in(self, cell: str, look: Cell) -> float:
         before = self.cells.get(cell, Cell())
@@ -133,12 +181,3 @@ class Viewpoints:
         """Add another object's viewpoints."""
         for name, cell in other.cells.items():
             self.cells[name] = self.cells.get(name, Cell()) + cell
-
-
-def cell_of(camera_map: np.ndarray, centroid_map: np.ndarray) -> str:
-    """The view from a place (3,) of a thing at another (3,): bearing and distance."""
-    ray = camera_map - centroid_map
-    distance = float(np.linalg.norm(ray))
-    azimuth = int(np.floor(np.degrees(np.arctan2(ray[1], ray[0])) / 15))
-    elevation = int(np.floor(np.degrees(np.arcsin(np.clip(ray[2] / max(distance, 1e-6), -1, 1))) / 15))
-    return f"{azimuth},{elevation},{int(np.floor(np.log(max(distance, 0.1)) / np.log(1.5)))}"

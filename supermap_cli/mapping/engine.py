@@ -13,7 +13,7 @@ from supermap_cli.geometry.arrays import BoolArray, IntArray
 from supermap_cli.geometry.boxes import pairwise_iou
 from supermap_cli.mapping import lifecycle
 from supermap_cli.mapping.association import Affinity, affinity, associate, reached
-from supermap_cli.mapping.belief import LabelBelief, Viewpoints
+from supermap_cli.mapping.belief import LabelBelief, Vantage, Viewpoints
 from supermap_cli.mapping.depth import DepthView, depth_view
 from supermap_cli.mapping.free_space import FreeSpaceMemory
 from supermap_cli.mapping.fusion import (
@@ -276,7 +276,9 @@ class MappingEngine:
         elif view is not None and view.observable_share >= lifecycle.OBSERVABLE_SHARE:
             shift = find_shift(look.depth, seen, view, detection)
             to = None if shift is None else Whereabouts(seen.shape.centroid + shift, shift)
-        seen.shifted_looks = 0 if to is None else seen.shifted_looks + 1
+        agrees = to is not None and (seen.shifted_to is None or to.agrees_with(seen.shifted_to))
+        seen.shifted_looks = 0 if to is None else seen.shifted_looks + 1 if agrees else 1
+        seen.shifted_to = None if to is None else to.shift_m
         if seen.shifted_looks == 1:
             seen.first_shifted_ns = look.keyframe.stamp_ns
         return to
@@ -288,7 +290,7 @@ class MappingEngine:
             seen.labels = LabelBelief()
         if seen.confirmed and seen.existence > SURE_LOG_ODDS:
             self.scores.record_real(detection.score)
-        believe_more(seen, detection, self.scores, keyframe.T_map_camera[:3, 3])
+        believe_more(seen, detection, self.scores, vantage_of(keyframe, seen))
         seen.observations += 1
         seen.absent_looks = 0
         for share, truncated in seen.unsettled:
@@ -354,7 +356,7 @@ class MappingEngine:
         stands = sight.unmeasured or (observable and view.contradicted_share <= 0.5)
         if stands and seen.present and detector_looked and "semantic-fusion" not in self.ablate:
             rate = expected_recall(self.recall, seen, view, _area(keyframe), truncated)
-            believe_less(seen, rate, keyframe.T_map_camera[:3, 3])
+            believe_less(seen, rate, vantage_of(keyframe, seen))
             if sight.unmeasured and lifecycle.fallen_silent(seen, view, keyframe, rate):
                 self.turns.go(seen, seen.first_silent_ns)
 
@@ -455,6 +457,11 @@ class MappingEngine:
             doubted = each.existence <= (lifecycle.CONFIRM_LOG_ODDS if each.doubted else lifecycle.DOUBT_LOG_ODDS)
             if doubted != each.doubted:
                 self.turns.doubt(each, doubted=doubted)
+
+
+def vantage_of(keyframe: Keyframe, seen: MapObject) -> Vantage:
+    """From where a keyframe looks at an object."""
+    return Vantage(keyframe.stamp_ns, keyframe.T_map_camera[:3, 3], seen.shape.centroid)
 
 
 def worth_lifting(look: Look, detections: Detections) -> BoolArray:

@@ -5,8 +5,9 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from supermap_cli.geometry.arrays import BoolArray, FloatArray
+from supermap_cli.geometry.arrays import BoolArray
 from supermap_cli.mapping.association import pixels_in_region
+from supermap_cli.mapping.belief import Vantage
 from supermap_cli.mapping.lifting import LiftedDetection
 from supermap_cli.mapping.objects import MapObject
 from supermap_cli.mapping.recall import RecallModel, ScoreModel, miss_log_ratio
@@ -18,7 +19,7 @@ HIT_LOG_ODDS = 0.85
 MISS_LOG_ODDS = -0.6
 """logit(0.70) and logit(0.35): the inverse sensor model of one ray (OctoMap uses 0.7 and 0.4)."""
 
-EXISTENCE_MIN, EXISTENCE_MAX = -6.0, 8.0
+EXISTENCE_MIN, EXISTENCE_MAX = -6.0, 12.0
 """Existence is clamped, so that a few dozen looks can always turn it."""
 
 
@@ -53,18 +54,18 @@ def fuse_points(seen: MapObject, detection: LiftedDetection) -> None:
     seen.touched()
 
 
-def believe_more(seen: MapObject, detection: LiftedDetection, scores: ScoreModel, camera_map: FloatArray) -> None:
-    """Label and existence after a detection from `camera_map` (3,)."""
+def believe_more(seen: MapObject, detection: LiftedDetection, scores: ScoreModel, vantage: Vantage) -> None:
+    """Label and existence after a detection."""
     log_ratio = scores.detection_log_ratio(detection.score, again=seen.observations > 0)
-    weight, gain = seen.viewpoints.support(camera_map, seen.shape.centroid, log_ratio)
+    weight, gain = seen.viewpoints.support(vantage, log_ratio)
     seen.labels.update(detection.hypotheses, weight)
     seen.labels.longest_side_m = float(seen.shape.box.size.max())
     seen.existence = float(np.clip(seen.existence + gain, EXISTENCE_MIN, EXISTENCE_MAX))
 
 
-def believe_less(missed: MapObject, expected_recall: float, camera_map: FloatArray) -> None:
-    """Existence after a look from `camera_map` (3,) at which the detector kept silent although it could have spoken."""
-    gain = missed.viewpoints.miss(camera_map, missed.shape.centroid, miss_log_ratio(expected_recall))
+def believe_less(missed: MapObject, expected_recall: float, vantage: Vantage) -> None:
+    """Existence after a look at which the detector kept silent although it could have spoken."""
+    gain = missed.viewpoints.miss(vantage, miss_log_ratio(expected_recall))
     missed.existence = float(np.clip(missed.existence + gain, EXISTENCE_MIN, EXISTENCE_MAX))
 
 

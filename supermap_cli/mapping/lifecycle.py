@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from supermap_cli.mapping.belief import LabelBelief
+from supermap_cli.mapping.belief import LabelBelief, Vantage
 from supermap_cli.mapping.lifting import LiftedDetection
 from supermap_cli.mapping.objects import MapObject, ObjectMap, OpenState
 from supermap_cli.mapping.recall import miss_log_ratio
@@ -100,13 +100,14 @@ def fallen_silent(watched: MapObject, view: ObjectView, keyframe: Keyframe, expe
 
     What was never real is found now and then; it is doubted, as all that the detector imagines.
     """
-    visit, at = watched.visit, watched.shape.centroid
+    visit = watched.visit
+    vantage = Vantage(keyframe.stamp_ns, keyframe.T_map_camera[:3, 3], watched.shape.centroid)
     if watched.silence == 0:
         watched.first_silent_ns = keyframe.stamp_ns
     against = miss_log_ratio(expected_recall)
     if int(view.contradicted.sum()) >= LEAST_THROUGH and view.contradicted_share > ABSENT_SHARE:
         against += THROUGH_LOG_ODDS
-    watched.silence += watched.silent_views.miss(keyframe.T_map_camera[:3, 3], at, against)
+    watched.silence += watched.silent_views.miss(vantage, against)
     return (
         watched.confirmed
         and watched.silence < -GONE_LOG_ODDS

@@ -15,7 +15,7 @@ AREA_BINS_PX = (0.0004, 0.0015, 0.006, 0.025, 0.1)
 CLUTTER_RECALL = 0.35
 """P(a detector fires once more at what fooled it) / P(it fires at a thing seen like that): its errors come back."""
 
-LEAST_DETECTION, MOST_DETECTION = -0.3, 3.0
+LEAST_DETECTION, MOST_DETECTION = -0.3, 2.5
 """Bounds of one detection's word: a hesitant one says less against a thing than silence does; and none is proof."""
 
 

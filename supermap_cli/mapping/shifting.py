@@ -18,10 +18,7 @@ LEAST_SHIFT_M, MOST_SHIFT_M = 0.1, 0.6
 VACATED_SHARE = 0.15
 """Share of the seen part of its old place that must be empty before a shift is looked for."""
 
-EXPLAINED_SHARE = 0.6
-"""A shift must explain more than this share of the emptiness."""
-
-LEAST_GAIN = 0.2
+LEAST_GAIN = 0.3
 """So much better must the shape agree with the image where it is laid (`agreement`, in [-1, 2])."""
 
 COARSE_M, FINE_M = 0.1, 0.03
@@ -33,22 +30,20 @@ def find_shift(depth: DepthView, seen: MapObject, view: ObjectView, detection: L
 
     `view` is what the image says of its voxels where they are believed to be.
     """
-    before = view.contradicted_share
-    if before < VACATED_SHARE:
+    if view.contradicted_share < VACATED_SHARE:
         return None
     shift = best_shift(depth, seen, detection, _grid(COARSE_M, MOST_SHIFT_M))
     shift = best_shift(depth, seen, detection, shift + _grid(FINE_M, COARSE_M))
     if np.linalg.norm(shift) < LEAST_SHIFT_M:
         return None
-    (there, left), (here, _) = (agreement(depth, seen, detection, each[None]) for each in (shift, np.zeros(3)))
-    explained = left[0] < (1 - EXPLAINED_SHARE) * before
-    return shift if explained and there[0] - here[0] > LEAST_GAIN else None
+    there, here = agreement(depth, seen, detection, np.array([shift, np.zeros(3)]))
+    return shift if there - here > LEAST_GAIN else None
 
 
 def best_shift(depth: DepthView, seen: MapObject, detection: LiftedDetection, shifts: FloatArray) -> FloatArray:
     """The one (3,) of some shifts (k, 3) with which the object agrees best; of equals the least."""
     shifts = shifts[np.argsort(np.linalg.norm(shifts, axis=1), kind="stable")]
-    return np.asarray(shifts[int(np.argmax(agreement(depth, seen, detection, shifts)[0]))])
+    return np.asarray(shifts[int(np.argmax(agreement(depth, seen, detection, shifts)))])
 
 
 def _grid(step_m: float, reach_m: float) -> FloatArray:
@@ -58,11 +53,8 @@ def _grid(step_m: float, reach_m: float) -> FloatArray:
     return np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
 
 
-def agreement(
-    depth: DepthView, seen: MapObject, detection: LiftedDetection, shifts: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """How well an object laid aside by each of k shifts (k, 3) agrees with an image, (k,) in [-1, 2], and which share
-    of what can be told of it there the rays went through (k,).
+def agreement(depth: DepthView, seen: MapObject, detection: LiftedDetection, shifts: FloatArray) -> FloatArray:
+    """How well an object laid aside by each of k shifts (k, 3) agrees with an image, (k,) in [-1, 2].
 
     It agrees by the share of the detection's points that lie on it, and by what of it is supported rather than
     contradicted by the depth; where little of it can be told, the latter says little.
@@ -77,4 +69,4 @@ def agreement(
     covered = seen.shape.near((points[None] - shifts[:, None]).reshape(-1, 3)).reshape(len(shifts), -1).mean(axis=1)
     observable = supported + contradicted
     lies = (supported - contradicted) / np.maximum(observable, 0.3 * len(cloud))
-    return covered + lies, contradicted / np.maximum(observable, 1)
+    return np.asarray(covered + lies)

@@ -13,6 +13,9 @@ from supermap_cli.mapping.objects import MapObject, ObjectMap, OpenState
 from supermap_cli.mapping.voxel_map import FINEST_VOXEL_M, VoxelMap
 from supermap_cli.types.memory import Observation, TemporalEdge, TemporalKind
 
+SAME_SHIFT_M = 0.1
+"""Two images that show a thing shifted by this much more or less agree."""
+
 
 @dataclass(frozen=True)
 class Whereabouts:
@@ -20,6 +23,10 @@ class Whereabouts:
 
     centroid_map: FloatArray
     shift_m: FloatArray | None
+
+    def agrees_with(self, shift_m: FloatArray) -> bool:
+        """Whether another image that shows it shifted by (3,) metres means the same place."""
+        return self.shift_m is None or float(np.linalg.norm(self.shift_m - shift_m)) < SAME_SHIFT_M
 
 
 @dataclass

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 import scenes as s
+from supermap_cli.mapping.belief import Vantage, Viewpoints
 from supermap_cli.mapping.fusion import (
     EXISTENCE_MAX,
     EXISTENCE_MIN,
@@ -94,21 +96,26 @@ def test_voxels_that_the_evidence_has_turned_against_are_dropped(chair: MapObjec
 def test_existence_rises_with_detections_and_falls_with_misses_within_bounds(chair: MapObject) -> None:
     one = s.lifted(s.render((*s.ROOM, s.CHAIR), EYE), 2, score=0.8)
     scores, here, there = ScoreModel(), EYE[:3, 3], np.array([1.6, -2.5, 1.3])
-    chair.existence, chair.observations = 0.0, 1
-    believe_more(chair, one, scores, here)
+    seconds = itertools.count(step=5)
+
+    def at(place: NDArray[np.float64]) -> Vantage:
+        return Vantage(s.ns(next(seconds)), place, chair.shape.centroid)
+
+    chair.existence, chair.observations, chair.viewpoints = 0.0, 1, Viewpoints()
+    believe_more(chair, one, scores, at(here))
     once = chair.existence
     assert once > 0.9
-    believe_more(chair, one, scores, here)
+    believe_more(chair, one, scores, at(here))
     assert once < chair.existence < 2 * once
-    believe_more(chair, one, scores, there)
-    assert chair.existence > 2.5 * once
+    believe_more(chair, one, scores, at(there))
+    assert chair.existence > 2 * once
     for _ in range(50):
-        believe_more(chair, one, scores, here)
+        believe_more(chair, one, scores, at(here))
     assert chair.existence == EXISTENCE_MAX
-    believe_less(chair, 0.9, there)
+    believe_less(chair, 0.9, at(there))
     assert EXISTENCE_MIN < chair.existence < EXISTENCE_MAX
     for _ in range(3000):
-        believe_less(chair, 0.9, there)
+        believe_less(chair, 0.9, at(there))
     assert chair.existence == EXISTENCE_MIN
 
 
