@@ -214,7 +214,7 @@ def upright_box(points_map: FloatArray, voxel_m: float) -> Box3D:
         w, h, yaw = h, w, yaw + np.pi / 2
     yaw = (yaw + np.pi / 2) % np.pi - np.pi / 2
     center = np.array([cx, cy, (low[2] + high[2]) / 2])
-    return Box3D(center, np.array([w, h, high[2] - low[2]]) + voxel_m, float(yaw))
+    return Box3D(center, np.maximum(np.array([w, h, high[2] - low[2]]), voxel_m), float(yaw))
 
 
 def best_yaw(points_xy: FloatArray, voxel_m: float) -> float:
