@@ -231,7 +231,10 @@ def join(kept: MapObject, joined: MapObject) -> None:
     kept.viewpoints.absorb(joined.viewpoints)
     kept.existence = max(kept.existence, joined.existence)
     kept.first_seen_ns = min(kept.first_seen_ns, joined.first_seen_ns)
-    kept.last_seen_ns = max(kept.last_seen_ns, joined.last_seen_ns)
+    if joined.last_seen_ns > kept.last_seen_ns:
+        kept.last_seen_ns = joined.last_seen_ns
+        kept.absent_looks = kept.shifted_looks = 0
+        kept.silence = 0.0
     if kept.state.index == 0:
         kept.state.first_seen_ns = kept.first_seen_ns
         empty_ns = kept.state.empty_before_ns

@@ -59,7 +59,8 @@ class Transitions:
             self._note("appeared", confirmed, None, (state.empty_before_ns, state.first_seen_ns))
 
     def go(self, gone: MapObject, gone_ns: int) -> None:
-        """An object was seen to be gone."""
+        """An object was seen to be gone, the first time at `gone_ns`, or since it was last seen."""
+        gone_ns = max(gone_ns, gone.last_seen_ns + 1)
         gone.present, gone.gone_ns, gone.track_id = False, gone_ns, -1
         if gone.confirmed:
             self.changes.closed_states.append(open_state(gone, gone_ns))

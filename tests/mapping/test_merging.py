@@ -117,3 +117,17 @@ def test_a_place_was_not_empty_when_the_other_half_already_stood_there() -> None
     joined.first_seen_ns, joined.state = s.ns(2), OpenState(0, s.ns(2), s.ns(1))
     join(kept, joined)
     assert (kept.state.first_seen_ns, kept.state.empty_before_ns) == (s.ns(2), s.ns(1))
+
+
+def test_what_the_other_half_was_last_seen_at_was_not_yet_empty() -> None:
+    """Looks that found one half's place empty are void when the other half was seen there afterwards."""
+    run = s.Run()
+    run.walk((*s.ROOM, s.CHAIR.at(1.6, 0.5), s.CHAIR.at(1.6, -0.5)), 6)
+    kept, joined = run.standing("chair")
+    kept.absent_looks, kept.first_absent_ns = 1, s.ns(1.9)
+    joined.last_seen_ns = s.ns(2.0)
+    join(kept, joined)
+    assert (kept.last_seen_ns, kept.absent_looks) == (s.ns(2.0), 0)
+    run.engine.turns.go(kept, s.ns(1.9))
+    assert kept.gone_ns is not None
+    assert kept.gone_ns > kept.last_seen_ns
