@@ -12,6 +12,7 @@ from supermap_cli.config import Ablation, MappingConfig
 from supermap_cli.geometry.arrays import BoolArray, IntArray
 from supermap_cli.geometry.boxes import pairwise_iou
 from supermap_cli.mapping import lifecycle
+from supermap_cli.mapping.absence import ABSENT_SHARE, OBSERVABLE_SHARE, EmptyRun
 from supermap_cli.mapping.association import Affinity, affinity, associate, reached
 from supermap_cli.mapping.belief import LabelBelief, Vantage, Viewpoints
 from supermap_cli.mapping.depth import DepthView, depth_view
@@ -273,7 +274,7 @@ class MappingEngine:
         to: Whereabouts | None = None
         if seen.motion.moving or lifecycle.has_shifted(seen, view, detection, covered):
             to = Whereabouts(detection.centroid_map, None)
-        elif view is not None and view.observable_share >= lifecycle.OBSERVABLE_SHARE:
+        elif view is not None and view.observable_share >= OBSERVABLE_SHARE:
             shift = find_shift(look.depth, seen, view, detection)
             to = None if shift is None else Whereabouts(seen.shape.centroid + shift, shift)
         agrees = to is not None and (seen.shifted_to is None or to.agrees_with(seen.shifted_to))
@@ -292,7 +293,7 @@ class MappingEngine:
             self.scores.record_real(detection.score)
         believe_more(seen, detection, self.scores, vantage_of(keyframe, seen))
         seen.observations += 1
-        seen.absent_looks = 0
+        seen.absent_looks, seen.empty_run = 0, EmptyRun()
         for share, truncated in seen.unsettled:
             self.recall.record(seen.label, share, truncated, detected=False, weight=1.0)
         seen.silence, seen.silent_views, seen.unsettled = 0.0, Viewpoints(), []
@@ -337,7 +338,7 @@ class MappingEngine:
 
     def _weigh_silence(self, look: Look, seen: MapObject, sight: Sight, matched: bool) -> None:
         keyframe, view, detector_looked = look.keyframe, sight.view, sight.detector_looked
-        observable = view.observable_share >= lifecycle.OBSERVABLE_SHARE or sight.unmeasured
+        observable = view.observable_share >= OBSERVABLE_SHARE or sight.unmeasured
         if observable and not matched:
             seen.visit.in_view += 1
             self.turns.changes.dirty.add(seen.number)
@@ -361,12 +362,13 @@ class MappingEngine:
                 self.turns.go(seen, seen.first_silent_ns)
 
     def _weigh_geometry(self, seen: MapObject, view: ObjectView, stamp_ns: int) -> None:
-        if lifecycle.watch_presence(seen, view, stamp_ns):
-            self.turns.go(seen, seen.first_absent_ns)
+        gone_ns = lifecycle.watch_presence(seen, view, stamp_ns)
+        if gone_ns is not None:
+            self.turns.go(seen, gone_ns)
             return
-        if view.contradicted_share > lifecycle.ABSENT_SHARE:
+        if view.contradicted_share > ABSENT_SHARE:
             seen.visit.contradicted += 1
-        elif view.observable_share >= lifecycle.OBSERVABLE_SHARE:
+        elif view.observable_share >= OBSERVABLE_SHARE:
             fuse_geometry(seen, view)
 
     def _lose_animate(self, stamp_ns: int | None) -> None:
@@ -488,7 +490,7 @@ def in_sight(view: ObjectView, masked: BoolArray | None) -> bool:
     if masked is None:
         return False
     free = (view.unmeasured & ~masked[view.v, view.u]) | view.contradicted
-    if not len(free) or float(view.unmeasured.mean()) < lifecycle.OBSERVABLE_SHARE:
+    if not len(free) or float(view.unmeasured.mean()) < OBSERVABLE_SHARE:
         return False
     return float(free.mean()) > lifecycle.UNCOVERED_SHARE
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
+from supermap_cli.mapping.absence import ABSENT_LOOKS, ABSENT_SHARE, LEAST_THROUGH, OBSERVABLE_SHARE
 from supermap_cli.mapping.belief import LabelBelief, Vantage
 from supermap_cli.mapping.lifting import LiftedDetection
 from supermap_cli.mapping.objects import MapObject, ObjectMap, OpenState
@@ -36,24 +37,17 @@ FORGET_LOG_ODDS = -1.5
 DOUBT_LOG_ODDS = 0.0
 """A confirmed object below this is more likely not there than there: it leaves the answers until confirmed anew."""
 
-ABSENT_SHARE = 0.6
-ABSENT_LOOKS = 3
-"""Gone: more than this share of what can be seen of its place was looked through, that many looks in a row."""
-
 SHIFTED_LOOKS = 2
 """Images in a row that must show a thing beside its empty place: one may have a bad pose, and says nothing."""
 
 UNCOVERED_SHARE = 0.6
 """Share of a thing beneath all rays that must be free of other masks before the detector's silence counts."""
 
-OBSERVABLE_SHARE = 0.3
-"""Share of an object's voxels an image must be able to speak of before silence or emptiness counts against it."""
-
 GONE_LOG_ODDS, SILENT_NS, FOUND_SHARE = 4.0, 2_000_000_000, 0.5
 """Gone, too, where no ray can tell: silence of that weight and so long, after it was found in that share of looks."""
 
-LEAST_THROUGH, THROUGH_LOG_ODDS = 30, -1.0
-"""What the few rays say that reach the top of such a thing, and go through so many voxels of it."""
+THROUGH_LOG_ODDS = -1.0
+"""What the few rays say that reach the top of such a thing, and go through at least `LEAST_THROUGH` voxels of it."""
 
 
 def give_birth(number: int, detection: LiftedDetection, stamp_ns: int) -> MapObject:
@@ -79,19 +73,27 @@ def ready_to_confirm(tentative: MapObject) -> bool:
     return max(tentative.labels.probabilities().values()) >= CONFIRM_LABEL
 
 
-def watch_presence(watched: MapObject, view: ObjectView, stamp_ns: int) -> bool:
-    """Count a look at an object's place that found it empty; returns whether the object has just been seen to be
-    gone.
+def watch_presence(watched: MapObject, view: ObjectView, stamp_ns: int) -> int | None:
+    """Take in a look at an object's place that did not find it; since when it has been seen to be gone, if it is.
+
+    Either looks in a row saw through it, or looks at parts of it did that make up enough of the whole.
     """
-    if view.observable_share < OBSERVABLE_SHARE:
-        return False
-    if view.contradicted_share <= ABSENT_SHARE:
+    whole, emptied = view.observable_share >= OBSERVABLE_SHARE, view.contradicted_share > ABSENT_SHARE
+    if whole and emptied:
+        watched.absent_looks += 1
+        if watched.absent_looks == 1:
+            watched.first_absent_ns = stamp_ns
+    run = watched.empty_run
+    if whole and not emptied:
         watched.absent_looks = 0
-        return False
-    watched.absent_looks += 1
-    if watched.absent_looks == 1:
-        watched.first_absent_ns = stamp_ns
-    return watched.present and watched.absent_looks >= ABSENT_LOOKS
+        run.end()
+    else:
+        run.take_in(watched.voxels.codes, view.observable & view.solid, view.contradicted & view.solid, stamp_ns)
+    if not watched.present:
+        return None
+    if watched.absent_looks >= ABSENT_LOOKS:
+        return watched.first_absent_ns
+    return run.began_ns if run.shows_absence(view.reachable) else None
 
 
 def fallen_silent(watched: MapObject, view: ObjectView, keyframe: Keyframe, expected_recall: float) -> bool:
@@ -235,6 +237,7 @@ def join(kept: MapObject, joined: MapObject) -> None:
         kept.last_seen_ns = joined.last_seen_ns
         kept.absent_looks = kept.shifted_looks = 0
         kept.silence = 0.0
+        kept.empty_run.end()
     if kept.state.index == 0:
         kept.state.first_seen_ns = kept.first_seen_ns
         empty_ns = kept.state.empty_before_ns

@@ -12,6 +12,7 @@ from supermap_cli.geometry.arrays import BoolArray, FloatArray, IntArray
 from supermap_cli.geometry.boxes import Box3D
 from supermap_cli.geometry.percentiles import percentiles
 from supermap_cli.geometry.voxels import dilate_codes, distinct_keys, is_member, pack_keys, voxel_keys
+from supermap_cli.mapping.absence import EmptyRun
 from supermap_cli.mapping.belief import LabelBelief, Viewpoints
 from supermap_cli.mapping.bounds import BoundsIndex
 from supermap_cli.mapping.motion import MotionState
@@ -67,9 +68,9 @@ class MapObject:
     """One thing the map believes in, or is about to (`confirmed` False: tentative, not in the map yet).
 
     `existence` is the log-odds that it is real, `doubted` that it was confirmed once but is believed in no more;
-    `present` False: its place was seen empty in `absent_looks` looks in a row, the first at `first_absent_ns`;
-    so many `shifted_looks` in a row, the first at `first_shifted_ns`, showed it beside its place, the
-    last by the shift `shifted_to` (3,), if that is known.
+    `present` False: its place was seen empty, in `absent_looks` looks in a row, the first at `first_absent_ns`, or in
+    the looks at parts of it of `empty_run`; so many `shifted_looks` in a row, the first at `first_shifted_ns`, showed
+    it beside its place, the last by the shift `shifted_to` (3,), if that is known.
     `silence` is what the looks since it was last seen say against it (log-odds), the first at `first_silent_ns`, from
     `silent_views`; `unsettled` are those of them (visible share of the image, truncated) that were misses only if it is
     still there.
@@ -93,6 +94,7 @@ class MapObject:
     track_id: int = -1
     absent_looks: int = 0
     first_absent_ns: int = 0
+    empty_run: EmptyRun = field(default_factory=EmptyRun)
     shifted_looks: int = 0
     first_shifted_ns: int = 0
     shifted_to: FloatArray | None = None

@@ -58,11 +58,13 @@ class ObjectView:
 
         A few that can be reached do not speak for the whole.
         """
+        return float(np.count_nonzero(self.observable & self.solid) / self.reachable) if self.reachable else 0.0
+
+    @cached_property
+    def reachable(self) -> float:
+        """Number of solid voxels that rays can reach from here, or a share of all where these are few."""
         solid = np.count_nonzero(self.solid)
-        if not solid:
-            return 0.0
-        reachable = solid - np.count_nonzero(self.unmeasured & self.solid)
-        return float(np.count_nonzero(self.observable & self.solid) / max(reachable, LEAST_REACHABLE * solid))
+        return float(max(solid - np.count_nonzero(self.unmeasured & self.solid), LEAST_REACHABLE * solid))
 
     @cached_property
     def shown(self) -> BoolArray:

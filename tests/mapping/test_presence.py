@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 import pytest
 
 import scenes as s
+from supermap_cli.mapping.absence import OBSERVABLE_SHARE
 from supermap_cli.types.memory import TemporalEdge
 
 CHAIR_WORLD = (*s.ROOM, s.CHAIR)
@@ -69,6 +72,49 @@ def test_a_thing_without_depth_behind_it_stays(run: s.Run) -> None:
     run.walk((), 10)
     assert run.standing("chair")
     assert run.take().temporal_edges == ()
+
+
+def slit(y: float) -> tuple[s.Thing, s.Thing]:
+    """Two boards before the chair that leave a slit of 6 cm between them."""
+    return s.Thing("", (0.9, y - 0.53, 0.8), (0.02, 1.0, 1.8)), s.Thing("", (0.9, y + 0.53, 0.8), (0.02, 1.0, 1.8))
+
+
+SLITS = np.linspace(-0.1, 0.1, 5)
+
+
+def through_slits(run: s.Run, world: tuple[s.Thing, ...], slits: Iterable[float]) -> None:
+    """Looks of which none can speak of so much of the chair's place that it counts as a look at the whole."""
+    for y in slits:
+        run.see((*world, *slit(float(y))), (0, 0, 1.2))
+        assert run.last_look is not None
+        assert run.last_look.views[1].observable_share < OBSERVABLE_SHARE
+
+
+def test_looks_at_parts_of_an_empty_place_add_up(run: s.Run) -> None:
+    last_seen_ns, empty_ns = s.ns(5 / 3), s.ns(2)
+    through_slits(run, s.ROOM, SLITS)
+    gone = edge(run.take().temporal_edges)
+    assert (gone.kind, gone.not_before_ns, gone.not_after_ns) == ("disappeared", last_seen_ns, empty_ns)
+
+
+def test_many_looks_at_one_part_are_one(run: s.Run) -> None:
+    through_slits(run, s.ROOM, [0.0] * 20)
+    assert run.standing("chair")
+    assert run.take().temporal_edges == ()
+
+
+def test_a_thing_that_stands_behind_slits_stays_though_it_is_not_detected(run: s.Run) -> None:
+    run.detector = lambda scene, at_s: s.detect(scene, at_s, blind_to=["chair"])
+    through_slits(run, CHAIR_WORLD, SLITS)
+    assert run.standing("chair")
+
+
+def test_parts_seen_empty_count_no_more_once_a_part_is_seen_in_its_place(run: s.Run) -> None:
+    run.detector = lambda scene, at_s: s.detect(scene, at_s, blind_to=["chair"])
+    through_slits(run, s.ROOM, SLITS[:2])
+    through_slits(run, CHAIR_WORLD, SLITS[:2])
+    through_slits(run, s.ROOM, SLITS[2:4])
+    assert run.standing("chair")
 
 
 def test_geometry_alone_sees_it_go(run: s.Run) -> None:
