@@ -12,7 +12,7 @@ from supermap_cli.config import Ablation, MappingConfig
 from supermap_cli.geometry.arrays import BoolArray, IntArray
 from supermap_cli.geometry.boxes import pairwise_iou
 from supermap_cli.mapping import lifecycle
-from supermap_cli.mapping.association import Affinity, affinity, associate, reached
+from supermap_cli.mapping.association import Affinity, Courses, affinity, associate, reached
 from supermap_cli.mapping.belief import LabelBelief, Vantage, Viewpoints
 from supermap_cli.mapping.depth import DepthView, depth_view
 from supermap_cli.mapping.free_space import FreeSpaceMemory
@@ -27,6 +27,7 @@ from supermap_cli.mapping.fusion import (
     fuse_points,
 )
 from supermap_cli.mapping.lifting import LiftedDetection, is_truncated, lift
+from supermap_cli.mapping.motion import first_course
 from supermap_cli.mapping.objects import MapObject, ObjectMap
 from supermap_cli.mapping.pair_evidence import PairEvidence
 from supermap_cli.mapping.recall import RecallModel, ScoreModel
@@ -54,6 +55,9 @@ EXPECTED_IOU = 0.2
 
 SURE_LOG_ODDS = 4.0
 """Only objects believed this firmly teach how often the detector misses what is there."""
+
+LEFT_SHARE = 0.3
+"""Of what moves by itself, the cloud is one of where it was if less of a detection than this lies on it."""
 
 ANIMATE_MEMORY_NS = 3_000_000_000
 """What moves by itself is believed in no longer than this without being seen."""
@@ -184,19 +188,20 @@ class MappingEngine:
         """Strong detections first, then weak ones, then re-activation of what was gone; only then birth."""
         strong = [each for each in lifted if each.score >= STRONG_SCORE]
         weak = [each for each in lifted if each.score < STRONG_SCORE]
-        near = reached(lifted, self.objects)
+        courses = self._courses(look.keyframe.stamp_ns)
+        near = reached(lifted, self.objects, courses)
         present = [each for each in near if each.present]
         matched: dict[int, LiftedDetection] = {}
 
-        first = associate(strong, present, look.views)
+        first = associate(strong, present, look.views, courses)
         self._fuse_pairs(look, strong, first.pairs, matched)
         remaining = [each for each in present if each.number not in matched]
-        second = associate(weak, remaining, look.views)
+        second = associate(weak, remaining, look.views, courses)
         self._fuse_pairs(look, weak, second.pairs, matched)
 
         unexplained = [strong[i] for i in first.free]
         gone = [each for each in near if not each.present]
-        third = associate(unexplained, gone, look.views)
+        third = associate(unexplained, gone, look.views, courses)
         self._fuse_pairs(look, unexplained, third.pairs, matched)
 
         for detection in (unexplained[i] for i in third.free):
@@ -207,6 +212,15 @@ class MappingEngine:
                 self._give_birth(look, detection)
         self.pairs.take_in(self.objects, matched, look.views)
         return set(matched)
+
+    def _courses(self, stamp_ns: int) -> Courses:
+        """Where those that move by themselves, and were seen of late, are expected now."""
+        recent = [each for each in self.objects if stamp_ns - each.last_seen_ns <= ANIMATE_MEMORY_NS]
+        return {
+            each.number: each.motion.course.at(stamp_ns)
+            for each in recent
+            if each.motion.course is not None and each.label in ANIMATE
+        }
 
     def _match_by_track(self, look: Look, lifted: Sequence[LiftedDetection]) -> set[int]:
         """Without the 3D-aware tracker, a thing is what was one track in the image, and a new track is a new thing."""
@@ -264,6 +278,8 @@ class MappingEngine:
         self._support(look, seen, detection, view)
         if fit is not None:
             seen.motion.sighted(stamp_ns, detection.centroid_map, covered, seen.shape.extent_m)
+        elif seen.motion.course is None:
+            seen.motion.course = first_course(stamp_ns, detection.centroid_map[:2])
 
     @staticmethod
     def _moves(
@@ -271,7 +287,8 @@ class MappingEngine:
     ) -> Whereabouts | None:
         """Where this image shows the object, if away from its place; counts such images in a row."""
         to: Whereabouts | None = None
-        if seen.motion.moving or lifecycle.has_shifted(seen, view, detection, covered):
+        walked = seen.label in ANIMATE and covered < LEFT_SHARE
+        if walked or seen.on_the_move or lifecycle.has_shifted(seen, view, detection, covered):
             to = Whereabouts(detection.centroid_map, None)
         elif view is not None and view.observable_share >= lifecycle.OBSERVABLE_SHARE:
             shift = find_shift(look.depth, seen, view, detection)
@@ -337,6 +354,8 @@ class MappingEngine:
 
     def _weigh_silence(self, look: Look, seen: MapObject, sight: Sight, matched: bool) -> None:
         keyframe, view, detector_looked = look.keyframe, sight.view, sight.detector_looked
+        if not matched and seen.label in ANIMATE and view.contradicted_share > 0.5:
+            return  # it has walked on, and is not where it was for anybody to miss it
         observable = view.observable_share >= lifecycle.OBSERVABLE_SHARE or sight.unmeasured
         if observable and not matched:
             seen.visit.in_view += 1

@@ -79,7 +79,7 @@ class Transitions:
         """An object stands beside its old place since `since_ns`, or is on the move: its cloud comes along where it is
         known how far, else it starts anew.
         """
-        if moved.confirmed and not moved.motion.moving:
+        if moved.confirmed and not moved.on_the_move:
             distance_m = float(np.linalg.norm(to.centroid_map - moved.shape.centroid))
             before, last_ns = moved.state.index, moved.last_seen_ns
             self.changes.closed_states.append(open_state(moved, since_ns))

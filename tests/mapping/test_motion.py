@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from supermap_cli.mapping.motion import MotionState
+from supermap_cli.mapping.motion import Course, MotionState, first_course
 
 
 def follow(places: list[tuple[float, float]], *, overlap: float = 0.0, size_m: float = 0.3) -> MotionState:
@@ -39,3 +39,34 @@ def test_it_comes_to_rest_when_its_last_sightings_agree() -> None:
     walk = [(0.3 * i, 0.0) for i in range(5)]
     assert follow(walk).moving
     assert not follow([*walk, *[(1.2, 0.0)] * 4]).moving
+
+
+def course_of(places: list[tuple[float, float]], step_s: float = 0.4) -> Course:
+    course = first_course(0, np.array(places[0]))
+    for k, place in enumerate(places[1:], start=1):
+        course = course.seen(round(k * step_s * 1e9), np.array(place))
+    return course
+
+
+def test_who_walks_is_expected_farther_on() -> None:
+    course = course_of([(0.5 * k, 0.0) for k in range(6)])
+    assert course.walking
+    assert course.at(course.stamp_ns + 800_000_000).place == pytest.approx([3.5, 0], abs=0.1)
+
+
+def test_who_stands_is_expected_where_they_are() -> None:
+    course = course_of([(0.05 * (-1) ** k, 0.0) for k in range(8)])
+    assert not course.walking
+    assert course.at(course.stamp_ns + 800_000_000).place == pytest.approx([0, 0], abs=0.1)
+
+
+def test_one_sighting_does_not_tell_where_somebody_goes() -> None:
+    course = first_course(0, np.zeros(2))
+    assert not course.walking
+    assert course.at(400_000_000).sigma_m > 0.3
+
+
+def test_the_longer_unseen_the_less_is_known_of_where_somebody_is() -> None:
+    course = course_of([(0.5 * k, 0.0) for k in range(6)])
+    spread = [course.at(course.stamp_ns + k * 500_000_000).sigma_m for k in range(6)]
+    assert spread == sorted(spread)
