@@ -69,7 +69,10 @@ def thing(object_id, *stays, label=None):
 
 def person(object_id, *walks):
     """Who walks; each walk is given by the seconds and the places (x, y) it leads through."""
-    ways = [TrueMotion(np.array([ns(at) for at in seconds]), np.column_stack([xy, [0.9] * len(xy)])) for seconds, xy in walks]
+    ways = [
+        TrueMotion(np.array([ns(at) for at in seconds]), np.column_stack([xy, [0.9] * len(xy)]))
+        for seconds, xy in walks
+    ]
     surface = cube_surface().astype(np.float32)
     return TrueObject(object_id, "person", "person", (), tuple(ways), surface, np.ones(len(surface), dtype=bool))
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from types import MappingProxyType
 
 import cv2
 import numpy as np
@@ -12,7 +13,7 @@ from supermap_cli.config import Ablation, MappingConfig
 from supermap_cli.geometry.arrays import BoolArray, IntArray
 from supermap_cli.geometry.boxes import pairwise_iou
 from supermap_cli.mapping import lifecycle
-from supermap_cli.mapping.association import Affinity, Courses, affinity, associate, reached
+from supermap_cli.mapping.association import Affinity, Association, Courses, affinity, associate, reached
 from supermap_cli.mapping.belief import LabelBelief, Vantage, Viewpoints
 from supermap_cli.mapping.depth import DepthView, depth_view
 from supermap_cli.mapping.free_space import FreeSpaceMemory
@@ -40,6 +41,7 @@ from supermap_cli.mapping.seam import (
     turned_view,
 )
 from supermap_cli.mapping.shifting import find_shift
+from supermap_cli.mapping.splitting import WHOLE_SHARE, SplitEvidence, nearer_to_second, side_by_side, split_off
 from supermap_cli.mapping.transitions import Transitions, Whereabouts
 from supermap_cli.mapping.visibility import ObjectView, look_at
 from supermap_cli.types.detections import Detections, TrackPrior
@@ -61,6 +63,9 @@ LEFT_SHARE = 0.3
 
 ANIMATE_MEMORY_NS = 3_000_000_000
 """What moves by itself is believed in no longer than this without being seen."""
+
+
+NO_PARTS: Mapping[int, Sequence[LiftedDetection]] = MappingProxyType({})
 
 
 @dataclass(frozen=True)
@@ -106,6 +111,7 @@ class MappingEngine:
     floor_z: float | None = None
     free_space: FreeSpaceMemory = field(default_factory=FreeSpaceMemory)
     pairs: PairEvidence = field(default_factory=PairEvidence)
+    splits: SplitEvidence = field(default_factory=SplitEvidence)
     linked: set[tuple[int, int]] = field(default_factory=set)
     merged: set[int] = field(default_factory=set)
     turns: Transitions = field(init=False)
@@ -194,7 +200,8 @@ class MappingEngine:
         matched: dict[int, LiftedDetection] = {}
 
         first = associate(strong, present, look.views, courses)
-        self._fuse_pairs(look, strong, first.pairs, matched)
+        parts = self._parts(strong, first)
+        self._fuse_pairs(look, strong, first.pairs, matched, parts)
         remaining = [each for each in present if each.number not in matched]
         second = associate(weak, remaining, look.views, courses)
         self._fuse_pairs(look, weak, second.pairs, matched)
@@ -207,7 +214,8 @@ class MappingEngine:
         for detection in (unexplained[i] for i in third.free):
             whole = self._part_of(detection, matched)
             if whole is not None:
-                self._fuse(look, whole, detection, None)
+                part = self._split(look, whole, matched[whole.number], detection)
+                self._fuse(look, part or whole, detection, None)
             else:
                 self._give_birth(look, detection)
         self.pairs.take_in(self.objects, matched, look.views)
@@ -241,10 +249,24 @@ class MappingEngine:
         detections: Sequence[LiftedDetection],
         pairs: Sequence[tuple[int, int, Affinity]],
         matched: dict[int, LiftedDetection],
+        parts: Mapping[int, Sequence[LiftedDetection]] = NO_PARTS,
     ) -> None:
         for row, number, fit in pairs:
-            self._fuse(look, self.objects[number], detections[row], fit)
+            seen = self.objects[number]
+            if seen.confirmed and seen.present and seen.label not in ANIMATE and fit.explained > WHOLE_SHARE:
+                self.splits.seen_as_one(number, vantage_of(look.keyframe, seen))
+            self._fuse(look, seen, detections[row], fit, parts.get(number, ()))
             matched[number] = detections[row]
+
+    def _parts(self, strong: Sequence[LiftedDetection], first: Association) -> dict[int, list[LiftedDetection]]:
+        """The matched objects that a second detection of the same image lies on, beside the one they were given."""
+        given = {number: strong[row] for row, number, _ in first.pairs}
+        parts: dict[int, list[LiftedDetection]] = {}
+        for row in first.free:
+            whole = self._part_of(strong[row], given)
+            if whole is not None and side_by_side(whole.shape, given[whole.number], strong[row]):
+                parts.setdefault(whole.number, []).append(strong[row])
+        return parts
 
     def _part_of(self, detection: LiftedDetection, matched: dict[int, LiftedDetection]) -> MapObject | None:
         """The matched object that a second detection of the same image lies on: detectors split large things."""
@@ -255,9 +277,38 @@ class MappingEngine:
                 return whole
         return None
 
+    def _split(self, look: Look, whole: MapObject, first: LiftedDetection, second: LiftedDetection) -> MapObject | None:
+        """The object of the second detection, if by now the images say that the two on `whole` are two things."""
+        if not whole.confirmed or whole.label in ANIMATE or first.score < STRONG_SCORE:
+            return None
+        if not side_by_side(whole.shape, first, second):
+            return None
+        if not self.splits.seen_as_two(whole.number, first, second, vantage_of(look.keyframe, whole)):
+            return None
+        part = nearer_to_second(whole.voxels.centers(), first.points_map, second.points_map)
+        if not part.any() or part.all():
+            return None
+        born = split_off(self.objects.new_number(), whole, part, look.keyframe.stamp_ns)
+        self.objects.add(born)
+        whole.touched()
+        self.turns.split(whole, born)
+        self.pairs.told_apart(whole.number, born.number, self.splits.looks(whole.number))
+        self.splits.forget(whole.number)
+        return born
+
     # -- fusion
 
-    def _fuse(self, look: Look, seen: MapObject, detection: LiftedDetection, fit: Affinity | None) -> None:
+    def _fuse(
+        self,
+        look: Look,
+        seen: MapObject,
+        detection: LiftedDetection,
+        fit: Affinity | None,
+        parts: Sequence[LiftedDetection] = (),
+    ) -> None:
+        """Take a detection for an object; `parts` are others of the image that lie on it as well, whose masks then do
+        not say that it ends beside its own.
+        """
         stamp_ns = look.keyframe.stamp_ns
         view = look.views.get(seen.number) if fit is not None else None
         covered = 1.0 if fit is None else fit.covered
@@ -272,7 +323,7 @@ class MappingEngine:
             view = None
         if view is not None:
             if "semantic-fusion" not in self.ablate:
-                fuse_mask(seen, view, detection)
+                fuse_mask(seen, view, detection, parts)
             fuse_geometry(seen, view)
         fuse_points(seen, detection)
         self._support(look, seen, detection, view)
@@ -459,6 +510,7 @@ class MappingEngine:
                 kept, joined = lifecycle.older(first, second)
                 self.turns.merge(kept, joined, stamp_ns)
                 self.pairs.forget(joined.number)
+                self.splits.forget(joined.number)
                 self.merged.add(kept.number)
 
     def _forget(self) -> None:

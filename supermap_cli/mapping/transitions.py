@@ -130,6 +130,13 @@ class Transitions:
         self.objects.remove(joined.number)
         self.touched.discard(joined.number)
 
+    def split(self, whole: MapObject, part: MapObject) -> None:
+        """Two things were one object up to now; `part` goes on as an object of its own, which nobody saw come."""
+        self.touch(whole)
+        self.touch(part)
+        bounds_ns = (whole.first_seen_ns, part.first_seen_ns)
+        self._link("split", (whole.number, whole.state.index), part, bounds_ns)
+
     def _retire(self, retired: MapObject, into: MapObject, stamp_ns: int) -> None:
         """A stored object is part of another one from now on."""
         self.changes.closed_states.append(open_state(retired))
