@@ -1,4 +1,4 @@
-"""Who walks by: is one passage of a person one instance?"""
+"""Who walks by: whether one passage of a person is one instance."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ FOLLOWED_SHARE = 0.9
 
 @dataclass(frozen=True)
 class Passage:
-    """One passage of a person: in how many `keyframes`, from `first_ns` to `last_ns`, it is well visible, in how many of
-    those the map observed the person (`observed`), and by which `instances`, most observations first.
+    """One passage of a person: in how many `keyframes`, from `first_ns` to `last_ns`, it is well visible, in how many
+    of those the map observed the person (`observed`), and by which `instances`, most observations first.
     """
 
     object_id: str

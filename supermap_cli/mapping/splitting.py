@@ -43,8 +43,8 @@ LEAST_LOOKS = 2
 
 @dataclass
 class Halves:
-    """The evidence on one object: log-odds that it is two, from where it was looked at, and the middles (3,) of the two,
-    as the mean over the `looks` that showed the same two.
+    """The evidence on one object: log-odds that it is two, from where it was looked at, and the middles (3,) of the
+    two, as the mean over the `looks` that showed the same two.
     """
 
     log_odds: float = 0.0
@@ -133,8 +133,8 @@ def shared(first: LiftedDetection, second: LiftedDetection) -> float:
         return 0.0
     of_a = a.pixels[v0 - a.v0 : v1 - a.v0, u0 - a.u0 : u1 - a.u0]
     of_b = b.pixels[v0 - b.v0 : v1 - b.v0, u0 - b.u0 : u1 - b.u0]
-    smaller = min(np.count_nonzero(a.pixels), np.count_nonzero(b.pixels))
-    return np.count_nonzero(of_a & of_b) / max(smaller, 1)
+    smaller = min(int(np.count_nonzero(a.pixels)), int(np.count_nonzero(b.pixels)))
+    return np.count_nonzero(of_a & of_b) / smaller if smaller else 0.0
 
 
 def nearer_to_second(points_map: FloatArray, first: FloatArray, second: FloatArray) -> BoolArray:

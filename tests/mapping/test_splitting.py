@@ -79,10 +79,10 @@ def test_they_stay_two() -> None:
 
 
 def test_a_table_that_the_detector_cuts_in_two_now_and_then_stays_one() -> None:
-    looks = iter(range(1000))
-    run = s.Run(detector=lambda scene, at_s: (halved if next(looks) % 6 == 5 else s.detect)(scene, at_s))
-    for _ in range(6):
-        run.walk(TABLE, 8)
+    run = s.Run()
+    for k in range(48):
+        run.detector = halved if k % 6 == 5 else s.detect
+        run.see(TABLE, (0.0, k % 8 / 7 - 0.5, 1.2))
     assert [each.number for each in run.standing()] == [1]
     assert run.take().temporal_edges == ()
 
