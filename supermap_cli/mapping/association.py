@@ -16,11 +16,11 @@ from supermap_cli.mapping.motion import Course
 from supermap_cli.mapping.objects import MapObject, ObjectMap
 from supermap_cli.mapping.visibility import ObjectView
 
-PEOPLE_PER_M2 = 0.05
-"""How many others that move by themselves there may be: one in a room of 20 square metres."""
+PEOPLE_PER_M2, THINGS_PER_M2 = 0.05, 1.0
+"""What else may be seen in a place: others that move by themselves, one in a room of 20 square metres, or any thing."""
 
 SAME_KIND = 0.2
-"""Only what agrees at least so much on the label is looked for where something was going."""
+"""What agrees less on the label may be any thing as well as somebody the detector takes for one."""
 
 Courses = Mapping[int, Course]
 """Object number -> where it is expected now, of those that move by themselves and were seen of late."""
@@ -60,8 +60,9 @@ def affinity(
     covered = shape.share_near(detection.points_map)
     explained = share_inside(detection, view) if view is not None else 0.0
     agreement = label_agreement(detection.hypotheses, candidate.labels.probabilities())
-    if course is not None and agreement >= SAME_KIND:
-        log_ratio = course_log_ratio(detection, course)
+    if course is not None:
+        others_per_m2 = PEOPLE_PER_M2 if agreement >= SAME_KIND else THINGS_PER_M2
+        log_ratio = course_log_ratio(detection, course, others_per_m2)
     else:
         log_ratio = 4 * np.sqrt(covered * explained) - 1.5 + _distance_log_ratio(detection, candidate, covered)
     log_ratio += float(np.log((agreement + 0.05) / 0.2))
@@ -70,11 +71,11 @@ def affinity(
     return Affinity(covered, explained, float(log_ratio))
 
 
-def course_log_ratio(detection: LiftedDetection, course: Course) -> float:
-    """Log ratio of the densities with which it, and anyone else, would be seen at the detection's place."""
+def course_log_ratio(detection: LiftedDetection, course: Course, others_per_m2: float) -> float:
+    """Log ratio of the densities with which it, and anything else, would be seen at the detection's place."""
     variance = course.sigma_m**2
     off = detection.centroid_map[:2] - course.place
-    return float(-np.log(2 * np.pi * variance * PEOPLE_PER_M2) - off @ off / (2 * variance))
+    return float(-np.log(2 * np.pi * variance * others_per_m2) - off @ off / (2 * variance))
 
 
 def _distance_log_ratio(detection: LiftedDetection, candidate: MapObject, covered: float) -> float:
