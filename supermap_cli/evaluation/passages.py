@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,6 +22,11 @@ PASSAGE_GAP_NS = 3_000_000_000
 REACH_M = 0.8
 """An observation is of a person whose middle was within this of it, on the floor plane: half a stride and a shoulder
 (0.4 m), what is seen of the near side only, and the odometry's error.
+"""
+
+BODY_M = 0.4
+"""Of two people whose middles are nearer to one another than a body is wide, nobody can tell who was observed: such
+observations count for neither.
 """
 
 LEAST_OBSERVATIONS = 3
@@ -63,10 +68,10 @@ class PassageScores:
     A passage is a run of mapped keyframes in which a person in motion is well visible, by the measure of what else is
     countable (`known_truth`: 100 pixels, 0.2 of the front), with gaps of at most 3 s. Of every keyframe of it, the
     observation by an instance labelled "person" that lies nearest to where the person then was counts, within 0.8 m on
-    the floor plane and not nearer to another person; instances that are doubted by now count as well, since who walked
-    by is no part of the map. `followed` is the share, of those `judged` passages with at least three observations, in
-    which one instance has at least 0.9 of them; `None` where there is none. `broken` lists the others, `passages`
-    counts all.
+    the floor plane, not nearer to another person, and not while another is within 0.4 m of the person; instances that
+    are doubted by now count as well, since who walked by is no part of the map. `followed` is the share, of those
+    `judged` passages with at least three observations, in which one instance has at least 0.9 of them; `None` where
+    there is none. `broken` lists the others, `passages` counts all.
     """
 
     followed: float | None
@@ -138,10 +143,16 @@ def _sightings(instance: EstimatedObject, people: Sequence[TrueObject]) -> Itera
     """(person, keyframe, distance) of those observations of an instance that are of some person in motion."""
     for each in instance.observations:
         here = [(person.id, place_at(person.motions, each.stamp_ns)) for person in people]
-        away = [(float(np.linalg.norm(each.centroid[:2] - at[:2])), who) for who, at in here if at is not None]
+        moving = {who: at[:2] for who, at in here if at is not None}
+        away = [(float(np.linalg.norm(each.centroid[:2] - at)), who) for who, at in moving.items()]
         distance_m, who = min(away, default=(np.inf, ""))
-        if distance_m < REACH_M:
+        if distance_m < REACH_M and not _entangled(who, moving):
             yield who, each.stamp_ns, distance_m
+
+
+def _entangled(who: str, moving: Mapping[str, FloatArray]) -> bool:
+    """Whether somebody else is where a person is."""
+    return any(other != who and float(np.linalg.norm(at - moving[who])) < BODY_M for other, at in moving.items())
 
 
 def place_at(motions: Sequence[TrueMotion], stamp_ns: int) -> FloatArray | None:

@@ -79,3 +79,11 @@ def test_of_two_people_each_observation_is_of_the_nearer_one():
     truth = e.world(objects, [e.traversal("monday", 0, 9, objects)])
     scores = scored(truth, [track(truth, "a", range(10)), track(truth, "b", range(10), y=0.5)])
     assert (scores.followed, scores.judged) == (1, 2)
+
+
+def test_of_two_people_in_one_place_nobody_can_tell_who_was_observed():
+    objects = (e.person("p-1", ((0, 9), ((0, 0), (9, 0)))), e.person("p-2", ((0, 9), ((0, 0.1), (9, 3.1)))))
+    truth = e.world(objects, [e.traversal("monday", 0, 9, objects)])
+    swapped = [track(truth, "a", (2, 3, 4, 5)), track(truth, "b", (0,))]
+    scores = scored(truth, swapped)
+    assert (scores.followed, scores.judged) == (1, 1)
