@@ -342,7 +342,7 @@ class TraversalBuild:
         self.nodes = {
             each.number: _node(each, self.nodes.get(each.number))
             for each in self.engine.objects
-            if each.confirmed and each.present and not each.doubted and not each.motion.moving
+            if each.confirmed and each.present and not each.doubted and not each.on_the_move
         }
         return self.nodes
 

@@ -24,6 +24,7 @@ from supermap_cli.geometry.se3 import make_transform
 from supermap_cli.types.truth import (
     GroundTruth,
     TrueChange,
+    TrueMotion,
     TrueObject,
     TrueQuestion,
     TrueSightings,
@@ -66,6 +67,16 @@ def thing(object_id, *stays, label=None):
     return TrueObject(object_id, label, "object", stays, (), surface, np.ones(len(surface), dtype=bool))
 
 
+def person(object_id, *walks):
+    """Who walks; each walk is given by the seconds and the places (x, y) it leads through."""
+    ways = [
+        TrueMotion(np.array([ns(at) for at in seconds]), np.column_stack([xy, [0.9] * len(xy)]))
+        for seconds, xy in walks
+    ]
+    surface = cube_surface().astype(np.float32)
+    return TrueObject(object_id, "person", "person", (), tuple(ways), surface, np.ones(len(surface), dtype=bool))
+
+
 @dataclass(frozen=True)
 class Sight:
     """What an image shows of a place; the default is everything."""
@@ -79,6 +90,9 @@ def traversal(name, start, end, objects, look=lambda object_id, state, second: S
     rows = []
     for frame, second in enumerate(range(start, end + 1)):
         for number, each in enumerate(objects):
+            moving = any(way.stamps_ns[0] <= ns(second) <= way.stamps_ns[-1] for way in each.motions)
+            if moving and (sight := look(each.id, -1, second)) is not None:
+                rows.append((frame, number, -1, True, sight.visible, sight.pixels))
             for index, state in enumerate(each.states):
                 if (sight := look(each.id, index, second)) is not None:
                     present = state.covers(ns(second))

@@ -138,6 +138,7 @@ def _figures(report: Report) -> Iterator[tuple[str, float | None]]:
         yield "identity: relocated, found", report.identity.relocated_found
         yield "identity: relocated, same id", report.identity.relocated_kept
         yield "identity: stale objects", len(report.identity.stale)
+        yield "identity: people, one track a passage", report.identity.passages.followed
         yield "identity: IDF1", report.identity.tracking.idf1
         yield "identity: HOTA", report.identity.tracking.hota
     if report.change is not None:

@@ -194,6 +194,11 @@ def _of_identity(scores: IdentityScores) -> Iterator[Figure]:
     yield Figure(
         "stale", len(scores.stale), f"things held to be there that have left; images showed {places} left empty"
     )
+    yield Figure(
+        "people, one track",
+        scores.passages.followed,
+        f"share of {scores.passages.judged} passages of people of which one instance has 0.9 of the observations",
+    )
     yield Figure("IDF1", scores.tracking.idf1, scores.tracking.note or "share of sightings under the right identity")
     yield Figure("HOTA", scores.tracking.hota, "detection and association in one, over all overlaps")
     yield Figure("DetA", scores.tracking.det_a, "its detection part")
@@ -213,6 +218,11 @@ def _wrong_identities(scores: IdentityScores) -> Iterator[Mistakes]:
         (each.instance_id, each.object_id, "yes" if each.seen_empty else "no, its place was not in view again")
         for each in scores.stale
     )
+    broken = tuple(
+        (each.object_id, str(each.observed), f"{each.followed_share or 0:.2f}", ", ".join(each.instances))
+        for each in scores.passages.broken
+    )
+    yield Mistakes("people not followed as one", ("id", "observations#", "longest track#", "as"), broken)
     yield Mistakes("stale", ("instance", "was", "could have been seen to be gone"), stale)
 
 

@@ -86,7 +86,8 @@ class EstimatedMap:
 
     `objects` are all believed instances, present or absent (doubted ones are left out). `keyframes_ns` (k,) are the
     stamps of all mapped images, of all traversals; `alignment_rmse_m` says how well the robot's way in the map fits its
-    true way after the alignment, by traversal.
+    true way after the alignment, by traversal. `doubted` are the instances that are believed in no more, as who walked
+    by is: only who is followed how far asks for them.
     """
 
     objects: tuple[EstimatedObject, ...]
@@ -95,3 +96,4 @@ class EstimatedMap:
     keyframes_ns: IntArray
     T_world_map: FloatArray
     alignment_rmse_m: dict[str, float]
+    doubted: tuple[EstimatedObject, ...] = ()

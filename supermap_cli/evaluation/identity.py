@@ -10,6 +10,7 @@ import numpy as np
 from supermap_cli.evaluation.estimate import EstimatedMap, EstimatedObject
 from supermap_cli.evaluation.known_truth import KnownTruth, known_truth
 from supermap_cli.evaluation.matching import Identified, closeness, identify
+from supermap_cli.evaluation.passages import PassageScores, score_passages
 from supermap_cli.evaluation.shares import mean, share
 from supermap_cli.evaluation.switches import Switch, observers_of_static_objects, switches
 from supermap_cli.evaluation.tracking import TrackingScores, score_tracking
@@ -62,6 +63,7 @@ class IdentityScores:
     - `stale`: present instances at the end that are near no standing object (`Closeness.near`) but near a place that an
       object has left; `stale_share` is their share of all present instances, `None` where there are none.
       `vacated_places` counts the well-shown places that are empty at the end and were in view since.
+    - `passages`: whether who walks by is followed as one.
     - `tracking`: IDF1 and HOTA.
     """
 
@@ -78,6 +80,7 @@ class IdentityScores:
     stale_share: float | None
     vacated_places: int
     stale: tuple[Stale, ...]
+    passages: PassageScores
     tracking: TrackingScores
 
 
@@ -105,6 +108,7 @@ def score_identity(estimate: EstimatedMap, truth: GroundTruth) -> IdentityScores
         stale_share=share(len(stale), sum(each.presence == "present" for each in estimate.objects)),
         vacated_places=sum(_seen_empty(k, known) for k, place in enumerate(known.places) if place.countable),
         stale=stale,
+        passages=score_passages(estimate, truth),
         tracking=score_tracking(estimate, known),
     )
 

@@ -171,7 +171,7 @@ def known_truth(estimate: EstimatedMap, truth: GroundTruth) -> KnownTruth:
     keyframes_ns = np.sort(estimate.keyframes_ns)
     mapped = tuple(each for each in truth.traversals if len(_keyframes_in(each, keyframes_ns)))
     end_ns = int(keyframes_ns[-1]) if len(keyframes_ns) else None
-    images = [_images_of(each, keyframes_ns) for each in mapped]
+    images = [images_of(each, keyframes_ns) for each in mapped]
     stays = [
         (number, index)
         for number, each in enumerate(truth.objects)
@@ -205,7 +205,7 @@ def _is_partly_mapped(traversal: TrueTraversal, keyframes_ns: IntArray) -> bool:
     return bool(own_ns[0] - images_ns[0] > MARGIN_NS or images_ns[-1] - own_ns[-1] > MARGIN_NS)
 
 
-def _images_of(traversal: TrueTraversal, keyframes_ns: IntArray) -> tuple[IntArray, IntArray]:
+def images_of(traversal: TrueTraversal, keyframes_ns: IntArray) -> tuple[IntArray, IntArray]:
     """The truth's frames (k,) that a traversal's keyframes are, and the keyframes' stamps (k,)."""
     stamps_ns = _keyframes_in(traversal, keyframes_ns)
     if not len(traversal.stamps_ns):

@@ -60,6 +60,7 @@ def read_estimate(reader: MapReader, truth: GroundTruth) -> EstimatedMap:
         keyframes_ns=_keyframes_ns(reader),
         T_world_map=overlay.T_world_map,
         alignment_rmse_m=overlay.rmse_m,
+        doubted=tuple(_object(reader, each, to_world) for each in reader.instances if each.presence == "doubted"),
     )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
@@ -11,8 +12,20 @@ from scipy.optimize import linear_sum_assignment
 from supermap_cli.geometry.arrays import BoolArray, FloatArray
 from supermap_cli.mapping.belief import label_agreement
 from supermap_cli.mapping.lifting import LiftedDetection
+from supermap_cli.mapping.motion import Course
 from supermap_cli.mapping.objects import MapObject, ObjectMap
 from supermap_cli.mapping.visibility import ObjectView
+
+PEOPLE_PER_M2, THINGS_PER_M2 = 0.05, 1.0
+"""What else may be seen in a place: others that move by themselves, one in a room of 20 square metres, or any thing."""
+
+SAME_KIND = 0.2
+"""What agrees less on the label may be any thing as well as somebody the detector takes for one."""
+
+Courses = Mapping[int, Course]
+"""Object number -> where it is expected now, of those that move by themselves and were seen of late."""
+
+NO_COURSES: Courses = MappingProxyType({})
 
 
 @dataclass(frozen=True)
@@ -36,18 +49,33 @@ class Association:
     free: tuple[int, ...]
 
 
-def affinity(detection: LiftedDetection, candidate: MapObject, view: ObjectView | None) -> Affinity:
-    """Score one pair. A partial view must not count against the match: overlap is measured on what is seen of both."""
+def affinity(
+    detection: LiftedDetection, candidate: MapObject, view: ObjectView | None, course: Course | None = None
+) -> Affinity:
+    """Score one pair. A partial view must not count against the match: overlap is measured on what is seen of both.
+
+    Of what is on its way, neither overlap nor distance from where it was says anything: it is looked for on its course.
+    """
     shape = candidate.shape
     covered = shape.share_near(detection.points_map)
     explained = share_inside(detection, view) if view is not None else 0.0
-    log_ratio = 4 * np.sqrt(covered * explained) - 1.5
-    log_ratio += _distance_log_ratio(detection, candidate, covered)
     agreement = label_agreement(detection.hypotheses, candidate.labels.probabilities())
+    if course is not None:
+        others_per_m2 = PEOPLE_PER_M2 if agreement >= SAME_KIND else THINGS_PER_M2
+        log_ratio = course_log_ratio(detection, course, others_per_m2)
+    else:
+        log_ratio = 4 * np.sqrt(covered * explained) - 1.5 + _distance_log_ratio(detection, candidate, covered)
     log_ratio += float(np.log((agreement + 0.05) / 0.2))
     if detection.track_id >= 0 and candidate.track_id >= 0:
         log_ratio += 1.0 if detection.track_id == candidate.track_id else -0.5
     return Affinity(covered, explained, float(log_ratio))
+
+
+def course_log_ratio(detection: LiftedDetection, course: Course, others_per_m2: float) -> float:
+    """Log ratio of the densities with which it, and anything else, would be seen at the detection's place."""
+    variance = course.sigma_m**2
+    off = detection.centroid_map[:2] - course.place
+    return float(-np.log(2 * np.pi * variance * others_per_m2) - off @ off / (2 * variance))
 
 
 def _distance_log_ratio(detection: LiftedDetection, candidate: MapObject, covered: float) -> float:
@@ -86,6 +114,7 @@ def associate(
     detections: Sequence[LiftedDetection],
     candidates: Sequence[MapObject],
     views: Mapping[int, ObjectView],
+    courses: Courses = NO_COURSES,
     gate: float = 0.0,
 ) -> Association:
     """Assign detections to objects one to one so that the summed log ratio is greatest; pairs below the gate stay
@@ -96,9 +125,10 @@ def associate(
     scores = np.full((len(detections), len(candidates)), -np.inf)
     table: dict[tuple[int, int], Affinity] = {}
     for row, detection in enumerate(detections):
-        for column in np.flatnonzero(near_enough(detection, candidates)):
+        for column in np.flatnonzero(near_enough(detection, candidates, courses)):
             candidate = candidates[int(column)]
-            table[row, int(column)] = affinity(detection, candidate, views.get(candidate.number))
+            number = candidate.number
+            table[row, int(column)] = affinity(detection, candidate, views.get(number), courses.get(number))
             scores[row, column] = table[row, int(column)].log_ratio
     gain = np.where(scores > gate, scores - gate, 0.0)
     rows, columns = linear_sum_assignment(gain, maximize=True)
@@ -111,10 +141,23 @@ def associate(
     return Association(pairs, tuple(row for row in range(len(detections)) if row not in taken))
 
 
-def near_enough(detection: LiftedDetection, candidates: Sequence[MapObject]) -> BoolArray:
-    """(m,) which candidates' bounds come within their own size and 0.3 m of the detection's centroid."""
+def near_enough(
+    detection: LiftedDetection, candidates: Sequence[MapObject], courses: Courses = NO_COURSES
+) -> BoolArray:
+    """(m,) which candidates' bounds come within their own size and 0.3 m of the detection's centroid, or whose course
+    leads there.
+    """
     low, high = np.array([each.shape.low for each in candidates]), np.array([each.shape.high for each in candidates])
-    return bounds_near(detection, low, high)
+    near = bounds_near(detection, low, high)
+    for column, each in enumerate(candidates):
+        if not near[column] and each.number in courses:
+            near[column] = on_course(detection, courses[each.number])
+    return near
+
+
+def on_course(detection: LiftedDetection, course: Course) -> bool:
+    """Whether something on its way may be at the detection's place."""
+    return float(np.linalg.norm(detection.centroid_map[:2] - course.place)) < 3 * course.sigma_m
 
 
 def bounds_near(detection: LiftedDetection, low: FloatArray, high: FloatArray) -> BoolArray:
@@ -127,10 +170,14 @@ def bounds_near(detection: LiftedDetection, low: FloatArray, high: FloatArray) -
     return near
 
 
-def reached(detections: Sequence[LiftedDetection], objects: ObjectMap) -> list[MapObject]:
+def reached(
+    detections: Sequence[LiftedDetection], objects: ObjectMap, courses: Courses = NO_COURSES
+) -> list[MapObject]:
     """The objects that are near enough to one of the detections, in the map's order."""
     if not detections:
         return []
     bounds = objects.bounds()
     near = np.any([bounds_near(each, bounds.low, bounds.high) for each in detections], axis=0)
-    return [objects[bounds.numbers[row]] for row in np.flatnonzero(near)]
+    numbers = [bounds.numbers[row] for row in np.flatnonzero(near)]
+    coming = {n for n, course in courses.items() if any(on_course(each, course) for each in detections)}
+    return [objects[number] for number in (*numbers, *sorted(coming.difference(numbers)))]

@@ -49,6 +49,10 @@ class LabelBelief:
         self.unseen_log += weight * float(np.log(UNSEEN_LABEL_LIKELIHOOD))
         self.looks += weight
 
+    def copy(self) -> LabelBelief:
+        """The same belief, to go its own way."""
+        return LabelBelief(dict(self.logs), self.unseen_log, self.looks, self.longest_side_m)
+
     def absorb(self, other: LabelBelief) -> None:
         """Join two beliefs that turned out to be about one object."""
         labels = self.logs | other.logs  # in their order: a set of words has another one in each run

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from types import MappingProxyType
 
 import cv2
 import numpy as np
@@ -13,7 +14,7 @@ from supermap_cli.geometry.arrays import BoolArray, IntArray
 from supermap_cli.geometry.boxes import pairwise_iou
 from supermap_cli.mapping import lifecycle
 from supermap_cli.mapping.absence import ABSENT_SHARE, OBSERVABLE_SHARE, EmptyRun
-from supermap_cli.mapping.association import Affinity, affinity, associate, reached
+from supermap_cli.mapping.association import Affinity, Association, Courses, affinity, associate, reached
 from supermap_cli.mapping.belief import LabelBelief, Vantage, Viewpoints
 from supermap_cli.mapping.depth import DepthView, depth_view
 from supermap_cli.mapping.free_space import FreeSpaceMemory
@@ -28,6 +29,7 @@ from supermap_cli.mapping.fusion import (
     fuse_points,
 )
 from supermap_cli.mapping.lifting import LiftedDetection, is_truncated, lift
+from supermap_cli.mapping.motion import first_course
 from supermap_cli.mapping.objects import MapObject, ObjectMap
 from supermap_cli.mapping.pair_evidence import PairEvidence
 from supermap_cli.mapping.recall import RecallModel, ScoreModel
@@ -40,6 +42,7 @@ from supermap_cli.mapping.seam import (
     turned_view,
 )
 from supermap_cli.mapping.shifting import find_shift
+from supermap_cli.mapping.splitting import WHOLE_SHARE, SplitEvidence, nearer_to_second, side_by_side, split_off
 from supermap_cli.mapping.transitions import Transitions, Whereabouts
 from supermap_cli.mapping.visibility import ObjectView, look_at
 from supermap_cli.types.detections import Detections, TrackPrior
@@ -56,8 +59,14 @@ EXPECTED_IOU = 0.2
 SURE_LOG_ODDS = 4.0
 """Only objects believed this firmly teach how often the detector misses what is there."""
 
+LEFT_SHARE = 0.3
+"""Of what moves by itself, the cloud is one of where it was if less of a detection than this lies on it."""
+
 ANIMATE_MEMORY_NS = 3_000_000_000
 """What moves by itself is believed in no longer than this without being seen."""
+
+
+NO_PARTS: Mapping[int, Sequence[LiftedDetection]] = MappingProxyType({})
 
 
 @dataclass(frozen=True)
@@ -103,6 +112,7 @@ class MappingEngine:
     floor_z: float | None = None
     free_space: FreeSpaceMemory = field(default_factory=FreeSpaceMemory)
     pairs: PairEvidence = field(default_factory=PairEvidence)
+    splits: SplitEvidence = field(default_factory=SplitEvidence)
     linked: set[tuple[int, int]] = field(default_factory=set)
     merged: set[int] = field(default_factory=set)
     turns: Transitions = field(init=False)
@@ -185,29 +195,41 @@ class MappingEngine:
         """Strong detections first, then weak ones, then re-activation of what was gone; only then birth."""
         strong = [each for each in lifted if each.score >= STRONG_SCORE]
         weak = [each for each in lifted if each.score < STRONG_SCORE]
-        near = reached(lifted, self.objects)
+        courses = self._courses(look.keyframe.stamp_ns)
+        near = reached(lifted, self.objects, courses)
         present = [each for each in near if each.present]
         matched: dict[int, LiftedDetection] = {}
 
-        first = associate(strong, present, look.views)
-        self._fuse_pairs(look, strong, first.pairs, matched)
+        first = associate(strong, present, look.views, courses)
+        parts = self._parts(strong, first)
+        self._fuse_pairs(look, strong, first.pairs, matched, parts)
         remaining = [each for each in present if each.number not in matched]
-        second = associate(weak, remaining, look.views)
+        second = associate(weak, remaining, look.views, courses)
         self._fuse_pairs(look, weak, second.pairs, matched)
 
         unexplained = [strong[i] for i in first.free]
         gone = [each for each in near if not each.present]
-        third = associate(unexplained, gone, look.views)
+        third = associate(unexplained, gone, look.views, courses)
         self._fuse_pairs(look, unexplained, third.pairs, matched)
 
         for detection in (unexplained[i] for i in third.free):
             whole = self._part_of(detection, matched)
             if whole is not None:
-                self._fuse(look, whole, detection, None)
+                part = self._split(look, whole, matched[whole.number], detection)
+                self._fuse(look, part or whole, detection, None)
             else:
                 self._give_birth(look, detection)
         self.pairs.take_in(self.objects, matched, look.views)
         return set(matched)
+
+    def _courses(self, stamp_ns: int) -> Courses:
+        """Where those that move by themselves, and were seen of late, are expected now."""
+        recent = [each for each in self.objects if stamp_ns - each.last_seen_ns <= ANIMATE_MEMORY_NS]
+        return {
+            each.number: each.motion.course.at(stamp_ns)
+            for each in recent
+            if each.motion.course is not None and each.label in ANIMATE
+        }
 
     def _match_by_track(self, look: Look, lifted: Sequence[LiftedDetection]) -> set[int]:
         """Without the 3D-aware tracker, a thing is what was one track in the image, and a new track is a new thing."""
@@ -228,10 +250,24 @@ class MappingEngine:
         detections: Sequence[LiftedDetection],
         pairs: Sequence[tuple[int, int, Affinity]],
         matched: dict[int, LiftedDetection],
+        parts: Mapping[int, Sequence[LiftedDetection]] = NO_PARTS,
     ) -> None:
         for row, number, fit in pairs:
-            self._fuse(look, self.objects[number], detections[row], fit)
+            seen = self.objects[number]
+            if seen.confirmed and seen.present and seen.label not in ANIMATE and fit.explained > WHOLE_SHARE:
+                self.splits.seen_as_one(number, vantage_of(look.keyframe, seen))
+            self._fuse(look, seen, detections[row], fit, parts.get(number, ()))
             matched[number] = detections[row]
+
+    def _parts(self, strong: Sequence[LiftedDetection], first: Association) -> dict[int, list[LiftedDetection]]:
+        """The matched objects that a second detection of the same image lies on, beside the one they were given."""
+        given = {number: strong[row] for row, number, _ in first.pairs}
+        parts: dict[int, list[LiftedDetection]] = {}
+        for row in first.free:
+            whole = self._part_of(strong[row], given)
+            if whole is not None and side_by_side(whole.shape, given[whole.number], strong[row]):
+                parts.setdefault(whole.number, []).append(strong[row])
+        return parts
 
     def _part_of(self, detection: LiftedDetection, matched: dict[int, LiftedDetection]) -> MapObject | None:
         """The matched object that a second detection of the same image lies on: detectors split large things."""
@@ -242,9 +278,38 @@ class MappingEngine:
                 return whole
         return None
 
+    def _split(self, look: Look, whole: MapObject, first: LiftedDetection, second: LiftedDetection) -> MapObject | None:
+        """The object of the second detection, if by now the images say that the two on `whole` are two things."""
+        if not whole.confirmed or whole.label in ANIMATE or first.score < STRONG_SCORE:
+            return None
+        if not side_by_side(whole.shape, first, second):
+            return None
+        if not self.splits.seen_as_two(whole.number, first, second, vantage_of(look.keyframe, whole)):
+            return None
+        part = nearer_to_second(whole.voxels.centers(), first.points_map, second.points_map)
+        if not part.any() or part.all():
+            return None
+        born = split_off(self.objects.new_number(), whole, part, look.keyframe.stamp_ns)
+        self.objects.add(born)
+        whole.touched()
+        self.turns.split(whole, born)
+        self.pairs.told_apart(whole.number, born.number, self.splits.looks(whole.number))
+        self.splits.forget(whole.number)
+        return born
+
     # -- fusion
 
-    def _fuse(self, look: Look, seen: MapObject, detection: LiftedDetection, fit: Affinity | None) -> None:
+    def _fuse(
+        self,
+        look: Look,
+        seen: MapObject,
+        detection: LiftedDetection,
+        fit: Affinity | None,
+        parts: Sequence[LiftedDetection] = (),
+    ) -> None:
+        """Take a detection for an object; `parts` are others of the image that lie on it as well, whose masks then do
+        not say that it ends beside its own.
+        """
         stamp_ns = look.keyframe.stamp_ns
         view = look.views.get(seen.number) if fit is not None else None
         covered = 1.0 if fit is None else fit.covered
@@ -259,12 +324,14 @@ class MappingEngine:
             view = None
         if view is not None:
             if "semantic-fusion" not in self.ablate:
-                fuse_mask(seen, view, detection)
+                fuse_mask(seen, view, detection, parts)
             fuse_geometry(seen, view)
         fuse_points(seen, detection)
         self._support(look, seen, detection, view)
         if fit is not None:
             seen.motion.sighted(stamp_ns, detection.centroid_map, covered, seen.shape.extent_m)
+        elif seen.motion.course is None:
+            seen.motion.course = first_course(stamp_ns, detection.centroid_map[:2])
 
     @staticmethod
     def _moves(
@@ -272,7 +339,8 @@ class MappingEngine:
     ) -> Whereabouts | None:
         """Where this image shows the object, if away from its place; counts such images in a row."""
         to: Whereabouts | None = None
-        if seen.motion.moving or lifecycle.has_shifted(seen, view, detection, covered):
+        walked = seen.label in ANIMATE and covered < LEFT_SHARE
+        if walked or seen.on_the_move or lifecycle.has_shifted(seen, view, detection, covered):
             to = Whereabouts(detection.centroid_map, None)
         elif view is not None and view.observable_share >= OBSERVABLE_SHARE:
             shift = find_shift(look.depth, seen, view, detection)
@@ -338,6 +406,8 @@ class MappingEngine:
 
     def _weigh_silence(self, look: Look, seen: MapObject, sight: Sight, matched: bool) -> None:
         keyframe, view, detector_looked = look.keyframe, sight.view, sight.detector_looked
+        if not matched and seen.label in ANIMATE and view.contradicted_share > 0.5:
+            return  # it has walked on, and is not where it was for anybody to miss it
         observable = view.observable_share >= OBSERVABLE_SHARE or sight.unmeasured
         if observable and not matched:
             seen.visit.in_view += 1
@@ -442,6 +512,7 @@ class MappingEngine:
                 kept, joined = lifecycle.older(first, second)
                 self.turns.merge(kept, joined, stamp_ns)
                 self.pairs.forget(joined.number)
+                self.splits.forget(joined.number)
                 self.merged.add(kept.number)
 
     def _forget(self) -> None:

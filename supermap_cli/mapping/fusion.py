@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import cv2
 import numpy as np
 
@@ -30,15 +32,19 @@ def fuse_geometry(seen: MapObject, view: ObjectView) -> None:
     log_odds[view.contradicted] += MISS_LOG_ODDS
 
 
-def fuse_mask(seen: MapObject, view: ObjectView, detection: LiftedDetection) -> None:
+def fuse_mask(
+    seen: MapObject, view: ObjectView, detection: LiftedDetection, parts: Sequence[LiftedDetection] = ()
+) -> None:
     """Semantic support: the voxels visible now lie in the mask's core, beside the mask, or at its rim (which says
-    nothing).
+    nothing). What lies in the masks of other `parts` of the object is not beside it.
     """
     mask, rim = detection.mask, detection.rim_px
     inside = view.shown & pixels_in_region(detection.core, mask.u0, mask.v0, view)
     padded = cv2.copyMakeBorder(mask.pixels.astype(np.uint8), *(rim,) * 4, cv2.BORDER_CONSTANT, value=0)
     grown = cv2.dilate(padded, np.ones((2 * rim + 1, 2 * rim + 1), np.uint8)) > 0
     beside = view.shown & ~pixels_in_region(grown, mask.u0 - rim, mask.v0 - rim, view)
+    for part in parts:
+        beside &= ~pixels_in_region(part.mask.pixels, part.mask.u0, part.mask.v0, view)
     seen.voxels.inside[inside] += 1
     seen.voxels.outside[beside] += 1
 

@@ -262,5 +262,5 @@ def near_pairs(objects: ObjectMap, touched: set[int]) -> list[tuple[MapObject, M
     return [
         (first, second)
         for first, second in objects.beside(touched, 0.3)
-        if first.present and second.present and not first.motion.moving and not second.motion.moving
+        if first.present and second.present and not first.on_the_move and not second.on_the_move
     ]

@@ -17,6 +17,7 @@ from supermap_cli.mapping.belief import LabelBelief, Viewpoints
 from supermap_cli.mapping.bounds import BoundsIndex
 from supermap_cli.mapping.motion import MotionState
 from supermap_cli.mapping.voxel_map import VoxelMap
+from supermap_cli.types.labels import ANIMATE
 from supermap_cli.types.memory import Observation
 
 TRIM = (1.5, 98.5)
@@ -113,6 +114,12 @@ class MapObject:
     def label(self) -> str:
         """The most likely label."""
         return self.labels.best
+
+    @property
+    def on_the_move(self) -> bool:
+        """Whether it is moving now, carried or by itself."""
+        walking = self.motion.course is not None and self.motion.course.walking
+        return self.motion.moving or (walking and self.label in ANIMATE)
 
     @property
     def shape(self) -> ObjectShape:

@@ -56,6 +56,10 @@ class PairEvidence:
         key = (min(first.number, second.number), max(first.number, second.number))
         counts[key] = counts.get(key, 0) + 1
 
+    def told_apart(self, first: int, second: int, images: int) -> None:
+        """Two objects that were one come with the images that have shown them side by side."""
+        self.apart[min(first, second), max(first, second)] = images
+
     def seen_apart(self, first: int, second: int) -> bool:
         """Whether images have shown the two side by side."""
         return (min(first, second), max(first, second)) in self.apart

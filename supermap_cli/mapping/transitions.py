@@ -80,7 +80,7 @@ class Transitions:
         """An object stands beside its old place since `since_ns`, or is on the move: its cloud comes along where it is
         known how far, else it starts anew.
         """
-        if moved.confirmed and not moved.motion.moving:
+        if moved.confirmed and not moved.on_the_move:
             distance_m = float(np.linalg.norm(to.centroid_map - moved.shape.centroid))
             before, last_ns = moved.state.index, moved.last_seen_ns
             self.changes.closed_states.append(open_state(moved, since_ns))
@@ -130,6 +130,13 @@ class Transitions:
             self._flush(kept)
         self.objects.remove(joined.number)
         self.touched.discard(joined.number)
+
+    def split(self, whole: MapObject, part: MapObject) -> None:
+        """Two things were one object up to now; `part` goes on as an object of its own, which nobody saw come."""
+        self.touch(whole)
+        self.touch(part)
+        bounds_ns = (whole.first_seen_ns, part.first_seen_ns)
+        self._link("split", (whole.number, whole.state.index), part, bounds_ns)
 
     def _retire(self, retired: MapObject, into: MapObject, stamp_ns: int) -> None:
         """A stored object is part of another one from now on."""

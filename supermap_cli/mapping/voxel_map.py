@@ -111,6 +111,19 @@ class VoxelMap:
         self.inside, self.outside, self.rgb = self.inside[kept], self.outside[kept], self.rgb[kept]
         self._set_changed()
 
+    def taken_out(self, taken: BoolArray) -> VoxelMap:
+        """The (n,) marked voxels as a map of their own; the others stay."""
+        part = VoxelMap(
+            self.voxel_m,
+            self.codes[taken],
+            self.log_odds[taken],
+            self.inside[taken],
+            self.outside[taken],
+            self.rgb[taken],
+        )
+        self.keep(~taken)
+        return part
+
     def absorb(self, other: VoxelMap) -> None:
         """Take in another object's voxels, evidence added up."""
         if not len(other):

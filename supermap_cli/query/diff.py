@@ -222,8 +222,11 @@ class Comparison:
                 None,
                 after,
             )
+        split = self._edge(instance, "split", after)
         reason = (
-            f"known from before {self.before.name}, which did not see it"
+            f"was one with {self.reader.text_ids[split.from_number]} until the two were told apart"
+            if split is not None and split.to_number == instance.number
+            else f"known from before {self.before.name}, which did not see it"
             if earlier or after.first_seen_ns < self.before.start_ns
             else f"its place had not been looked at in {self.before.name}"
             if instance.visit(self.before.id).in_view == 0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -11,8 +12,10 @@ import kitchen
 import memories as m
 from supermap_cli.errors import QueryError
 from supermap_cli.memory import open_store
+from supermap_cli.memory.checking import check
 from supermap_cli.memory.reading import MapReader
 from supermap_cli.query.diff import Change, diff
+from supermap_cli.query.life import history
 from supermap_cli.types.memory import InstanceRecord, MapDelta, StateRecord, Visit
 
 
@@ -157,3 +160,33 @@ def test_who_walked_by_has_not_changed_the_place(tmp_path: Path) -> None:
     assert verdict(tmp_path / "chair.db", states, (SEEN, LOOKED)) is not None
     person = m.instance(1, "person", seen=(1, 5))
     assert verdict(tmp_path / "person.db", states, (SEEN, LOOKED), person) is None
+
+
+def test_what_was_split_off_did_not_appear(tmp_path: Path) -> None:
+    path = tmp_path / "map.db"
+    deltas = (
+        MapDelta(
+            keyframes=m.keyframes([1]),
+            instances=(m.instance(1, "chair", seen=(1, 1)),),
+            observations=(m.observation(1, 1),),
+            visits=(SEEN,),
+            states=(m.state(1, 0, (1, 1)),),
+        ),
+        MapDelta(
+            keyframes=m.keyframes([103]),
+            instances=(m.instance(1, "chair", seen=(1, 103)), m.instance(2, "chair", (1, 0, 0.5), seen=(103, 103))),
+            observations=(m.observation(1, 103, "chair"), m.observation(2, 103, "chair")),
+            visits=(SEEN, replace(SEEN, object_number=2)),
+            states=(m.state(1, 0, (1, 103)), m.state(2, 0, (103, 103), (1, 0, 0.5))),
+            temporal_edges=(m.temporal("split", (1, 0), (2, 0), 1, 103),),
+        ),
+    )
+    m.make_memory(path, ("a", (0, 10), deltas[0]), ("b", (100, 110), deltas[1]))
+    with open_store(str(path), read_only=True) as store, store.reader() as reader:
+        changes = {each.id: each for each in diff(reader).changes}
+        problems = check(reader)
+        events = [(each.kind, each.from_id, each.to_id) for each in history(reader, "chair-2").events]
+    assert (changes["chair-1"].kind, changes["chair-2"].kind) == ("unchanged", "first observed")
+    assert changes["chair-2"].reason == "was one with chair-1 until the two were told apart"
+    assert problems == []
+    assert events == [("split", "chair-1", "chair-2")]
