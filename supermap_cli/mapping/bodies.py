@@ -68,6 +68,8 @@ def main_body(points_camera: FloatArray, bodies: IntArray) -> BoolArray:
     Further bodies count when they are a good part of the mask and begin within 0.2 m of what is kept so far: a chair's
     back is parted from its seat by the rail between.
     """
+    if bodies.min() == bodies.max():
+        return np.ones(len(bodies), dtype=bool)
     counts = np.bincount(bodies)
     largest = int(np.argmax(counts))
     numbers = [largest, *(int(each) for each in np.flatnonzero(counts >= LEAST_SHARE * counts[largest]))]
@@ -108,6 +110,8 @@ def continued_behind(
     how much deeper it may lie grows with how far away it begins.
     """
     more = np.zeros(len(kept), dtype=bool)
+    if kept.all():
+        return more
     counts = np.bincount(bodies[~kept], minlength=1)
     own = np.flatnonzero(kept)
     own = own[:: len(own) // NEAREST_OF + 1]

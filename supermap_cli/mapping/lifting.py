@@ -115,8 +115,8 @@ def _lift_core(
     keyframe: Keyframe, view: DepthView, mask: RegionMask, core: BoolArray, clear: BoolArray
 ) -> tuple[FloatArray, UInt8Array, float] | None:
     inner = np.flatnonzero(core & (view.depth_m[mask.window] > 0))
-    v, u = np.divmod(inner, core.shape[1])
-    v, u = v + mask.v0, u + mask.u0
+    v = inner // core.shape[1]
+    v, u = v + mask.v0, inner - v * core.shape[1] + mask.u0
     plain = clear.ravel()[inner]
     rest = np.flatnonzero(~plain)
     plain[rest] = on_one_surface(view, v[rest], u[rest])
@@ -131,7 +131,9 @@ def _lift_core(
     depth_m = view.depth_m[v, u].astype(np.float64)
     points_camera = keyframe.camera.back_project(np.column_stack([u, v]).astype(np.float64), depth_m)
     cell_m = max(0.03, 0.02 * float(np.median(depth_m)))
-    bodies = same_bodies(voxel_bodies(points_camera, cell_m), image_bodies(whole).ravel()[inner[chosen]])
+    bodies = image_bodies(whole).ravel()[inner[chosen]]
+    if bodies.min() != bodies.max():
+        bodies = same_bodies(voxel_bodies(points_camera, cell_m), bodies)
     main = main_body(points_camera, bodies)
     main |= continued_behind(view, (u, v), points_camera, bodies, main)
     if main.sum() < MIN_POINTS:
