@@ -157,6 +157,13 @@ def _forward_neighbours(codes: IntArray) -> IntArray:
     return numbers[positions[:, None] + steps].astype(np.int64)
 
 
+def neighbouring(codes: IntArray) -> tuple[IntArray, IntArray]:
+    """(m,) and (m,) positions of all pairs of neighbours (26-connected) among sorted voxel codes, each pair once."""
+    at = _forward_neighbours(codes)
+    first, step = np.nonzero(at >= 0)
+    return first, at[first, step]
+
+
 def connected_components(codes: IntArray) -> IntArray:
     """(n,) component numbers of sorted voxel codes under 26-connectivity, the largest component first (0)."""
     if not len(codes):

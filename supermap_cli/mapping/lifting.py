@@ -11,7 +11,7 @@ from supermap_cli.geometry.arrays import BoolArray, Float32Array, FloatArray, UI
 from supermap_cli.geometry.cameras import Camera
 from supermap_cli.geometry.percentiles import percentiles
 from supermap_cli.geometry.se3 import transform_points
-from supermap_cli.mapping.bodies import continued_behind, image_bodies, main_body, same_bodies, voxel_bodies
+from supermap_cli.mapping.bodies import continued_behind, image_bodies, joined_bodies, main_body
 from supermap_cli.mapping.depth import DepthView, pixel_scale
 from supermap_cli.mapping.lidar_lifting import lift_returns
 from supermap_cli.mapping.mask_core import erode, on_one_surface, standing_clear
@@ -131,9 +131,7 @@ def _lift_core(
     depth_m = view.depth_m[v, u].astype(np.float64)
     points_camera = keyframe.camera.back_project(np.column_stack([u, v]).astype(np.float64), depth_m)
     cell_m = max(0.03, 0.02 * float(np.median(depth_m)))
-    bodies = image_bodies(whole).ravel()[inner[chosen]]
-    if bodies.min() != bodies.max():
-        bodies = same_bodies(voxel_bodies(points_camera, cell_m), bodies)
+    bodies = joined_bodies(points_camera, cell_m, image_bodies(whole).ravel()[inner[chosen]])
     main = main_body(points_camera, bodies)
     main |= continued_behind(view, (u, v), points_camera, bodies, main)
     if main.sum() < MIN_POINTS:

@@ -22,7 +22,7 @@ TRIM = (1.5, 98.5)
 """A box leaves out what lies beyond these percentiles along each of its axes: strays."""
 
 YAWS = np.radians(np.arange(0.0, 90.0, 2.0))
-COS_YAWS, SIN_YAWS = np.cos(YAWS)[:, None], np.sin(YAWS)[:, None]
+COS_YAWS, SIN_YAWS = np.cos(YAWS).astype(np.float32)[:, None], np.sin(YAWS).astype(np.float32)[:, None]
 MOST_COLUMNS = 400
 CLOSEST_M = 0.03
 """Headings tried for a box, on no more columns than this; nearer to a side than this is on it."""
@@ -225,11 +225,11 @@ def best_yaw(points_xy: FloatArray, voxel_m: float) -> float:
     vehicle detection using laser scanners", IV 2017, the closeness criterion), over columns of voxels.
     """
     keys = distinct_keys(voxel_keys(points_xy, voxel_m))
-    columns = keys[:: len(keys) // MOST_COLUMNS + 1] * voxel_m
+    columns = ((keys - keys[0])[:: len(keys) // MOST_COLUMNS + 1] * voxel_m).astype(np.float32)
     x, y = columns[:, 0], columns[:, 1]
     own = np.concatenate([COS_YAWS * x + SIN_YAWS * y, COS_YAWS * y - SIN_YAWS * x])
     sides = np.minimum(own - own.min(axis=1, keepdims=True), own.max(axis=1, keepdims=True) - own)
-    nearest = np.maximum(np.minimum(sides[: len(YAWS)], sides[len(YAWS) :]), max(voxel_m, CLOSEST_M))
+    nearest = np.maximum(np.minimum(sides[: len(YAWS)], sides[len(YAWS) :]), np.float32(max(voxel_m, CLOSEST_M)))
     return float(YAWS[int(np.argmax((1 / nearest).mean(axis=1)))])
 
 
