@@ -87,7 +87,7 @@ def lift(keyframe: Keyframe, view: DepthView, detections: Detections, track_ids:
                 index,
                 points,
                 rgb,
-                np.median(points, axis=0),
+                percentiles(points, (50,))[0],
                 depth,
                 mask,
                 core,
@@ -130,11 +130,15 @@ def _lift_core(
     v, u = v[chosen], u[chosen]
     depth_m = view.depth_m[v, u].astype(np.float64)
     points_camera = keyframe.camera.back_project(np.column_stack([u, v]).astype(np.float64), depth_m)
-    cell_m = max(0.03, 0.02 * float(np.median(depth_m)))
+    cell_m = max(0.03, 0.02 * _median(depth_m))
     bodies = joined_bodies(points_camera, cell_m, image_bodies(whole).ravel()[inner[chosen]])
     main = main_body(points_camera, bodies)
     main |= continued_behind(view, (u, v), points_camera, bodies, main)
     if main.sum() < MIN_POINTS:
         return None
     points_map = transform_points(keyframe.T_map_camera, points_camera[main])
-    return points_map, keyframe.rgb[v[main], u[main]], float(np.median(depth_m[main]))
+    return points_map, keyframe.rgb[v[main], u[main]], _median(depth_m[main])
+
+
+def _median(values: FloatArray) -> float:
+    return float(percentiles(values, (50,))[0])

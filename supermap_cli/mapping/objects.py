@@ -8,10 +8,10 @@ from functools import cached_property
 
 import numpy as np
 
-from supermap_cli.geometry.arrays import BoolArray, FloatArray, IntArray
+from supermap_cli.geometry.arrays import BoolArray, FloatArray
 from supermap_cli.geometry.boxes import Box3D
 from supermap_cli.geometry.percentiles import percentiles
-from supermap_cli.geometry.voxels import dilate_codes, distinct_keys, is_member, pack_keys, voxel_keys
+from supermap_cli.geometry.voxels import NearVoxels, distinct_keys, near_voxels, voxel_keys
 from supermap_cli.mapping.belief import LabelBelief, Viewpoints
 from supermap_cli.mapping.bounds import BoundsIndex
 from supermap_cli.mapping.motion import MotionState
@@ -175,9 +175,9 @@ class ObjectShape:
         return coarse_edge_m(self.extent_m)
 
     @cached_property
-    def near_codes(self) -> IntArray:
-        """The sorted codes of the coarse voxels that the points occupy or touch."""
-        return dilate_codes(pack_keys(voxel_keys(self.points, self.coarse_m)))
+    def near_voxels(self) -> NearVoxels:
+        """The coarse voxels that the points occupy or touch."""
+        return near_voxels(voxel_keys(self.points, self.coarse_m))
 
     def share_near(self, points_map: FloatArray) -> float:
         """Share of (n, 3) points that lie in or beside the object's coarse voxels."""
@@ -187,7 +187,7 @@ class ObjectShape:
 
     def near(self, points_map: FloatArray) -> BoolArray:
         """(n,) which points lie in or beside the object's coarse voxels."""
-        return is_member(pack_keys(voxel_keys(points_map, self.coarse_m)), self.near_codes)
+        return self.near_voxels.hold(voxel_keys(points_map, self.coarse_m))
 
 
 def measure_shape(voxels: VoxelMap) -> ObjectShape:
