@@ -7,6 +7,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from supermap_cli.geometry.arrays import FloatArray
 
+_UNTURNED = np.eye(4)
+
 
 def check_transform(name: str, T: FloatArray) -> None:
     """Raise `ValueError` unless `T` is a finite (4, 4) rigid motion."""
@@ -15,13 +17,13 @@ def check_transform(name: str, T: FloatArray) -> None:
     if not np.isfinite(T).all():
         raise ValueError(f"{name}: holds NaN or infinity")
     R = T[:3, :3]
-    if not np.allclose(R @ R.T, np.eye(3), atol=1e-4) or np.linalg.det(R) < 0:
+    if np.abs(R @ R.T - _UNTURNED[:3, :3]).max() > 1e-4 or np.linalg.det(R) < 0:
         raise ValueError(f"{name}: its rotation is not orthonormal")
 
 
 def make_transform(R: ArrayLike, t: ArrayLike) -> FloatArray:
     """Build a transform from a rotation (3, 3) and a translation (3,)."""
-    T = np.eye(4)
+    T = _UNTURNED.copy()
     T[:3, :3] = R
     T[:3, 3] = t
     return T

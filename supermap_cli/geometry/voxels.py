@@ -117,6 +117,34 @@ def dilate_codes(codes: IntArray) -> IntArray:
     return block.codes(np.flatnonzero(block.sums_around(block.positions(keys))))
 
 
+@dataclass(frozen=True)
+class NearVoxels:
+    """The voxels within one step of a set of voxels: marked (cells,) in a block, or else as sorted codes (n,)."""
+
+    codes: IntArray
+    block: VoxelBlock | None
+    marked: UInt8Array
+
+    def hold(self, keys: Int32Array) -> BoolArray:
+        """(n,) which of (n, 3) voxel indices are among them."""
+        if self.block is None:
+            return is_member(pack_keys(keys), self.codes)
+        offsets = np.ascontiguousarray(keys.T) - self.block.low[:, None]
+        inside = np.flatnonzero(((offsets >= 0) & (offsets < np.array(self.block.shape)[:, None])).all(axis=0))
+        x, y, z = offsets if len(inside) == len(keys) else offsets[:, inside]
+        held = np.zeros(len(keys), dtype=bool)
+        held[inside] = self.marked[(x * self.block.shape[1] + y) * self.block.shape[2] + z] > 0
+        return held
+
+
+def near_voxels(keys: Int32Array) -> NearVoxels:
+    """All voxels within one step (26 neighbours) of (n, 3) voxel indices, n > 0."""
+    block = block_around(keys)
+    if block is None:
+        return NearVoxels(dilate_codes(np.unique(pack_keys(keys))), None, np.zeros(0, np.uint8))
+    return NearVoxels(np.zeros(0, np.int64), block, block.sums_around(block.positions(keys)))
+
+
 def neighbour_counts(codes: IntArray) -> IntArray:
     """(n,) how many of a sorted voxel's 26 neighbours are in the set too."""
     keys = unpack_codes(codes)
@@ -155,6 +183,13 @@ def _forward_neighbours(codes: IntArray) -> IntArray:
     numbers[positions] = np.arange(len(codes), dtype=np.int32)
     steps = (_FORWARD_STEPS[:, 0] * block.shape[1] + _FORWARD_STEPS[:, 1]) * block.shape[2] + _FORWARD_STEPS[:, 2]
     return numbers[positions[:, None] + steps].astype(np.int64)
+
+
+def neighbouring(codes: IntArray) -> tuple[IntArray, IntArray]:
+    """(m,) and (m,) positions of all pairs of neighbours (26-connected) among sorted voxel codes, each pair once."""
+    at = _forward_neighbours(codes)
+    first, step = np.nonzero(at >= 0)
+    return first, at[first, step]
 
 
 def connected_components(codes: IntArray) -> IntArray:

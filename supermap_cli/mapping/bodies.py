@@ -7,7 +7,7 @@ import numpy as np
 
 from supermap_cli.geometry.arrays import BoolArray, FloatArray, IntArray
 from supermap_cli.geometry.percentiles import percentiles
-from supermap_cli.geometry.voxels import connected_components, pack_keys, voxel_keys
+from supermap_cli.geometry.voxels import connected_components, neighbouring, pack_keys, voxel_keys
 from supermap_cli.mapping.depth import DepthView
 from supermap_cli.mapping.mask_core import edge_step_m
 
@@ -40,19 +40,26 @@ def image_bodies(pixels: BoolArray) -> IntArray:
     return np.asarray(bodies, np.int64)
 
 
-def same_bodies(first: IntArray, second: IntArray) -> IntArray:
-    """(n,) points are of one body if either of two partitions (n,) says so, or both do step by step."""
-    width = int(second.max()) + 1
-    pairs = np.flatnonzero(np.bincount(first * width + second))
-    body_of = list(range(int(first.max()) + 1))
-    seen_in: dict[int, int] = {}
-    for row, column in zip((pairs // width).tolist(), (pairs % width).tolist(), strict=True):
-        one, other = body_of[row], body_of[seen_in.setdefault(column, row)]
-        if one != other:
-            kept, joined = min(one, other), max(one, other)
+def joined_bodies(points: FloatArray, cell_m: float, in_image: IntArray) -> IntArray:
+    """(n,) the body of each point: points are of one body if they are so in the image, (n,) bodies, or in space (see
+    `voxel_bodies`), or both step by step.
+    """
+    if in_image.min() == in_image.max():
+        return np.zeros(len(in_image), np.int64)
+    codes, inverse = np.unique(pack_keys(voxel_keys(points, cell_m)), return_inverse=True)
+    held_by = np.empty(len(codes), np.int64)
+    held_by[inverse] = in_image
+    first, second = neighbouring(codes)
+    meeting = np.concatenate([[in_image, held_by[inverse]], [held_by[first], held_by[second]]], axis=1)
+    meeting = meeting[:, meeting[0] != meeting[1]]
+    width = int(in_image.max()) + 1
+    pairs = np.unique(meeting.min(axis=0) * width + meeting.max(axis=0))
+    body_of = list(range(width))
+    for one, other in zip((pairs // width).tolist(), (pairs % width).tolist(), strict=True):
+        kept, joined = body_of[one], body_of[other]
+        if kept != joined:
             body_of = [kept if body == joined else body for body in body_of]
-    _, numbers = np.unique(body_of, return_inverse=True)
-    return np.asarray(numbers[first], np.int64)
+    return np.asarray(body_of, np.int64)[in_image]
 
 
 def main_component(points_camera: FloatArray, depth_m: float, apart_m: float = 0.0) -> BoolArray:
@@ -68,6 +75,8 @@ def main_body(points_camera: FloatArray, bodies: IntArray) -> BoolArray:
     Further bodies count when they are a good part of the mask and begin within 0.2 m of what is kept so far: a chair's
     back is parted from its seat by the rail between.
     """
+    if bodies.min() == bodies.max():
+        return np.ones(len(bodies), dtype=bool)
     counts = np.bincount(bodies)
     largest = int(np.argmax(counts))
     numbers = [largest, *(int(each) for each in np.flatnonzero(counts >= LEAST_SHARE * counts[largest]))]
@@ -108,6 +117,8 @@ def continued_behind(
     how much deeper it may lie grows with how far away it begins.
     """
     more = np.zeros(len(kept), dtype=bool)
+    if kept.all():
+        return more
     counts = np.bincount(bodies[~kept], minlength=1)
     own = np.flatnonzero(kept)
     own = own[:: len(own) // NEAREST_OF + 1]

@@ -26,8 +26,16 @@ LOOK_M, REMEMBER_M = 5.0, 4.0
 """Surfaces up to the first distance are compared, up to the second remembered: a camera's depth gets worse."""
 
 REACHES_M = (0.3, 0.25, 0.2, 0.15, 0.12, 0.1, 0.1)
+SAME_PARTNERS_M, SURE_SIGMAS = 0.01, 3.0
+"""Partners are looked for within these distances, one after the other, but no farther than so many deviations of the
+correction; and anew only when the points have moved so far since, for surfaces are known every `SURFACE_M`.
+"""
+
 LEAST_MATCHED, LEAST_POINTS = 0.4, 150
 """A keyframe of which less lies on known surfaces is new country: the odometry is followed."""
+
+MUCH_SEEN = 0.05
+"""The known surfaces near by are laid out anew when this share of them has come since."""
 
 PLACED_SIGMA_M, PLACED_SIGMA_DEG = 0.1, 1.0
 """How well a further traversal is placed in the map as a whole."""
@@ -77,8 +85,7 @@ class KnownSurfaces:
 
     def within(self, center: FloatArray, radius_m: float) -> Structure:
         """Those that come within a distance of a point (3,)."""
-        offsets = self.structure.points - center
-        return self.structure.take(np.flatnonzero(np.einsum("ij,ij->i", offsets, offsets) < radius_m**2))
+        return self.structure.within(center, radius_m)
 
 
 @dataclass
@@ -107,11 +114,10 @@ class DriftCorrection:
         sample = seen.thinned(SAMPLE_M)
         center = transform_points(self.T_map_drifted, T_drifted_base[None, :3, 3])[0]
         if len(sample) >= LEAST_POINTS and (surface := self._surface_near(center)) is not None:
-            T, posterior = refine(surface, sample, self.T_map_drifted, center, covariance)
-            if surface.fit(sample, T, REACHES_M[-1]).matched.mean() >= LEAST_MATCHED:
-                self.T_map_drifted, self._covariance = T, posterior
-        near = np.linalg.norm(seen.points - view.T_frame_camera[:3, 3], axis=1) < REMEMBER_M
-        self._learn(seen.take(near).moved(self.T_map_drifted))
+            found = refine(surface, sample, self.T_map_drifted, center, covariance)
+            if found is not None and found.matched >= LEAST_MATCHED:
+                self.T_map_drifted, self._covariance = found.T_map_drifted, found.covariance
+        self._learn(seen.within(view.T_frame_camera[:3, 3], REMEMBER_M).moved(self.T_map_drifted))
         return self.T_map_drifted @ T_drifted_base
 
     def _step_covariance(self, T_drifted_base: FloatArray) -> FloatArray:
@@ -137,18 +143,29 @@ class DriftCorrection:
     def _surface_near(self, center: FloatArray) -> Surface | None:
         """The known surfaces around a place; made anew when it has been left, or much has been seen since."""
         moved_m = float(np.linalg.norm(center - self._near_at))
-        if self._near is None or moved_m > 1.0 or self._fresh > 0.05 * len(self._near.structure):
+        if self._near is None or moved_m > 1.0 or self._fresh > MUCH_SEEN * len(self._near.structure):
             near = self.known.within(center, LOOK_M + 2.0)
             self._near = Surface(near) if len(near) >= LEAST_POINTS else None
             self._near_at, self._fresh = center, 0
         return self._near
 
 
+@dataclass(frozen=True)
+class Refined:
+    """A correction found, (4, 4), its covariance (4, 4) in x, y, z and heading, and which share of the points it was
+    found from lies on the surface.
+    """
+
+    T_map_drifted: FloatArray
+    covariance: FloatArray
+    matched: float
+
+
 def refine(
     surface: Surface, sample: Structure, T_start: FloatArray, center: FloatArray, covariance: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """The level turn and shift of a sample (4, 4) that lays it best onto a surface and is likely for the odometry, and
-    its covariance (4, 4) in x, y, z and heading about `center` (3,).
+) -> Refined | None:
+    """The level turn and shift of a sample, about `center` (3,), that lays it best onto a surface and is likely for the
+    odometry; `None` if too little of it lies there.
 
     Gauss-Newton on point-to-plane distances with Tukey's weights and a Gaussian prior of `covariance` (4, 4) on
     how far it leaves `T_start`: where the surfaces leave a direction open, as in a corridor, the prior holds.
@@ -156,17 +173,32 @@ def refine(
     prior = np.linalg.inv(covariance)
     information = prior
     total = np.zeros(4)
-    for reach_m in REACHES_M:
+    asked = np.full(4, np.inf)
+    for reach_m in _reaches_m(covariance):
         T = shifted(T_start, center, total)
-        residual, normals, points = surface.offsets(sample.moved(T), reach_m)
-        if len(residual) < LEAST_POINTS // 2:
-            return T_start, covariance
+        if _way_m(total - asked) > SAME_PARTNERS_M:
+            partners, asked = surface.partners(sample.moved(T), reach_m), total
+        points = transform_points(T, sample.points[partners.source])
+        near, residual = partners.within(points, reach_m)
+        if len(near) < LEAST_POINTS // 2:
+            return None
         weight = np.square(np.maximum(1 - np.square(residual / reach_m), 0)) / (CORRELATED * SURFACE_SIGMA_M**2)
-        turning = np.cross(points - center - total[:3], normals)[:, 2]
-        jacobian = np.column_stack([normals, turning])
+        arms, normals = points[near, :2] - center[:2] - total[:2], partners.normals[near]
+        jacobian = np.column_stack([normals, arms[:, 0] * normals[:, 1] - arms[:, 1] * normals[:, 0]])
         information = (jacobian * weight[:, None]).T @ jacobian + prior
         total = total - np.linalg.solve(information, jacobian.T @ (weight * residual) + prior @ total)
-    return shifted(T_start, center, total), np.linalg.inv(information)
+    return Refined(shifted(T_start, center, total), np.linalg.inv(information), len(near) / len(sample))
+
+
+def _reaches_m(covariance: FloatArray) -> tuple[float, ...]:
+    """How far away partners are looked for, one after the other: no farther than the correction may be wrong by."""
+    needed_m = REACHES_M[-1] + SURE_SIGMAS * _way_m(np.sqrt(np.diag(covariance)))
+    return tuple(reach_m for reach_m in REACHES_M if reach_m <= needed_m)
+
+
+def _way_m(change: FloatArray) -> float:
+    """How far a change (4,) of x, y, z and heading moves what is seen, at most."""
+    return float(np.linalg.norm(change[:3]) + LOOK_M * abs(change[3]))
 
 
 def shifted(T_start: FloatArray, center: FloatArray, change: FloatArray) -> FloatArray:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from supermap_cli.geometry.arrays import BoolArray, FloatArray
+from supermap_cli.geometry.arrays import BoolArray, FloatArray, IntArray
 from supermap_cli.geometry.se3 import make_transform, rotation_from_quaternion_xyzw
 from supermap_cli.mapping.structure import Structure
 
@@ -22,6 +22,25 @@ class Fit:
     rmse_m: float
 
 
+@dataclass(frozen=True)
+class Partners:
+    """Which m of a source's points have a partner on a surface, (m,) positions, and the partners' points and normals
+    (m, 3). They stay the same while the source moves by much less than the surface's points are apart.
+    """
+
+    source: IntArray
+    points: FloatArray
+    normals: FloatArray
+
+    def within(self, points: FloatArray, reach_m: float) -> tuple[IntArray, FloatArray]:
+        """Which k of the source's points (m, 3) are within reach of their partners, and how far they lie off their
+        planes, (k,) each.
+        """
+        apart = points - self.points
+        near = np.flatnonzero(np.einsum("ij,ij->i", apart, apart) < reach_m**2)
+        return near, np.einsum("ij,ij->i", apart[near], self.normals[near])
+
+
 class Surface:
     """A structure that nearest neighbours can be asked of."""
 
@@ -29,7 +48,7 @@ class Surface:
         from scipy.spatial import cKDTree  # noqa: PLC0415 - heavy
 
         self.structure = structure
-        self._tree = cKDTree(structure.points, balanced_tree=False, compact_nodes=False)
+        self._tree = cKDTree(structure.points, leafsize=64, balanced_tree=False, compact_nodes=False)
 
     def fit(self, source: Structure, T_target_source: FloatArray, reach_m: float) -> Fit:
         """Match a source with the surface where it lies; a partner is within reach and faces the same way."""
@@ -49,21 +68,21 @@ class Surface:
             T = _step(points, normals, residual, reach_m, level=level) @ T
         return T
 
-    def offsets(self, moved: Structure, reach_m: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Of the m points that have a partner: distances (m,) to its plane, its normals (m, 3), the points (m, 3)."""
-        _, residual, normals, points = self._match(moved, reach_m)
-        return residual, normals, points
+    def partners(self, moved: Structure, reach_m: float) -> Partners:
+        """The nearest point within reach of each of a source's, where it faces the same way."""
+        _, nearest = self._tree.query(moved.points, distance_upper_bound=reach_m)
+        found = np.flatnonzero(nearest < len(self.structure))
+        points, normals = self.structure.points[nearest[found]], self.structure.normals[nearest[found]]
+        facing = np.einsum("ij,ij->i", moved.normals[found], normals) > _NORMALS_AGREE
+        return Partners(found[facing], points[facing], normals[facing])
 
     def _match(self, moved: Structure, reach_m: float) -> tuple[BoolArray, FloatArray, FloatArray, FloatArray]:
         """Which points have a partner (n,); of those m distances to its plane (m,), its normals, the points (m, 3)."""
-        distance, nearest = self._tree.query(moved.points, distance_upper_bound=reach_m)
-        found = np.isfinite(distance)
-        partner = np.where(found, nearest, 0)
-        normals = self.structure.normals[partner]
-        matched: BoolArray = found & (np.einsum("ij,ij->i", moved.normals, normals) > _NORMALS_AGREE)
-        offset = moved.points[matched] - self.structure.points[partner[matched]]
-        residual: FloatArray = np.einsum("ij,ij->i", offset, normals[matched])
-        return matched, residual, normals[matched], moved.points[matched]
+        partners = self.partners(moved, reach_m)
+        points = moved.points[partners.source]
+        matched = np.zeros(len(moved), dtype=bool)
+        matched[partners.source] = True
+        return matched, np.einsum("ij,ij->i", points - partners.points, partners.normals), partners.normals, points
 
 
 def _step(points: FloatArray, normals: FloatArray, residual: FloatArray, reach_m: float, *, level: bool) -> FloatArray:

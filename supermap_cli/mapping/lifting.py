@@ -11,7 +11,7 @@ from supermap_cli.geometry.arrays import BoolArray, Float32Array, FloatArray, UI
 from supermap_cli.geometry.cameras import Camera
 from supermap_cli.geometry.percentiles import percentiles
 from supermap_cli.geometry.se3 import transform_points
-from supermap_cli.mapping.bodies import continued_behind, image_bodies, main_body, same_bodies, voxel_bodies
+from supermap_cli.mapping.bodies import continued_behind, image_bodies, joined_bodies, main_body
 from supermap_cli.mapping.depth import DepthView, pixel_scale
 from supermap_cli.mapping.lidar_lifting import lift_returns
 from supermap_cli.mapping.mask_core import erode, on_one_surface, standing_clear
@@ -87,7 +87,7 @@ def lift(keyframe: Keyframe, view: DepthView, detections: Detections, track_ids:
                 index,
                 points,
                 rgb,
-                np.median(points, axis=0),
+                percentiles(points, (50,))[0],
                 depth,
                 mask,
                 core,
@@ -115,8 +115,8 @@ def _lift_core(
     keyframe: Keyframe, view: DepthView, mask: RegionMask, core: BoolArray, clear: BoolArray
 ) -> tuple[FloatArray, UInt8Array, float] | None:
     inner = np.flatnonzero(core & (view.depth_m[mask.window] > 0))
-    v, u = np.divmod(inner, core.shape[1])
-    v, u = v + mask.v0, u + mask.u0
+    v = inner // core.shape[1]
+    v, u = v + mask.v0, inner - v * core.shape[1] + mask.u0
     plain = clear.ravel()[inner]
     rest = np.flatnonzero(~plain)
     plain[rest] = on_one_surface(view, v[rest], u[rest])
@@ -130,11 +130,15 @@ def _lift_core(
     v, u = v[chosen], u[chosen]
     depth_m = view.depth_m[v, u].astype(np.float64)
     points_camera = keyframe.camera.back_project(np.column_stack([u, v]).astype(np.float64), depth_m)
-    cell_m = max(0.03, 0.02 * float(np.median(depth_m)))
-    bodies = same_bodies(voxel_bodies(points_camera, cell_m), image_bodies(whole).ravel()[inner[chosen]])
+    cell_m = max(0.03, 0.02 * _median(depth_m))
+    bodies = joined_bodies(points_camera, cell_m, image_bodies(whole).ravel()[inner[chosen]])
     main = main_body(points_camera, bodies)
     main |= continued_behind(view, (u, v), points_camera, bodies, main)
     if main.sum() < MIN_POINTS:
         return None
     points_map = transform_points(keyframe.T_map_camera, points_camera[main])
-    return points_map, keyframe.rgb[v[main], u[main]], float(np.median(depth_m[main]))
+    return points_map, keyframe.rgb[v[main], u[main]], _median(depth_m[main])
+
+
+def _median(values: FloatArray) -> float:
+    return float(percentiles(values, (50,))[0])

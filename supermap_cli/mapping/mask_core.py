@@ -61,20 +61,17 @@ def bend_m(view: DepthView, v: IntArray, u: IntArray) -> FloatArray:
     """
     height, width = view.depth_m.shape
     r = view.reach_px
-    flat_m = view.depth_m.ravel()
-
-    def inverse_depth(dv: int, du: int) -> FloatArray:
-        depth = flat_m[np.clip(v + dv, 0, height - 1) * width + np.clip(u + du, 0, width - 1)]
-        with np.errstate(divide="ignore"):
-            return np.where(depth > 0, 1 / depth, np.nan)
-
-    own = inverse_depth(0, 0)
-    bends = [
-        np.abs(own - (inverse_depth(dv, du) + inverse_depth(-dv, -du)) / 2) / own**2
-        for dv, du in ((0, r), (r, 0), (r, r), (r, -r))
-    ]
+    rows = [np.maximum(v - r, 0) * width, v * width, np.minimum(v + r, height - 1) * width]
+    columns = [np.maximum(u - r, 0), u, np.minimum(u + r, width - 1)]
+    depth = view.depth_m.ravel()[np.stack([row + column for row in rows for column in columns])]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        inverse_depth = 1 / depth
+        inverse_depth[np.isinf(inverse_depth)] = np.nan
+        own = inverse_depth[4]
+        bends = np.abs(own - (inverse_depth[:4] + inverse_depth[:4:-1]) / 2) / own**2
     told = np.isfinite(bends)
-    return np.where(told.sum(axis=0) >= 2, np.where(told, bends, 0.0).max(axis=0), np.inf)
+    bends[~told] = 0.0
+    return np.where(np.count_nonzero(told, axis=0) >= 2, bends.max(axis=0), np.inf)
 
 
 def standing_clear(view: DepthView, mask: RegionMask, rim_px: int) -> BoolArray:

@@ -8,10 +8,10 @@ from functools import cached_property
 
 import numpy as np
 
-from supermap_cli.geometry.arrays import BoolArray, FloatArray, IntArray
+from supermap_cli.geometry.arrays import BoolArray, FloatArray
 from supermap_cli.geometry.boxes import Box3D
 from supermap_cli.geometry.percentiles import percentiles
-from supermap_cli.geometry.voxels import dilate_codes, distinct_keys, is_member, pack_keys, voxel_keys
+from supermap_cli.geometry.voxels import NearVoxels, distinct_keys, near_voxels, voxel_keys
 from supermap_cli.mapping.absence import EmptyRun
 from supermap_cli.mapping.belief import LabelBelief, Viewpoints
 from supermap_cli.mapping.bounds import BoundsIndex
@@ -24,7 +24,7 @@ TRIM = (1.5, 98.5)
 """A box leaves out what lies beyond these percentiles along each of its axes: strays."""
 
 YAWS = np.radians(np.arange(0.0, 90.0, 2.0))
-COS_YAWS, SIN_YAWS = np.cos(YAWS)[:, None], np.sin(YAWS)[:, None]
+COS_YAWS, SIN_YAWS = np.cos(YAWS).astype(np.float32)[:, None], np.sin(YAWS).astype(np.float32)[:, None]
 MOST_COLUMNS = 400
 CLOSEST_M = 0.03
 """Headings tried for a box, on no more columns than this; nearer to a side than this is on it."""
@@ -184,9 +184,9 @@ class ObjectShape:
         return coarse_edge_m(self.extent_m)
 
     @cached_property
-    def near_codes(self) -> IntArray:
-        """The sorted codes of the coarse voxels that the points occupy or touch."""
-        return dilate_codes(pack_keys(voxel_keys(self.points, self.coarse_m)))
+    def near_voxels(self) -> NearVoxels:
+        """The coarse voxels that the points occupy or touch."""
+        return near_voxels(voxel_keys(self.points, self.coarse_m))
 
     def share_near(self, points_map: FloatArray) -> float:
         """Share of (n, 3) points that lie in or beside the object's coarse voxels."""
@@ -196,7 +196,7 @@ class ObjectShape:
 
     def near(self, points_map: FloatArray) -> BoolArray:
         """(n,) which points lie in or beside the object's coarse voxels."""
-        return is_member(pack_keys(voxel_keys(points_map, self.coarse_m)), self.near_codes)
+        return self.near_voxels.hold(voxel_keys(points_map, self.coarse_m))
 
 
 def measure_shape(voxels: VoxelMap) -> ObjectShape:
@@ -234,11 +234,11 @@ def best_yaw(points_xy: FloatArray, voxel_m: float) -> float:
     vehicle detection using laser scanners", IV 2017, the closeness criterion), over columns of voxels.
     """
     keys = distinct_keys(voxel_keys(points_xy, voxel_m))
-    columns = keys[:: len(keys) // MOST_COLUMNS + 1] * voxel_m
+    columns = ((keys - keys[0])[:: len(keys) // MOST_COLUMNS + 1] * voxel_m).astype(np.float32)
     x, y = columns[:, 0], columns[:, 1]
     own = np.concatenate([COS_YAWS * x + SIN_YAWS * y, COS_YAWS * y - SIN_YAWS * x])
     sides = np.minimum(own - own.min(axis=1, keepdims=True), own.max(axis=1, keepdims=True) - own)
-    nearest = np.maximum(np.minimum(sides[: len(YAWS)], sides[len(YAWS) :]), max(voxel_m, CLOSEST_M))
+    nearest = np.maximum(np.minimum(sides[: len(YAWS)], sides[len(YAWS) :]), np.float32(max(voxel_m, CLOSEST_M)))
     return float(YAWS[int(np.argmax((1 / nearest).mean(axis=1)))])
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -17,6 +18,7 @@ _COLUMNS = 160
 _BASELINE = 1 / 60
 _GRAZING = 0.1
 _DENSE = 0.3
+_MOST_CELLS = 1 << 22
 _CAMERA_REACH_M, _LIDAR_REACH_M = 5.0, 12.0
 
 
@@ -42,13 +44,28 @@ class Structure:
         """The chosen points."""
         return Structure(self.points[chosen], self.normals[chosen])
 
+    def within(self, center: FloatArray, radius_m: float) -> Structure:
+        """Those that come within a distance of a point (3,)."""
+        offsets = self.points - center
+        return self.take(np.flatnonzero(np.einsum("ij,ij->i", offsets, offsets) < radius_m**2))
+
     def thinned(self, voxel_m: float) -> Structure:
         """At most one point a voxel: the first of each, so that the number of points measures area."""
-        keys = np.floor(self.points.T / voxel_m).astype(np.int64)
-        keys -= keys.min(axis=1, initial=0, keepdims=True)
-        extent = keys.max(axis=1, initial=0) + 1
-        _, first = np.unique((keys[0] * extent[1] + keys[1]) * extent[2] + keys[2], return_index=True)
-        return self.take(np.sort(first))
+        return self.take(first_of_each(self.points, voxel_m))
+
+
+def first_of_each(points: FloatArray, voxel_m: float) -> IntArray:
+    """(m,) which of (n, 3) points are the first of their voxel, in their order."""
+    keys = np.floor(np.ascontiguousarray(points.T) / voxel_m).astype(np.int64)
+    keys -= keys.min(axis=1, initial=2**62, keepdims=True)
+    extent = keys.max(axis=1, initial=0) + 1
+    codes = (keys[0] * extent[1] + keys[1]) * extent[2] + keys[2]
+    if np.prod(extent) > _MOST_CELLS:
+        return np.sort(np.unique(codes, return_index=True)[1])
+    first = np.empty(np.prod(extent), np.int32)  # filled only where it is read
+    order = np.arange(len(codes), dtype=np.int32)
+    first[codes[::-1]] = order[::-1]
+    return np.flatnonzero(first[codes] == order)
 
 
 def join(structures: Iterable[Structure]) -> Structure:
@@ -118,29 +135,50 @@ def structure_of_depth(
     """
     thin = max(1, camera.width // (_COLUMNS * pixel_step))
     step = thin * pixel_step
-    z = depth_m[::thin, ::thin].astype(np.float64)
-    rows, columns = np.indices(z.shape)
-    pixels_uv = np.column_stack([columns.ravel(), rows.ravel()]).astype(np.float64) * step
-    points = camera.back_project(pixels_uv, z.ravel()).reshape(*z.shape, 3)
-    seen = np.isfinite(z) & (z > 0.1) & (z < max_depth_m) & np.isfinite(points).all(axis=2)
+    depth_m = depth_m[::thin, ::thin]
     k = max(1, round(camera.width * _BASELINE / step / 2))
-    if min(z.shape) <= 2 * k:
+    if min(depth_m.shape) <= 2 * k:
         return join([])
-    here, left, right = points[k:-k, k:-k], points[k:-k, : -2 * k], points[k:-k, 2 * k :]
-    above, below = points[: -2 * k, k:-k], points[2 * k :, k:-k]
-    normals = np.cross(below - above, right - left)
-    length = np.linalg.norm(normals, axis=2)
-    normals /= np.maximum(length, 1e-12)[..., None]
-    distance_m = np.linalg.norm(here, axis=2)
-    facing = -np.einsum("ijk,ijk->ij", normals, here) / np.maximum(distance_m, 1e-12)
-    normals *= np.sign(facing)[..., None]
-    bend_m = np.maximum(
-        np.abs(np.einsum("ijk,ijk->ij", normals, left + right - 2 * here)),
-        np.abs(np.einsum("ijk,ijk->ij", normals, above + below - 2 * here)),
-    )
-    whole = seen[k:-k, k:-k] & seen[k:-k, : -2 * k] & seen[k:-k, 2 * k :] & seen[: -2 * k, k:-k] & seen[2 * k :, k:-k]
-    flat = whole & (np.abs(facing) > _GRAZING) & (bend_m < 0.01 + 0.006 * distance_m**2)
-    return Structure(here[flat], normals[flat])
+    rays, told = _rays(camera, step, depth_m.shape)
+    points = rays * depth_m
+    seen = told & (depth_m > 0.1) & (depth_m < max_depth_m)
+    middle, low, high = slice(k, -k), slice(None, -2 * k), slice(2 * k, None)
+    here = points[:, middle, middle]
+    left, right = points[:, middle, low] - here, points[:, middle, high] - here
+    above, below = points[:, low, middle] - here, points[:, high, middle] - here
+    normals = _cross(below - above, right - left)
+    with np.errstate(invalid="ignore"):  # nothing is seen at some pixels
+        normals /= np.maximum(np.sqrt(_dot(normals, normals)), np.float32(1e-12))
+        distance_m = np.sqrt(_dot(here, here))
+        facing = _dot(normals, here)
+        bend_m = np.maximum(np.abs(_dot(normals, left + right)), np.abs(_dot(normals, above + below)))
+        flat = (np.abs(facing) > _GRAZING * distance_m) & (bend_m < 0.01 + 0.006 * np.square(distance_m))
+    flat &= seen[middle, middle] & seen[middle, low] & seen[middle, high] & seen[low, middle] & seen[high, middle]
+    normals *= -np.sign(facing)
+    at = np.flatnonzero(flat)
+    return Structure(*(each.reshape(3, -1)[:, at].T.astype(np.float64, order="C") for each in (here, normals)))
+
+
+@lru_cache(maxsize=8)
+def _rays(camera: Camera, step_px: int, shape: tuple[int, int]) -> tuple[Float32Array, BoolArray]:
+    """The rays (3, h, w) of every `step_px`-th pixel: a point is its ray times its depth; and which see anything."""
+    rows, columns = np.indices(shape)
+    pixels_uv = np.column_stack([columns.ravel(), rows.ravel()]).astype(np.float64) * step_px
+    rays = camera.back_project(pixels_uv, np.ones(len(pixels_uv))).T.reshape(3, *shape)
+    told: BoolArray = np.isfinite(rays.sum(axis=0))
+    return np.ascontiguousarray(rays, np.float32), told
+
+
+def _dot(first: Float32Array, second: Float32Array) -> Float32Array:
+    """(h, w) inner products of vectors (3, h, w)."""
+    product: Float32Array = first[0] * second[0] + first[1] * second[1] + first[2] * second[2]
+    return product
+
+
+def _cross(first: Float32Array, second: Float32Array) -> Float32Array:
+    """(3, h, w) vector products of vectors (3, h, w)."""
+    (a, b, c), (x, y, z) = first, second
+    return np.stack([b * z - c * y, c * x - a * z, a * y - b * x])
 
 
 def structure_of_points(

@@ -14,6 +14,7 @@ from supermap_cli.geometry.voxels import (
     connected_components,
     dilate_codes,
     is_member,
+    near_voxels,
     neighbour_counts,
     pack_keys,
     unpack_codes,
@@ -108,3 +109,10 @@ def test_neighbours_across_zero_are_neighbours() -> None:
     codes = np.sort(pack_keys(np.array([[-1, -1, -1], [0, 0, 0]], np.int32)))
     assert connected_components(codes).tolist() == [0, 0]
     assert neighbour_counts(codes).tolist() == [1, 1]
+
+
+def test_voxels_within_one_step_are_near_however_far_apart_they_lie() -> None:
+    for far in (9, 5_000_000 // 100):
+        near = near_voxels(np.array([[0, 0, 0], [far, 7, far // 2]], np.int32))
+        asked = np.array([[1, -1, 0], [2, 0, 0], [far, 7, far // 2 + 1], [-900, 0, 0], [far + 2, 7, 0]], np.int32)
+        np.testing.assert_array_equal(near.hold(asked), [True, False, True, False, False])

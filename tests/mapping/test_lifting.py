@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 import scenes as s
+from supermap_cli.mapping.bodies import joined_bodies
 from supermap_cli.mapping.depth import depth_view
 from supermap_cli.mapping.lifting import MAX_POINTS, LiftedDetection, erosion_px, is_truncated, lift
 from supermap_cli.mapping.mask_core import erode
@@ -221,3 +222,11 @@ def test_the_wall_beside_what_stands_before_a_thing_is_not_the_thing() -> None:
     found = s.detections_of([mask], [[("box", 0.8)]])
     (one,) = lift(scene.keyframe, depth_view(scene.keyframe, 6.0), found, np.array([-1]))
     assert one.points_map[:, 0].max() < 2.0
+
+
+def test_bodies_of_the_image_are_joined_where_they_meet_in_space() -> None:
+    x = np.array([0.0, 0.02, 0.5, 0.52, 0.54, 1.5])
+    points = np.column_stack([x, np.zeros_like(x), np.ones_like(x)])
+    joined = joined_bodies(points, 0.03, np.array([1, 2, 2, 3, 4, 5]))
+    np.testing.assert_array_equal(joined[:, None] == joined, np.equal.outer(*[np.array([0, 0, 0, 0, 0, 1])] * 2))
+    assert not joined_bodies(points, 0.03, np.ones(6, np.int64)).any()
