@@ -63,10 +63,10 @@ class PerceptionConfig(Section):
         default=None, gt=0, le=100, description="images perceived each second, the others give depth; none: all mapped"
     )
     wait_s: float = Field(
-        default=3.0, ge=0, description="how long an image waits for its detections, then it does without"
+        default=3.0, ge=0, le=3600, description="how long an image waits for its detections, then it does without"
     )
     delay_s: float = Field(
-        default=0.0, ge=0, description="for studies: detections come up to so much late, out of order"
+        default=0.0, ge=0, le=3600, description="for studies: detections come up to so much late, out of order"
     )
     dropped: float = Field(
         default=0.0, ge=0, le=1, description="for studies: share of images whose detections never come"

@@ -46,12 +46,13 @@ class EmptyRun:
         """Add a look at the voxels `codes`, of which it judges (n,) some and goes `through` (n,) some of these; other
         voxels than before begin a new run.
         """
+        if self.codes is not codes:
+            self.looks = 0
         told = np.count_nonzero(judged)
         if told <= LEAST_SHARE * len(codes):
             return
         emptied = np.count_nonzero(through) > ABSENT_SHARE * told
-        if self.looks == 0 or self.codes is not codes:
-            self.looks = 0
+        if self.looks == 0:
             if not emptied:
                 return
             self.codes, self.began_ns = codes, stamp_ns

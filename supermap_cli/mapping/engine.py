@@ -13,9 +13,9 @@ from supermap_cli.config import Ablation, MappingConfig
 from supermap_cli.geometry.arrays import BoolArray, IntArray
 from supermap_cli.geometry.boxes import pairwise_iou
 from supermap_cli.mapping import lifecycle
-from supermap_cli.mapping.absence import ABSENT_SHARE, OBSERVABLE_SHARE, EmptyRun
+from supermap_cli.mapping.absence import ABSENT_SHARE, OBSERVABLE_SHARE
 from supermap_cli.mapping.association import Affinity, Association, Courses, affinity, associate, reached
-from supermap_cli.mapping.belief import LabelBelief, Vantage, Viewpoints
+from supermap_cli.mapping.belief import LabelBelief, Vantage
 from supermap_cli.mapping.depth import DepthView, depth_view
 from supermap_cli.mapping.free_space import FreeSpaceMemory
 from supermap_cli.mapping.fusion import (
@@ -361,10 +361,9 @@ class MappingEngine:
             self.scores.record_real(detection.score)
         believe_more(seen, detection, self.scores, vantage_of(keyframe, seen))
         seen.observations += 1
-        seen.absent_looks, seen.empty_run = 0, EmptyRun()
         for share, truncated in seen.unsettled:
             self.recall.record(seen.label, share, truncated, detected=False, weight=1.0)
-        seen.silence, seen.silent_views, seen.unsettled = 0.0, Viewpoints(), []
+        seen.in_place()
         seen.last_seen_ns = keyframe.stamp_ns
         if detection.track_id >= 0:
             seen.track_id = detection.track_id

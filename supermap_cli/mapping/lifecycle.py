@@ -215,7 +215,7 @@ def likeness(first: MapObject, second: MapObject) -> float:
     agreement = sum(p[c] * q.get(c, 0.0) for c in p)
     sizes = np.array([np.sort(each.shape.box.size)[1:] for each in (first, second)])
     size_error = float(np.abs(np.log(sizes[0] / sizes[1])).max())
-    colors = [each.voxels.rgb[each.voxels.solid()].mean(axis=0) for each in (first, second)]
+    colors = [each.voxels.rgb[each.solid].mean(axis=0) for each in (first, second)]
     color_error = float(np.linalg.norm(colors[0] - colors[1])) / 255
     return float(np.log((agreement + 0.02) / 0.15)) - 2.5 * size_error - 5.0 * color_error
 
@@ -235,9 +235,7 @@ def join(kept: MapObject, joined: MapObject) -> None:
     kept.first_seen_ns = min(kept.first_seen_ns, joined.first_seen_ns)
     if joined.last_seen_ns > kept.last_seen_ns:
         kept.last_seen_ns = joined.last_seen_ns
-        kept.absent_looks = kept.shifted_looks = 0
-        kept.silence = 0.0
-        kept.empty_run.end()
+        kept.in_place()
     if kept.state.index == 0:
         kept.state.first_seen_ns = kept.first_seen_ns
         empty_ns = kept.state.empty_before_ns

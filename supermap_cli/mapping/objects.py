@@ -133,6 +133,12 @@ class MapObject:
         """(n,) which voxels are believed to be the object's, as of when its shape was measured."""
         return self.shape.solid
 
+    def in_place(self) -> None:
+        """It has been seen where it is believed to stand: what spoke for its having gone or moved before is void."""
+        self.absent_looks, self.empty_run = 0, EmptyRun()
+        self.shifted_looks, self.shifted_to = 0, None
+        self.silence, self.silent_views, self.unsettled = 0.0, Viewpoints(), []
+
     def touched(self) -> None:
         """Say that the voxels have changed."""
         self._shape = None

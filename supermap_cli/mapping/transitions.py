@@ -70,7 +70,8 @@ class Transitions:
     def come_back(self, back: MapObject, stamp_ns: int) -> None:
         """An object that was gone stands in its old place again; its cloud starts anew."""
         before, gone_ns = back.state.index, back.gone_ns
-        back.present, back.absent_looks, back.gone_ns = True, 0, None
+        back.present, back.gone_ns = True, None
+        back.in_place()
         back.state = OpenState(before + 1, stamp_ns, gone_ns)
         self._restart_cloud(back)
         if back.confirmed:
@@ -91,6 +92,7 @@ class Transitions:
         else:
             moved.voxels = moved.voxels.moved(to.shift_m)
             moved.touched()
+        moved.shifted_looks, moved.shifted_to = 0, None
 
     def take_over(self, old: MapObject, found: MapObject) -> None:
         """`old`, which was gone, is what was `found` elsewhere; a stored `found` becomes part of it."""
@@ -98,7 +100,8 @@ class Transitions:
         if gone_ns is None or gone_ns > found.state.first_seen_ns:
             gone_ns = found.state.first_seen_ns
             self.changes.closed_states.append(open_state(old, gone_ns))
-        old.voxels, old.present, old.gone_ns, old.absent_looks = found.voxels, True, None, 0
+        old.voxels, old.present, old.gone_ns = found.voxels, True, None
+        old.in_place()
         old.labels.absorb(found.labels)
         old.viewpoints = found.viewpoints
         old.existence, old.last_seen_ns, old.track_id = found.existence, found.last_seen_ns, found.track_id
