@@ -236,6 +236,7 @@ def join(kept: MapObject, joined: MapObject) -> None:
     if joined.last_seen_ns > kept.last_seen_ns:
         kept.last_seen_ns = joined.last_seen_ns
         kept.in_place()
+        kept.shifted_looks = 0
     if kept.state.index == 0:
         kept.state.first_seen_ns = kept.first_seen_ns
         empty_ns = kept.state.empty_before_ns

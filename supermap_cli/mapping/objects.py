@@ -134,9 +134,8 @@ class MapObject:
         return self.shape.solid
 
     def in_place(self) -> None:
-        """It has been seen where it is believed to stand: what spoke for its having gone or moved before is void."""
+        """It has been seen where it is believed to stand: what spoke for its having gone before is void."""
         self.absent_looks, self.empty_run = 0, EmptyRun()
-        self.shifted_looks, self.shifted_to = 0, None
         self.silence, self.silent_views, self.unsettled = 0.0, Viewpoints(), []
 
     def touched(self) -> None:

@@ -18,6 +18,11 @@ LEAST_SHIFT_M, MOST_SHIFT_M = 0.1, 0.6
 VACATED_SHARE = 0.15
 """Share of the seen part of its old place that must be empty before a shift is looked for."""
 
+SETTLED_LOOKS = 3
+"""A thing found in its place so often in this visit is pushed aside only before the robot's eyes: twice as much must
+speak for it.
+"""
+
 LEAST_GAIN = 0.3
 """So much better must the shape agree with the image where it is laid (`agreement`, in [-1, 2])."""
 
@@ -37,7 +42,8 @@ def find_shift(depth: DepthView, seen: MapObject, view: ObjectView, detection: L
     if np.linalg.norm(shift) < LEAST_SHIFT_M:
         return None
     there, here = agreement(depth, seen, detection, np.array([shift, np.zeros(3)]))
-    return shift if there - here > LEAST_GAIN else None
+    settled = seen.visit.supported >= SETTLED_LOOKS
+    return shift if there - here > LEAST_GAIN * (2 if settled else 1) else None
 
 
 def best_shift(depth: DepthView, seen: MapObject, detection: LiftedDetection, shifts: FloatArray) -> FloatArray:

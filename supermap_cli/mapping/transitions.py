@@ -102,6 +102,7 @@ class Transitions:
             self.changes.closed_states.append(open_state(old, gone_ns))
         old.voxels, old.present, old.gone_ns = found.voxels, True, None
         old.in_place()
+        old.shifted_looks, old.shifted_to = 0, None
         old.labels.absorb(found.labels)
         old.viewpoints = found.viewpoints
         old.existence, old.last_seen_ns, old.track_id = found.existence, found.last_seen_ns, found.track_id
