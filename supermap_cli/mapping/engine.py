@@ -41,7 +41,7 @@ from supermap_cli.mapping.seam import (
     turned_keyframe,
     turned_view,
 )
-from supermap_cli.mapping.shifting import find_shift
+from supermap_cli.mapping.shifting import SURE_GAIN, find_shift, sure_gain
 from supermap_cli.mapping.splitting import WHOLE_SHARE, SplitEvidence, nearer_to_second, side_by_side, split_off
 from supermap_cli.mapping.transitions import Transitions, Whereabouts
 from supermap_cli.mapping.visibility import ObjectView, look_at
@@ -317,7 +317,11 @@ class MappingEngine:
             self.turns.come_back(seen, stamp_ns)
             view = None
         elif fit is not None and (to := self._moves(look, seen, view, detection, covered)) is not None:
-            if seen.shifted_looks < lifecycle.SHIFTED_LOOKS and seen.label not in ANIMATE:
+            surely = seen.shifted_looks >= lifecycle.SHIFTED_LOOKS and seen.shifted_gain >= sure_gain(seen)
+            if not surely and seen.label not in ANIMATE:
+                in_place_ns = seen.last_seen_ns
+                self._support(look, seen, detection, view)
+                seen.last_seen_ns = in_place_ns
                 return
             since_ns = seen.first_shifted_ns if seen.first_shifted_ns > seen.last_seen_ns else stamp_ns
             self.turns.shift(seen, to, since_ns)
@@ -341,13 +345,14 @@ class MappingEngine:
         to: Whereabouts | None = None
         walked = seen.label in ANIMATE and covered < LEFT_SHARE
         if walked or seen.on_the_move or lifecycle.has_shifted(seen, view, detection, covered):
-            to = Whereabouts(detection.centroid_map, None)
+            to = Whereabouts(detection.centroid_map, None, SURE_GAIN)
         elif view is not None and view.observable_share >= OBSERVABLE_SHARE:
             shift = find_shift(look.depth, seen, view, detection)
-            to = None if shift is None else Whereabouts(seen.shape.centroid + shift, shift)
+            to = None if shift is None else Whereabouts(seen.shape.centroid + shift.by_m, shift.by_m, shift.gain)
         agrees = to is not None and (seen.shifted_to is None or to.agrees_with(seen.shifted_to))
         seen.shifted_looks = 0 if to is None else seen.shifted_looks + 1 if agrees else 1
         seen.shifted_to = None if to is None else to.shift_m
+        seen.shifted_gain = 0.0 if to is None else to.gain + (seen.shifted_gain if agrees else 0.0)
         if seen.shifted_looks == 1:
             seen.first_shifted_ns = look.keyframe.stamp_ns
         return to

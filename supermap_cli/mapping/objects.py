@@ -71,7 +71,7 @@ class MapObject:
     `existence` is the log-odds that it is real, `doubted` that it was confirmed once but is believed in no more;
     `present` False: its place was seen empty, in `absent_looks` looks in a row, the first at `first_absent_ns`, or in
     the looks at parts of it of `empty_run`; so many `shifted_looks` in a row, the first at `first_shifted_ns`, showed
-    it beside its place, the last by the shift `shifted_to` (3,), if that is known.
+    it beside its place, the last by the shift `shifted_to` (3,), if that is known, all together by `shifted_gain`.
     `silence` is what the looks since it was last seen say against it (log-odds), the first at `first_silent_ns`, from
     `silent_views`; `unsettled` are those of them (visible share of the image, truncated) that were misses only if it is
     still there.
@@ -99,6 +99,7 @@ class MapObject:
     shifted_looks: int = 0
     first_shifted_ns: int = 0
     shifted_to: FloatArray | None = None
+    shifted_gain: float = 0.0
     silence: float = 0.0
     silent_views: Viewpoints = field(default_factory=Viewpoints)
     first_silent_ns: int = 0

@@ -4,6 +4,8 @@ laid where the detection is, agrees with the depth image, and where it stood doe
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from supermap_cli.geometry.arrays import FloatArray
@@ -18,20 +20,34 @@ LEAST_SHIFT_M, MOST_SHIFT_M = 0.1, 0.6
 VACATED_SHARE = 0.15
 """Share of the seen part of its old place that must be empty before a shift is looked for."""
 
-SETTLED_LOOKS = 3
-"""A thing found in its place so often in this visit is pushed aside only before the robot's eyes: twice as much must
-speak for it.
-"""
+LEAST_GAIN = 0.12
+"""A look says nothing of a shift that makes the shape agree with it by less than this (`agreement`, in [-1, 2])."""
 
-LEAST_GAIN = 0.3
-"""So much better must the shape agree with the image where it is laid (`agreement`, in [-1, 2])."""
+SURE_GAIN, SETTLED_LOOKS = 0.6, 3
+"""So much must looks in a row add up to; and to twice as much of a thing that was found in its place so often in this
+visit: it would have been pushed aside before the robot's eyes.
+"""
 
 COARSE_M, FINE_M = 0.1, 0.03
 _SAMPLES = 250
 
 
-def find_shift(depth: DepthView, seen: MapObject, view: ObjectView, detection: LiftedDetection) -> FloatArray | None:
-    """The level shift (3,) in metres by which an object has been pushed aside; `None` if it stands where it stood.
+@dataclass(frozen=True)
+class Shift:
+    """A level shift (3,) in metres, and how much better an object agrees with an image there."""
+
+    by_m: FloatArray
+    gain: float
+
+
+def sure_gain(seen: MapObject) -> float:
+    """What looks in a row must add up to before an object is taken to have been pushed aside."""
+    settled = seen.visit.supported - seen.shifted_looks >= SETTLED_LOOKS
+    return SURE_GAIN * (2 if settled else 1)
+
+
+def find_shift(depth: DepthView, seen: MapObject, view: ObjectView, detection: LiftedDetection) -> Shift | None:
+    """By how much an object seems to have been pushed aside; `None` if it stands where it stood.
 
     `view` is what the image says of its voxels where they are believed to be.
     """
@@ -42,8 +58,8 @@ def find_shift(depth: DepthView, seen: MapObject, view: ObjectView, detection: L
     if np.linalg.norm(shift) < LEAST_SHIFT_M:
         return None
     there, here = agreement(depth, seen, detection, np.array([shift, np.zeros(3)]))
-    settled = seen.visit.supported >= SETTLED_LOOKS
-    return shift if there - here > LEAST_GAIN * (2 if settled else 1) else None
+    gain = float(there - here)
+    return Shift(shift, gain) if gain > LEAST_GAIN else None
 
 
 def best_shift(depth: DepthView, seen: MapObject, detection: LiftedDetection, shifts: FloatArray) -> FloatArray:

@@ -19,10 +19,13 @@ SAME_SHIFT_M = 0.1
 
 @dataclass(frozen=True)
 class Whereabouts:
-    """Where an image shows an object that is not in its place: its middle (3,), and the shift (3,) if it is known."""
+    """Where an image shows an object that is not in its place: its middle (3,), the shift (3,) if it is known, and how
+    much the image says so (`shifting.agreement`).
+    """
 
     centroid_map: FloatArray
     shift_m: FloatArray | None
+    gain: float
 
     def agrees_with(self, shift_m: FloatArray) -> bool:
         """Whether another image that shows it shifted by (3,) metres means the same place."""
@@ -92,7 +95,7 @@ class Transitions:
         else:
             moved.voxels = moved.voxels.moved(to.shift_m)
             moved.touched()
-        moved.shifted_looks, moved.shifted_to = 0, None
+        moved.shifted_looks, moved.shifted_to, moved.shifted_gain = 0, None, 0.0
 
     def take_over(self, old: MapObject, found: MapObject) -> None:
         """`old`, which was gone, is what was `found` elsewhere; a stored `found` becomes part of it."""
