@@ -81,7 +81,7 @@ def test_options_reach_the_plugins_and_the_recording(plugins: f.FakePlugins) -> 
             "--rate",
             "6",
             "--ablate",
-            "tracker",
+            "semantic-fusion",
             "--name",
             "first",
         ),
@@ -97,7 +97,7 @@ def test_options_reach_the_plugins_and_the_recording(plugins: f.FakePlugins) -> 
         (traversal,) = store.traversals()
     assert traversal.name == "first"
     assert traversal.keyframes == 12
-    assert traversal.config["ablate"] == ["tracker"]
+    assert traversal.config["ablate"] == ["semantic-fusion"]
     used = BuildConfig.model_validate({k: v for k, v in traversal.config.items() if k in BuildConfig.model_fields})
     assert used.backends.options == {"fake": {"score": "0.4"}}
 
