@@ -50,7 +50,7 @@ class Returns:
         _, nearest = cKDTree(pixels).query(pixels, k=_NEIGHBOURS)
         step_m = range_m[nearest] - range_m[:, None]
         same = np.abs(step_m) < _SAME_SURFACE_SIGMAS * np.sqrt(2) * LIDAR_SIGMA_M
-        mean_m = (step_m * same).sum(axis=1) / same.sum(axis=1)
+        mean_m = (step_m * same).sum(axis=1) / np.maximum(same.sum(axis=1), 1)  # of many on one pixel, own may miss
         smoothed: FloatArray = points * (1 + mean_m / range_m)[:, None]
         return smoothed
 

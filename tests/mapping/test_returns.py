@@ -52,3 +52,12 @@ def test_a_quarter_of_the_returns_lie_twice_as_far_apart() -> None:
 )
 def test_the_seam_of_a_full_turn_cuts_nothing(box: tuple[int, int, int, int], truncated: bool) -> None:
     assert is_truncated(np.array(box, np.float32), CAMERA) == truncated
+
+
+def test_returns_of_many_ranges_on_one_pixel_stay_where_they_are() -> None:
+    """Of more on one pixel than are averaged, a return may not be among its own neighbours."""
+    points = np.column_stack([np.zeros((400, 2)), np.linspace(1.0, 11.0, 400)])
+    returns = returns_on_image(CAMERA, points, 12.0)
+    smoothed = returns.smoothed(np.arange(400))
+    assert np.isfinite(smoothed).all()
+    np.testing.assert_allclose(smoothed, points, atol=3 * np.sqrt(2) * LIDAR_SIGMA_M)
