@@ -55,7 +55,9 @@ def fuse_points(seen: MapObject, detection: LiftedDetection) -> None:
     if not len(voxels):
         voxels.voxel_m = max(voxels.voxel_m, detection.voxel_m)
     voxels.add_points(detection.points_map, detection.rgb, HIT_LOG_ODDS)
-    voxels.keep((voxels.log_odds > -1.2) & (voxels.outside <= 2 * voxels.inside + 2))
+    kept = (voxels.log_odds > -1.2) & (voxels.outside <= 2 * voxels.inside + 2)
+    if kept.any():
+        voxels.keep(kept)
     voxels.fit_voxel()
     seen.touched()
 

@@ -159,3 +159,12 @@ def test_masks_of_the_same_label_or_size_are_left_alone(labels: tuple[str, str],
 def test_detections_without_masks_stay_without() -> None:
     assert claimed_by_smaller([], ()) == []
     assert claimed_by_smaller([None, None], ("a", "b")) == [None, None]
+
+
+def test_an_object_never_loses_its_last_voxel(chair: MapObject) -> None:
+    one = s.lifted(s.render((*s.ROOM, s.CHAIR), EYE), 2)
+    fuse_points(chair, one)
+    chair.voxels.outside[:] = 1000.0
+    fuse_points(chair, one)
+    assert len(chair.voxels)
+    assert np.isfinite(chair.shape.centroid).all()
