@@ -133,14 +133,17 @@ class ScanRegistration:
         return deskewed
 
 
+_SMALL_RAD = 1e-2
+"""Below it, differences of nearly equal numbers are taken from their series."""
+
+
 def exp_se3(twist: FloatArray) -> FloatArray:
     """The motion (4, 4) of a twist (6,), translation first (Sola et al. 2018, "A micro Lie theory", appendix D)."""
     rho, phi = twist[:3], twist[3:]
     angle = float(np.linalg.norm(phi))
     K = _cross_matrix(phi)
-    if angle < 1e-9:
-        return make_transform(np.eye(3) + K, rho)
-    a, b, c = np.sin(angle) / angle, (1 - np.cos(angle)) / angle**2, (angle - np.sin(angle)) / angle**3
+    a, b = np.sinc(angle / np.pi), np.sinc(angle / (2 * np.pi)) ** 2 / 2
+    c = 1 / 6 - angle**2 / 120 if angle < _SMALL_RAD else (angle - np.sin(angle)) / angle**3
     return make_transform(np.eye(3) + a * K + b * K @ K, (np.eye(3) + b * K + c * K @ K) @ rho)
 
 
@@ -151,9 +154,10 @@ def log_se3(T: FloatArray) -> FloatArray:
     phi = q[:3] * (2 * np.arctan2(sine, q[3]) / sine if sine > 1e-9 else 2.0)
     angle = float(np.linalg.norm(phi))
     K = _cross_matrix(phi)
-    if angle < 1e-6:
-        return np.concatenate([(np.eye(3) - K / 2) @ T[:3, 3], phi])
-    c = (1 - angle * np.sin(angle) / (2 * (1 - np.cos(angle)))) / angle**2
+    if angle < _SMALL_RAD:
+        c = 1 / 12 + angle**2 / 720
+    else:
+        c = (1 - angle * np.sin(angle) / (2 * (1 - np.cos(angle)))) / angle**2
     return np.concatenate([(np.eye(3) - K / 2 + c * K @ K) @ T[:3, 3], phi])
 
 
