@@ -15,9 +15,10 @@ from supermap_cli.geometry.boxes import Box3D
 from supermap_cli.geometry.cameras import PinholeCamera, camera_to_json
 from supermap_cli.geometry.se3 import make_transform
 from supermap_cli.mapping.depth import depth_view
-from supermap_cli.mapping.engine import Look, MappingEngine
+from supermap_cli.mapping.engine import MappingEngine
 from supermap_cli.mapping.free_space import encode_small_depth
 from supermap_cli.mapping.lifting import LiftedDetection, lift
+from supermap_cli.mapping.looks import Look
 from supermap_cli.mapping.objects import MapObject
 from supermap_cli.types.detections import Detections, Hypothesis, RegionMask, cut_mask
 from supermap_cli.types.keyframe import Keyframe

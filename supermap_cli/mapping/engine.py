@@ -6,17 +6,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
-import cv2
 import numpy as np
 
 from supermap_cli.config import Ablation, MappingConfig
 from supermap_cli.geometry.arrays import BoolArray, IntArray
-from supermap_cli.geometry.boxes import pairwise_iou
 from supermap_cli.mapping import lifecycle
 from supermap_cli.mapping.absence import ABSENT_SHARE, OBSERVABLE_SHARE
 from supermap_cli.mapping.association import Affinity, Association, Courses, affinity, associate, reached
-from supermap_cli.mapping.belief import LabelBelief, Vantage
-from supermap_cli.mapping.depth import DepthView, depth_view
+from supermap_cli.mapping.belief import LabelBelief
+from supermap_cli.mapping.crops import better_crop
+from supermap_cli.mapping.depth import depth_view
 from supermap_cli.mapping.free_space import FreeSpaceMemory
 from supermap_cli.mapping.fusion import (
     area_share,
@@ -29,6 +28,16 @@ from supermap_cli.mapping.fusion import (
     fuse_points,
 )
 from supermap_cli.mapping.lifting import LiftedDetection, is_truncated, lift
+from supermap_cli.mapping.looks import (
+    STRONG_SCORE,
+    Look,
+    Sight,
+    area_px,
+    covered_by,
+    in_sight,
+    vantage_of,
+    worth_lifting,
+)
 from supermap_cli.mapping.motion import first_course
 from supermap_cli.mapping.objects import MapObject, ObjectMap
 from supermap_cli.mapping.pair_evidence import PairEvidence
@@ -36,10 +45,7 @@ from supermap_cli.mapping.recall import RecallModel, ScoreModel
 from supermap_cli.mapping.seam import (
     box_before_turning,
     turn_px,
-    turned_depth,
     turned_detections,
-    turned_keyframe,
-    turned_view,
 )
 from supermap_cli.mapping.shifting import SURE_GAIN, find_shift, sure_gain
 from supermap_cli.mapping.splitting import WHOLE_SHARE, SplitEvidence, nearer_to_second, side_by_side, split_off
@@ -49,12 +55,6 @@ from supermap_cli.types.detections import Detections, TrackPrior
 from supermap_cli.types.keyframe import Keyframe
 from supermap_cli.types.labels import ANIMATE
 from supermap_cli.types.memory import MapDelta, Observation
-
-STRONG_SCORE = 0.3
-"""Detections below this support what the map already holds, and give birth to nothing (ByteTrack's two stages)."""
-
-EXPECTED_IOU = 0.2
-"""Overlap with an object's predicted box from which a weak detection may be of that object."""
 
 SURE_LOG_ODDS = 4.0
 """Only objects believed this firmly teach how often the detector misses what is there."""
@@ -67,37 +67,6 @@ ANIMATE_MEMORY_NS = 3_000_000_000
 
 
 NO_PARTS: Mapping[int, Sequence[LiftedDetection]] = MappingProxyType({})
-
-
-@dataclass(frozen=True)
-class Look:
-    """One keyframe held against the map: its depth, and what it says of every object it can see.
-
-    A panorama may be `turned_px` columns to the left of how it came (`seam`).
-    """
-
-    keyframe: Keyframe
-    depth: DepthView
-    views: dict[int, ObjectView]
-    turned_px: int = 0
-
-    def turned(self, by_px: int) -> Look:
-        """The same look at a panorama with its seam elsewhere."""
-        keyframe = turned_keyframe(self.keyframe, by_px)
-        width = keyframe.camera.width
-        views = {number: turned_view(view, width, by_px) for number, view in self.views.items()}
-        return Look(keyframe, turned_depth(self.depth, keyframe, by_px), views, by_px)
-
-
-@dataclass(frozen=True)
-class Sight:
-    """What a keyframe can tell of an object by silence: its `view`; `unmeasured`: the image shows its place, and no ray
-    can reach it; `detector_looked`.
-    """
-
-    view: ObjectView
-    unmeasured: bool
-    detector_looked: bool
 
 
 @dataclass
@@ -385,26 +354,12 @@ class MappingEngine:
             detection.score,
             detection.hypotheses,
             detection.centroid_map,
-            self._crop(keyframe, seen, detection),
+            better_crop(keyframe, seen, detection, self.config.crop_px),
             0 if view is None else int(np.count_nonzero(view.supported)),
             0 if view is None else int(np.count_nonzero(view.contradicted)),
             detection.track_id,
         )
         self.turns.observe(observation)
-
-    def _crop(self, keyframe: Keyframe, seen: MapObject, detection: LiftedDetection) -> bytes | None:
-        """A small JPEG of the detection, where it shows the object clearly better than those kept before."""
-        x0, y0, x1, y1 = (round(float(x)) for x in detection.box_xyxy)
-        crop = keyframe.rgb[max(y0, 0) : y1 + 1, max(x0, 0) : x1 + 1]
-        quality = detection.score * float(np.sqrt(crop.shape[0] * crop.shape[1])) * (0.5 if detection.truncated else 1)
-        if crop.size == 0 or quality < 1.5 * seen.best_crop:
-            return None
-        seen.best_crop = quality
-        scale = min(1.0, self.config.crop_px / max(crop.shape[:2]))
-        size = (max(1, round(crop.shape[1] * scale)), max(1, round(crop.shape[0] * scale)))
-        small = cv2.resize(crop, size, interpolation=cv2.INTER_AREA)
-        _, jpeg = cv2.imencode(".jpg", small[:, :, ::-1], [cv2.IMWRITE_JPEG_QUALITY, 80])
-        return jpeg.tobytes()
 
     # -- what silence and emptiness say
 
@@ -419,7 +374,7 @@ class MappingEngine:
         box = view.box_xyxy
         truncated = box is not None and is_truncated(box, keyframe.camera)
         if observable and detector_looked and seen.confirmed and seen.present and seen.existence > SURE_LOG_ODDS:
-            share = area_share(view, _area(keyframe))
+            share = area_share(view, area_px(keyframe))
             if sight.unmeasured and not matched:
                 seen.unsettled.append((share, truncated))
             else:
@@ -430,7 +385,7 @@ class MappingEngine:
             self._weigh_geometry(seen, view, keyframe.stamp_ns)
         stands = sight.unmeasured or (observable and view.contradicted_share <= 0.5)
         if stands and seen.present and detector_looked and "semantic-fusion" not in self.ablate:
-            rate = expected_recall(self.recall, seen, view, _area(keyframe), truncated)
+            rate = expected_recall(self.recall, seen, view, area_px(keyframe), truncated)
             believe_less(seen, rate, vantage_of(keyframe, seen))
             if sight.unmeasured and lifecycle.fallen_silent(seen, view, keyframe, rate):
                 self.turns.go(seen, seen.first_silent_ns)
@@ -534,41 +489,3 @@ class MappingEngine:
             doubted = each.existence <= (lifecycle.CONFIRM_LOG_ODDS if each.doubted else lifecycle.DOUBT_LOG_ODDS)
             if doubted != each.doubted:
                 self.turns.doubt(each, doubted=doubted)
-
-
-def vantage_of(keyframe: Keyframe, seen: MapObject) -> Vantage:
-    """From where a keyframe looks at an object."""
-    return Vantage(keyframe.stamp_ns, keyframe.T_map_camera[:3, 3], seen.shape.centroid)
-
-
-def worth_lifting(look: Look, detections: Detections) -> BoolArray:
-    """(n,) the detections that can come to something: strong ones, and weak ones about where an object is expected."""
-    worth: BoolArray = detections.scores >= STRONG_SCORE
-    boxes = [view.box_xyxy for view in look.views.values() if view.box_xyxy is not None]
-    if boxes and not worth.all():
-        worth = worth | (pairwise_iou(detections.boxes_xyxy, np.array(boxes)) > EXPECTED_IOU).any(axis=1)
-    return worth
-
-
-def covered_by(detections: Detections, shape: tuple[int, ...]) -> BoolArray:
-    """(h, w) the pixels that some detection's mask covers."""
-    covered = np.zeros(shape, bool)
-    for mask in detections.masks:
-        if mask is not None:
-            h, w = mask.pixels.shape
-            covered[mask.v0 : mask.v0 + h, mask.u0 : mask.u0 + w] |= mask.pixels
-    return covered
-
-
-def in_sight(view: ObjectView, masked: BoolArray | None) -> bool:
-    """Whether an object lies where only the image shows it, and nothing that is detected covers most of its place."""
-    if masked is None:
-        return False
-    free = (view.unmeasured & ~masked[view.v, view.u]) | view.contradicted
-    if not len(free) or float(view.unmeasured.mean()) < OBSERVABLE_SHARE:
-        return False
-    return float(free.mean()) > lifecycle.UNCOVERED_SHARE
-
-
-def _area(keyframe: Keyframe) -> int:
-    return keyframe.camera.width * keyframe.camera.height

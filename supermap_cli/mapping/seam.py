@@ -16,7 +16,7 @@ from supermap_cli.geometry.se3 import make_transform
 from supermap_cli.mapping.beneath import LowestReturns
 from supermap_cli.mapping.depth import DepthView
 from supermap_cli.mapping.visibility import ObjectView
-from supermap_cli.types.detections import Detections, RegionMask
+from supermap_cli.types.detections import Detections, RegionMask, joined_masks
 from supermap_cli.types.keyframe import Keyframe
 
 _AT_SEAM_PX = 2
@@ -95,7 +95,7 @@ def turned_detections(
         if first is None or second is None:
             continue
         larger, other = (left, right) if first.pixels.sum() >= second.pixels.sum() else (right, left)
-        masks[larger] = _joined(first, second)
+        masks[larger] = joined_masks(first, second)
         boxes[larger] = [*np.minimum(boxes[left, :2], boxes[right, :2]), *np.maximum(boxes[left, 2:], boxes[right, 2:])]
         kept[other] = False
     turned = replace(detections, boxes_xyxy=boxes, masks=tuple(masks))
@@ -147,14 +147,3 @@ def _rows_meet(first: RegionMask, second: RegionMask) -> bool:
         )
     ]
     return bool(len(rows[0] & rows[1]) > _SHARED_ROWS * min(len(rows[0]), len(rows[1])))
-
-
-def _joined(first: RegionMask, second: RegionMask) -> RegionMask:
-    u0, v0 = min(first.u0, second.u0), min(first.v0, second.v0)
-    u1 = max(each.u0 + each.pixels.shape[1] for each in (first, second))
-    v1 = max(each.v0 + each.pixels.shape[0] for each in (first, second))
-    pixels = np.zeros((v1 - v0, u1 - u0), bool)
-    for each in (first, second):
-        h, w = each.pixels.shape
-        pixels[each.v0 - v0 : each.v0 - v0 + h, each.u0 - u0 : each.u0 - u0 + w] |= each.pixels
-    return RegionMask(u0, v0, pixels)

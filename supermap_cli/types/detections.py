@@ -122,3 +122,15 @@ class Tracks:
     """The tracker's answer: `track_ids` is (n,) int64 for the n detections of an image, -1 = no track."""
 
     track_ids: IntArray
+
+
+def joined_masks(first: RegionMask, second: RegionMask) -> RegionMask:
+    """The mask that covers both."""
+    u0, v0 = min(first.u0, second.u0), min(first.v0, second.v0)
+    u1 = max(each.u0 + each.pixels.shape[1] for each in (first, second))
+    v1 = max(each.v0 + each.pixels.shape[0] for each in (first, second))
+    pixels = np.zeros((v1 - v0, u1 - u0), bool)
+    for each in (first, second):
+        h, w = each.pixels.shape
+        pixels[each.v0 - v0 : each.v0 - v0 + h, each.u0 - u0 : each.u0 - u0 + w] |= each.pixels
+    return RegionMask(u0, v0, pixels)

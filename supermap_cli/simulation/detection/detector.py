@@ -13,7 +13,6 @@ from supermap_cli.geometry.cameras import Camera
 from supermap_cli.simulation.detection.detector_errors import DetectorErrors
 from supermap_cli.simulation.detection.label_errors import Vocabulary
 from supermap_cli.simulation.detection.mask_errors import (
-    joined,
     parts_across_seam,
     redrawn,
     split_in_two,
@@ -24,7 +23,7 @@ from supermap_cli.simulation.detection.moods import Moods
 from supermap_cli.simulation.detection.phantoms import Phantoms, random_region
 from supermap_cli.simulation.views import Sights, View
 from supermap_cli.simulation.world import World
-from supermap_cli.types.detections import Detections, Hypothesis, RegionMask, no_detections
+from supermap_cli.types.detections import Detections, Hypothesis, RegionMask, joined_masks, no_detections
 
 _NOTHING = ("nothing", 0, 0)
 
@@ -142,7 +141,7 @@ class SimulatedDetector:
             rate = self._errors.merging if found[i].label == found[j].label else self._errors.swallowing
             if self._moods.uniform(("merge", found[i].who, found[j].who), stamp_ns) < rate:
                 small, large = sorted((i, j), key=lambda k: found[k].area_px)
-                left[large] = replace(found[large], mask=joined(found[i].mask, found[j].mask))
+                left[large] = replace(found[large], mask=joined_masks(found[i].mask, found[j].mask))
                 del left[small]
         return list(left.values())
 

@@ -27,18 +27,6 @@ def tight(mask: RegionMask) -> RegionMask | None:
     return None if cut is None else RegionMask(mask.u0 + cut.u0, mask.v0 + cut.v0, cut.pixels)
 
 
-def joined(first: RegionMask, second: RegionMask) -> RegionMask:
-    """The mask that covers both."""
-    u0, v0 = min(first.u0, second.u0), min(first.v0, second.v0)
-    u1 = max(each.u0 + each.pixels.shape[1] for each in (first, second))
-    v1 = max(each.v0 + each.pixels.shape[0] for each in (first, second))
-    pixels = np.zeros((v1 - v0, u1 - u0), bool)
-    for each in (first, second):
-        h, w = each.pixels.shape
-        pixels[each.v0 - v0 : each.v0 - v0 + h, each.u0 - u0 : each.u0 - u0 + w] |= each.pixels
-    return RegionMask(u0, v0, pixels)
-
-
 def touch(first: RegionMask, second: RegionMask) -> bool:
     """Whether two masks come within two pixels of one another."""
     import cv2  # noqa: PLC0415 - keeps start-up light
