@@ -15,6 +15,7 @@ from supermap_cli.mapping.lifting import LiftedDetection
 from supermap_cli.mapping.motion import Course
 from supermap_cli.mapping.objects import MapObject, ObjectMap
 from supermap_cli.mapping.visibility import ObjectView
+from supermap_cli.types.labels import ANIMATE
 
 PEOPLE_PER_M2, THINGS_PER_M2 = 0.05, 1.0
 """What else may be seen in a place: others that move by themselves, one in a room of 20 square metres, or any thing."""
@@ -26,6 +27,19 @@ Courses = Mapping[int, Course]
 """Object number -> where it is expected now, of those that move by themselves and were seen of late."""
 
 NO_COURSES: Courses = MappingProxyType({})
+
+ANIMATE_MEMORY_NS = 3_000_000_000
+"""What moves by itself is believed in no longer than this without being seen."""
+
+
+def expected_courses(objects: ObjectMap, stamp_ns: int) -> Courses:
+    """Where those that move by themselves, and were seen of late, are expected now."""
+    recent = [each for each in objects if stamp_ns - each.last_seen_ns <= ANIMATE_MEMORY_NS]
+    return {
+        each.number: each.motion.course.at(stamp_ns)
+        for each in recent
+        if each.motion.course is not None and each.label in ANIMATE
+    }
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from supermap_cli.config import Ablation, MappingConfig
 from supermap_cli.geometry.arrays import BoolArray, IntArray
 from supermap_cli.mapping import lifecycle
 from supermap_cli.mapping.absence import ABSENT_SHARE, OBSERVABLE_SHARE
-from supermap_cli.mapping.association import Affinity, Association, Courses, affinity, associate, reached
+from supermap_cli.mapping.association import ANIMATE_MEMORY_NS, Affinity, affinity, associate, expected_courses, reached
 from supermap_cli.mapping.belief import LabelBelief
 from supermap_cli.mapping.crops import better_crop
 from supermap_cli.mapping.depth import depth_view
@@ -48,7 +48,15 @@ from supermap_cli.mapping.seam import (
     turned_detections,
 )
 from supermap_cli.mapping.shifting import SURE_GAIN, find_shift, sure_gain
-from supermap_cli.mapping.splitting import WHOLE_SHARE, SplitEvidence, nearer_to_second, side_by_side, split_off
+from supermap_cli.mapping.splitting import (
+    WHOLE_SHARE,
+    SplitEvidence,
+    nearer_to_second,
+    parts_beside,
+    side_by_side,
+    split_off,
+    whole_of,
+)
 from supermap_cli.mapping.transitions import Transitions, Whereabouts
 from supermap_cli.mapping.visibility import ObjectView, look_at
 from supermap_cli.types.detections import Detections, TrackPrior
@@ -61,10 +69,6 @@ SURE_LOG_ODDS = 4.0
 
 LEFT_SHARE = 0.3
 """Of what moves by itself, the cloud is one of where it was if less of a detection than this lies on it."""
-
-ANIMATE_MEMORY_NS = 3_000_000_000
-"""What moves by itself is believed in no longer than this without being seen."""
-
 
 NO_PARTS: Mapping[int, Sequence[LiftedDetection]] = MappingProxyType({})
 
@@ -164,13 +168,14 @@ class MappingEngine:
         """Strong detections first, then weak ones, then re-activation of what was gone; only then birth."""
         strong = [each for each in lifted if each.score >= STRONG_SCORE]
         weak = [each for each in lifted if each.score < STRONG_SCORE]
-        courses = self._courses(look.keyframe.stamp_ns)
+        courses = expected_courses(self.objects, look.keyframe.stamp_ns)
         near = reached(lifted, self.objects, courses)
         present = [each for each in near if each.present]
         matched: dict[int, LiftedDetection] = {}
 
         first = associate(strong, present, look.views, courses)
-        parts = self._parts(strong, first)
+        given = {number: strong[row] for row, number, _ in first.pairs}
+        parts = parts_beside(self.objects, given, [strong[row] for row in first.free])
         self._fuse_pairs(look, strong, first.pairs, matched, parts)
         remaining = [each for each in present if each.number not in matched]
         second = associate(weak, remaining, look.views, courses)
@@ -182,7 +187,7 @@ class MappingEngine:
         self._fuse_pairs(look, unexplained, third.pairs, matched)
 
         for detection in (unexplained[i] for i in third.free):
-            whole = self._part_of(detection, matched)
+            whole = whole_of(self.objects, detection, matched)
             if whole is not None:
                 part = self._split(look, whole, matched[whole.number], detection)
                 self._fuse(look, part or whole, detection, None)
@@ -190,15 +195,6 @@ class MappingEngine:
                 self._give_birth(look, detection)
         self.pairs.take_in(self.objects, matched, look.views)
         return set(matched)
-
-    def _courses(self, stamp_ns: int) -> Courses:
-        """Where those that move by themselves, and were seen of late, are expected now."""
-        recent = [each for each in self.objects if stamp_ns - each.last_seen_ns <= ANIMATE_MEMORY_NS]
-        return {
-            each.number: each.motion.course.at(stamp_ns)
-            for each in recent
-            if each.motion.course is not None and each.label in ANIMATE
-        }
 
     def _match_by_track(self, look: Look, lifted: Sequence[LiftedDetection]) -> set[int]:
         """Without the 3D-aware tracker, a thing is what was one track in the image, and a new track is a new thing."""
@@ -227,25 +223,6 @@ class MappingEngine:
                 self.splits.seen_as_one(number, vantage_of(look.keyframe, seen))
             self._fuse(look, seen, detections[row], fit, parts.get(number, ()))
             matched[number] = detections[row]
-
-    def _parts(self, strong: Sequence[LiftedDetection], first: Association) -> dict[int, list[LiftedDetection]]:
-        """The matched objects that a second detection of the same image lies on, beside the one they were given."""
-        given = {number: strong[row] for row, number, _ in first.pairs}
-        parts: dict[int, list[LiftedDetection]] = {}
-        for row in first.free:
-            whole = self._part_of(strong[row], given)
-            if whole is not None and side_by_side(whole.shape, given[whole.number], strong[row]):
-                parts.setdefault(whole.number, []).append(strong[row])
-        return parts
-
-    def _part_of(self, detection: LiftedDetection, matched: dict[int, LiftedDetection]) -> MapObject | None:
-        """The matched object that a second detection of the same image lies on: detectors split large things."""
-        label = detection.hypotheses[0].label
-        for number in matched:
-            whole = self.objects[number]
-            if whole.label == label and whole.shape.share_near(detection.points_map) > 0.5:
-                return whole
-        return None
 
     def _split(self, look: Look, whole: MapObject, first: LiftedDetection, second: LiftedDetection) -> MapObject | None:
         """The object of the second detection, if by now the images say that the two on `whole` are two things."""
@@ -435,19 +412,12 @@ class MappingEngine:
         A pair is judged at the later of two turns: the one confirmed, the other seen to be gone; either may be noticed
         first. It is judged again when two that were found have turned out to be one: that may end an ambiguity.
         """
-        gone = [each for each in self.objects if each.confirmed and not each.present and each.label not in ANIMATE]
+        gone, found, standing = lifecycle.by_presence(self.objects)
         turned = {each.number for each in newly} | {each.number for each in gone if each.number in self.touched}
         turned |= self.merged
         self.merged = set()
         if not gone or not turned:
             return set()
-        lost_ns = min(each.last_seen_ns for each in gone)
-        found = [
-            each
-            for each in self.objects
-            if each.confirmed and each.present and each.state.index == 0 and each.first_seen_ns > lost_ns
-        ]
-        standing = [each for each in self.objects if each.confirmed and each.present and each.first_seen_ns <= lost_ns]
         taken = set()
         for match in lifecycle.relocations(gone, found, standing):
             if turned.isdisjoint((match.gone, match.found)):

@@ -198,6 +198,18 @@ def relocations(
     return [each for each in likely if each.certain or settled.isdisjoint((each.gone, each.found))]
 
 
+def by_presence(objects: ObjectMap) -> tuple[list[MapObject], list[MapObject], list[MapObject]]:
+    """The confirmed objects that are gone, those found since the first of them was last seen, and those that have stood
+    there before; what moves by itself is never gone.
+    """
+    confirmed = [each for each in objects if each.confirmed]
+    gone = [each for each in confirmed if not each.present and each.label not in ANIMATE]
+    lost_ns = min((each.last_seen_ns for each in gone), default=0)
+    present = [each for each in confirmed if each.present]
+    found = [each for each in present if each.state.index == 0 and each.first_seen_ns > lost_ns]
+    return gone, found, [each for each in present if each.first_seen_ns <= lost_ns]
+
+
 def resemblance(first: MapObject, second: MapObject) -> float:
     """Log ratio for a thing that is gone and one found elsewhere to be one: label, size, colour, and whether it came.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -10,7 +11,7 @@ from scipy.spatial import cKDTree
 from supermap_cli.geometry.arrays import BoolArray, FloatArray
 from supermap_cli.mapping.belief import Vantage, Viewpoints
 from supermap_cli.mapping.lifting import LiftedDetection
-from supermap_cli.mapping.objects import MapObject, ObjectShape, OpenState
+from supermap_cli.mapping.objects import MapObject, ObjectMap, ObjectShape, OpenState
 from supermap_cli.mapping.pair_evidence import boxes_apart
 
 AS_TWO_LOG_RATIO = float(np.log(0.75 / 0.03))
@@ -156,3 +157,27 @@ def split_off(number: int, whole: MapObject, part: BoolArray, stamp_ns: int) -> 
         confirmed=True,
         entered=True,
     )
+
+
+def whole_of(objects: ObjectMap, detection: LiftedDetection, given: Iterable[int]) -> MapObject | None:
+    """The one of the objects with these numbers that a further detection of the same image lies on: detectors split
+    large things.
+    """
+    label = detection.hypotheses[0].label
+    for number in given:
+        whole = objects[number]
+        if whole.label == label and whole.shape.share_near(detection.points_map) > 0.5:
+            return whole
+    return None
+
+
+def parts_beside(
+    objects: ObjectMap, given: Mapping[int, LiftedDetection], free: Sequence[LiftedDetection]
+) -> dict[int, list[LiftedDetection]]:
+    """Which of the free detections lie on an object side by side with the one that it was given, by its number."""
+    parts: dict[int, list[LiftedDetection]] = {}
+    for detection in free:
+        whole = whole_of(objects, detection, given)
+        if whole is not None and side_by_side(whole.shape, given[whole.number], detection):
+            parts.setdefault(whole.number, []).append(detection)
+    return parts
