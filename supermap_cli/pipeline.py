@@ -10,11 +10,11 @@ from dataclasses import dataclass, field, replace
 import cv2
 import numpy as np
 
+from supermap_cli.backends import choose_backends
 from supermap_cli.config import BuildConfig
 from supermap_cli.errors import DetectorError, OdometryError, RecordingError
 from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.geometry.cameras import camera_to_json
-from supermap_cli.geometry.trajectory import Trajectory
 from supermap_cli.graph.predicates import PREDICATES, GraphNode
 from supermap_cli.graph.scene_graph import SceneGraph
 from supermap_cli.keyframe_choice import KeyframeChoice, choose_keyframes
@@ -30,7 +30,7 @@ from supermap_cli.memory.store import MapStore
 from supermap_cli.memory.values import TraversalStart
 from supermap_cli.placing import Placement, place_traversal
 from supermap_cli.plugin_manager import Plugins
-from supermap_cli.protocols import Detector, Recording, Segmenter, Tracker
+from supermap_cli.protocols import Recording
 from supermap_cli.recordings.lidar_depth import SweepDepth
 from supermap_cli.timing import StageClock, StageTiming
 from supermap_cli.types.detections import Detections
@@ -41,17 +41,6 @@ from supermap_cli.version import __version__
 
 Progress = Callable[[int, int], None]
 """Called with a keyframe's stamp and the number of keyframes mapped so far."""
-
-
-@dataclass(frozen=True)
-class Backends:
-    """The plugins at work on one recording, and what they are called."""
-
-    trajectory: Trajectory
-    detector: Detector
-    segmenter: Segmenter
-    tracker: Tracker
-    names: dict[str, str]
 
 
 @dataclass
@@ -83,26 +72,6 @@ class BuildSummary:
     total_s: float
     instances: int
     warnings: tuple[str, ...]
-
-
-def choose_backends(recording: Recording, plugins: Plugins, config: BuildConfig) -> Backends:
-    """Make the backends the user named, or the most preferred ones that this recording has streams for."""
-    chosen = config.backends
-    plugins.check_options(chosen.options)
-    if chosen.odometry is None and not recording.streams & {"poses", "lidar"}:
-        next(iter(recording.poses()))  # says what is missing, and how to mend it
-    odometry = chosen.odometry or plugins.odometry.choose(recording.streams)
-    detector = chosen.detector or plugins.detectors.choose(recording.streams)
-    segmenter = chosen.segmenter or plugins.segmenters.choose(recording.streams)
-    tracker = chosen.tracker or plugins.trackers.choose(recording.streams)
-    options = chosen.options
-    return Backends(
-        Trajectory(plugins.odometry.make(odometry, options.get(odometry), recording).poses()),
-        plugins.detectors.make(detector, options.get(detector), recording),
-        plugins.segmenters.make(segmenter, options.get(segmenter), recording),
-        plugins.trackers.make(tracker, options.get(tracker), recording),
-        {"odometry": odometry, "detector": detector, "segmenter": segmenter, "tracker": tracker},
-    )
 
 
 class TraversalBuild:

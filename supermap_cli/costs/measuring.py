@@ -9,13 +9,14 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from supermap_cli.allocation import keep_freed_memory
+from supermap_cli.backends import choose_backends
 from supermap_cli.costs.filling import fill
 from supermap_cli.costs.job import BuildRun, DecodeRun, Job, Run, StagesRun
 from supermap_cli.hookspecs import RecordingRequest
 from supermap_cli.keyframe_choice import choose_keyframes
 from supermap_cli.memory.opening import open_store
 from supermap_cli.memory.store import MapStore
-from supermap_cli.pipeline import BuildSummary, TraversalBuild, choose_backends
+from supermap_cli.pipeline import BuildSummary, TraversalBuild
 from supermap_cli.plugin_manager import Plugins, load_plugins
 from supermap_cli.protocols import Recording
 from supermap_cli.recordings import open_bag_recording
