@@ -12,12 +12,19 @@ import typer
 
 from supermap_cli.commands.build import override, request
 from supermap_cli.commands.common import (
+    AlignOption,
+    BackendOption,
     CameraOption,
+    DetectorOption,
     EndOption,
     FrameOption,
     JsonOption,
+    OdometryOption,
+    RateOption,
+    SegmenterOption,
     StartOption,
     TopicOption,
+    TrackerOption,
     err,
     out,
     print_json,
@@ -53,24 +60,18 @@ def bench(  # noqa: PLR0917 - a command line has many options
     recordings: Annotated[
         list[Path], typer.Argument(help="Recordings as `supermap build` takes them; one traversal each.")
     ],
-    detector: Annotated[str | None, typer.Option(help="The detector plugin. [default: recorded, else onnx]")] = None,
-    odometry: Annotated[
-        str | None, typer.Option(help="The odometry plugin. [default: recorded, else kiss-icp]")
-    ] = None,
-    segmenter: Annotated[str | None, typer.Option(help="The segmenter plugin, for boxes without masks.")] = None,
-    tracker: Annotated[str | None, typer.Option(help="The tracker plugin.")] = None,
-    option: Annotated[
-        list[str] | None, typer.Option(metavar="BACKEND.NAME=VALUE", help="An option of a plugin; may be repeated.")
-    ] = None,
+    detector: DetectorOption = None,
+    odometry: OdometryOption = None,
+    segmenter: SegmenterOption = None,
+    tracker: TrackerOption = None,
+    option: BackendOption = None,
     topic: TopicOption = None,
     frame: FrameOption = None,
     camera: CameraOption = None,
     start: StartOption = None,
     end: EndOption = None,
-    rate: Annotated[float | None, typer.Option(help="Images mapped a second. [default: 3]")] = None,
-    align: Annotated[
-        str, typer.Option(metavar="auto|none|'X Y Z YAW'", help="How a further traversal is placed in the map.")
-    ] = "auto",
+    rate: RateOption = None,
+    align: AlignOption = "auto",
     objects: Annotated[
         str | None,
         typer.Option(metavar="N,N,...", help="Also measure mapping with so many objects in the map, e.g. 40,400."),

@@ -30,6 +30,17 @@ SCENARIOS = ("office", "office-twice", "panorama")
 MAP = "benchmark.db"
 
 
+SeedsOption = Annotated[str, typer.Option(metavar="N,N,...", help="Which worlds of each.")]
+KeepOption = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="DIR",
+        help="Where the worlds are kept, and used again if they are there already. [default: nowhere]",
+        show_default=False,
+    ),
+]
+
+
 @dataclass(frozen=True)
 class BenchmarkFigure:
     """One line of the table: its values by seed, in the order of the seeds, and their mean over the worlds that gave
@@ -62,15 +73,8 @@ def benchmark(
         list[str] | None,
         typer.Argument(metavar="SCENARIO...", help="What to simulate. [default: office office-twice panorama]"),
     ] = None,
-    seeds: Annotated[str, typer.Option(metavar="N,N,...", help="Which worlds of each.")] = "1,2,3",
-    keep: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="DIR",
-            help="Where the worlds are kept, and used again if they are there already. [default: nowhere]",
-            show_default=False,
-        ),
-    ] = None,
+    seeds: SeedsOption = "1,2,3",
+    keep: KeepOption = None,
     json: JsonOption = False,
 ) -> None:
     """Simulate worlds, build and score each, and print all figures with their means: the table in the README.

@@ -13,13 +13,20 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from supermap_cli.commands.common import (
+    AlignOption,
+    BackendOption,
     CameraOption,
     DbOption,
+    DetectorOption,
     EndOption,
     FrameOption,
     JsonOption,
+    OdometryOption,
+    RateOption,
+    SegmenterOption,
     StartOption,
     TopicOption,
+    TrackerOption,
     database_url,
     err,
     out,
@@ -58,28 +65,22 @@ def build(  # noqa: PLR0917 - a command line has many options
         typer.Argument(help="ROS 1 .bag, ROS 2 .db3 or .mcap files, or rosbag2 folders; one traversal each."),
     ],
     db: DbOption = None,
-    detector: Annotated[str | None, typer.Option(help="The detector plugin. [default: recorded, else onnx]")] = None,
-    odometry: Annotated[
-        str | None, typer.Option(help="The odometry plugin. [default: recorded, else kiss-icp]")
-    ] = None,
-    segmenter: Annotated[str | None, typer.Option(help="The segmenter plugin, for boxes without masks.")] = None,
-    tracker: Annotated[str | None, typer.Option(help="The tracker plugin.")] = None,
-    option: Annotated[
-        list[str] | None, typer.Option(metavar="BACKEND.NAME=VALUE", help="An option of a plugin; may be repeated.")
-    ] = None,
+    detector: DetectorOption = None,
+    odometry: OdometryOption = None,
+    segmenter: SegmenterOption = None,
+    tracker: TrackerOption = None,
+    option: BackendOption = None,
     topic: TopicOption = None,
     frame: FrameOption = None,
     camera: CameraOption = None,
     start: StartOption = None,
     end: EndOption = None,
-    rate: Annotated[float | None, typer.Option(help="Images mapped a second. [default: 3]")] = None,
+    rate: RateOption = None,
     perception_rate: Annotated[
         float | None,
         typer.Option(help="Images perceived a second, the others give depth. [default: all that are mapped]"),
     ] = None,
-    align: Annotated[
-        str, typer.Option(metavar="auto|none|'X Y Z YAW'", help="How a further traversal is placed in the map.")
-    ] = "auto",
+    align: AlignOption = "auto",
     name: Annotated[str | None, typer.Option(help="Name of the traversal. [default: the file's name]")] = None,
     ablate: Annotated[
         list[str] | None,

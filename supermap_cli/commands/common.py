@@ -73,3 +73,16 @@ def kept_or_temporary(keep: Path | None) -> Iterator[Path]:
 def print_json(value: object) -> None:
     """Print a JSON document on stdout."""
     typer.echo(json.dumps(value, indent=2, ensure_ascii=False, allow_nan=False))
+
+
+DetectorOption = Annotated[str | None, typer.Option(help="The detector plugin. [default: recorded, else onnx]")]
+OdometryOption = Annotated[str | None, typer.Option(help="The odometry plugin. [default: recorded, else kiss-icp]")]
+SegmenterOption = Annotated[str | None, typer.Option(help="The segmenter plugin, for boxes without masks.")]
+TrackerOption = Annotated[str | None, typer.Option(help="The tracker plugin.")]
+BackendOption = Annotated[
+    list[str] | None, typer.Option(metavar="BACKEND.NAME=VALUE", help="An option of a plugin; may be repeated.")
+]
+RateOption = Annotated[float | None, typer.Option(help="Images mapped a second. [default: 3]")]
+AlignOption = Annotated[
+    str, typer.Option(metavar="auto|none|'X Y Z YAW'", help="How a further traversal is placed in the map.")
+]

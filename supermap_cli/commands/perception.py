@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from supermap_cli.commands.benchmark import cell, parse_seeds, scored, tabulate
+from supermap_cli.commands.benchmark import KeepOption, SeedsOption, cell, parse_seeds, scored, tabulate
 from supermap_cli.commands.common import JsonOption, kept_or_temporary, out, print_json
 from supermap_cli.commands.tables import print_table
 
@@ -65,15 +65,8 @@ def perception(
     scenarios: Annotated[
         list[str] | None, typer.Argument(metavar="SCENARIO...", help="What to simulate. [default: office office-twice]")
     ] = None,
-    seeds: Annotated[str, typer.Option(metavar="N,N,...", help="Which worlds of each.")] = "1,2,3",
-    keep: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="DIR",
-            help="Where the worlds are kept, and used again if they are there already. [default: nowhere]",
-            show_default=False,
-        ),
-    ] = None,
+    seeds: SeedsOption = "1,2,3",
+    keep: KeepOption = None,
     json: JsonOption = False,
 ) -> None:
     """Build worlds with detections that come at once, up to 2 s late, at 1 Hz, and with a fifth of them dropped.
