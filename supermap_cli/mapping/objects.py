@@ -217,10 +217,14 @@ def measure_shape(voxels: VoxelMap) -> ObjectShape:
 
 
 def upright_box(points_map: FloatArray, voxel_m: float) -> Box3D:
-    """The upright box (yaw only) that fits (n, 3) voxel centres best, less what sticks out."""
+    """The upright box (yaw only) that fits (n, 3) voxel centres best, less what sticks out.
+
+    For its heading only heights are trimmed: trimmed along the map's axes, a thing that stands askew would get sides
+    along them.
+    """
     low, high = percentiles(points_map, TRIM)
     columns = points_map.T
-    inner = np.all([(low[k] <= columns[k]) & (columns[k] <= high[k]) for k in range(3)], axis=0)
+    inner = (low[2] <= columns[2]) & (columns[2] <= high[2])
     yaw = best_yaw((columns[:2, inner] if np.count_nonzero(inner) >= 3 else columns[:2]).T, voxel_m)
     axes = np.array([[np.cos(yaw), np.sin(yaw)], [-np.sin(yaw), np.cos(yaw)]])
     nearest, farthest = percentiles(points_map[:, :2] @ axes.T, TRIM)
