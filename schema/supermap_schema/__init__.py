@@ -8,5 +8,5 @@
 Importing this package imports none of them.
 """
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 """The version this program reads and writes: the number of the newest migration, and SQLite's `PRAGMA user_version`."""

@@ -16,6 +16,7 @@ from sqlalchemy import (
     Index,
     MetaData,
     UniqueConstraint,
+    text,
 )
 from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
 
@@ -51,8 +52,13 @@ class Traversal(Base):
     """One recording (or a part of it) that went into the map.
 
     `fingerprint` tells recordings apart; `config` and `versions` say how it was built; `timings` holds seconds per
-    stage and is the only volatile column of the database; `status` is "building" while a build runs (or was killed);
+    stage and is the only volatile column of the database; `status` is "building" while a build runs (or was stopped);
     `mapped_ns` is the stamp of the newest keyframe committed.
+
+    All times of a traversal are its recording's plus `clock_shift_ns`, which is 0 unless its clock says that
+    it was made before the end of what is in the map: the map's time goes forward in the order of building. Crops and
+    observations of keyframes before `crops_kept_from_ns` and `observations_kept_from_ns` were given up (`supermap db
+    vacuum`).
     """
 
     __tablename__ = "traversal"
@@ -70,6 +76,9 @@ class Traversal(Base):
     status: Mapped[str] = mapped_column(Label)
     mapped_ns: Mapped[int | None] = mapped_column(Int64)
     timings: Mapped[str | None] = mapped_column(Json)
+    clock_shift_ns: Mapped[int] = mapped_column(Int64, server_default=text("0"))
+    crops_kept_from_ns: Mapped[int | None] = mapped_column(Int64)
+    observations_kept_from_ns: Mapped[int | None] = mapped_column(Int64)
 
     __table_args__ = (
         CheckConstraint("end_ns >= start_ns", name="span"),
@@ -148,7 +157,10 @@ class Instance(Base):
 
 
 class Observation(Base):
-    """What one detection said of one instance: immutable. `hypotheses` is a JSON list of [label, score], best first."""
+    """What one detection said of one instance: immutable. `hypotheses` is a JSON list of [label, score], best first.
+
+    It goes, or its crop, only where its traversal says that such old ones were given up.
+    """
 
     __tablename__ = "observation"
 
@@ -314,5 +326,21 @@ class BeforeImage(Base):
     table_name: Mapped[str] = mapped_column(Label, primary_key=True)
     row_key: Mapped[int] = mapped_column(Int64, primary_key=True)
     content: Mapped[str] = mapped_column(Json)
+
+    __table_args__ = (STRICT,)
+
+
+class Checkpoint(Base):
+    """What a build needs to go on from the keyframe at `stamp_ns`, in parts; dropped when the build is complete.
+
+    The format of `content` stands in `supermap_cli.memory.blobs`.
+    """
+
+    __tablename__ = "checkpoint"
+
+    traversal_id: Mapped[int] = mapped_column(Int64, ForeignKey("traversal.id"), primary_key=True)
+    part: Mapped[str] = mapped_column(Label, primary_key=True)
+    stamp_ns: Mapped[int] = mapped_column(Int64)
+    content: Mapped[bytes] = mapped_column(Blob)
 
     __table_args__ = (STRICT,)

@@ -141,3 +141,30 @@ _VIEWS = (
 )
 
 OBJECTS_0001 = _IMMUTABLE_OBSERVATIONS + _DISJOINT_STATES + _STATE_BOXES + _LABEL_SEARCH + _VIEWS
+
+_GIVEN_UP_OBSERVATIONS = (
+    "DROP TRIGGER observation_is_immutable",
+    "DROP TRIGGER observation_is_kept",
+    """
+    CREATE TRIGGER observation_is_immutable BEFORE UPDATE ON observation
+    WHEN NEW.crop_jpeg IS NOT NULL OR (NEW.id, NEW.keyframe_id, NEW.instance_number, NEW.track_id, NEW.label, NEW.score,
+          NEW.u_min, NEW.v_min, NEW.u_max, NEW.v_max, NEW.x, NEW.y, NEW.z, NEW.evidence_for, NEW.evidence_against,
+          NEW.hypotheses)
+      IS NOT (OLD.id, OLD.keyframe_id, OLD.instance_number, OLD.track_id, OLD.label, OLD.score,
+          OLD.u_min, OLD.v_min, OLD.u_max, OLD.v_max, OLD.x, OLD.y, OLD.z, OLD.evidence_for, OLD.evidence_against,
+          OLD.hypotheses)
+      OR NOT EXISTS (SELECT 1 FROM keyframe JOIN traversal ON traversal.id = keyframe.traversal_id
+          WHERE keyframe.id = OLD.keyframe_id AND keyframe.stamp_ns < traversal.crops_kept_from_ns)
+    BEGIN SELECT RAISE(ABORT, 'observations are never changed'); END
+    """,
+    """
+    CREATE TRIGGER observation_is_kept BEFORE DELETE ON observation
+    WHEN EXISTS (SELECT 1 FROM keyframe JOIN traversal ON traversal.id = keyframe.traversal_id
+          WHERE keyframe.id = OLD.keyframe_id AND traversal.status = 'complete'
+          AND (traversal.observations_kept_from_ns IS NULL
+               OR keyframe.stamp_ns >= traversal.observations_kept_from_ns))
+    BEGIN SELECT RAISE(ABORT, 'observations of a complete traversal are never deleted'); END
+    """,
+)
+
+OBJECTS_0002 = _GIVEN_UP_OBSERVATIONS

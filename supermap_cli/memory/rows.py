@@ -84,6 +84,7 @@ def traversal_values(start: TraversalStart, number: int, name: str) -> Values:
         "config": to_json(start.config),
         "versions": to_json(start.versions),
         "status": "building",
+        "clock_shift_ns": int(start.clock_shift_ns),
     }
 
 
@@ -104,6 +105,9 @@ def stored_traversal(row: Row) -> StoredTraversal:
         mapped_ns=row.mapped_ns,
         timings=json.loads(row.timings or "{}"),
         keyframes=row.keyframes,
+        clock_shift_ns=row.clock_shift_ns,
+        crops_kept_from_ns=row.crops_kept_from_ns,
+        observations_kept_from_ns=row.observations_kept_from_ns,
     )
 
 

@@ -12,6 +12,7 @@ from supermap_cli.memory.rows import to_json
 from supermap_schema.models import (
     Base,
     BeforeImage,
+    Checkpoint,
     Instance,
     Keyframe,
     Observation,
@@ -58,7 +59,7 @@ def take_out(connection: Connection, traversal_id: int) -> None:
     connection.exec_driver_sql("PRAGMA defer_foreign_keys = ON")
     keyframes = select(Keyframe.id).where(Keyframe.traversal_id == traversal_id)
     connection.execute(delete(Observation).where(Observation.keyframe_id.in_(keyframes)))
-    for model in (Keyframe, TemporalEdge, SpatialEdge, Visit, State, Instance):
+    for model in (Checkpoint, Keyframe, TemporalEdge, SpatialEdge, Visit, State, Instance):
         connection.execute(delete(model).where(model.traversal_id == traversal_id))
     for table_name in _CHANGING:
         _restore(connection, traversal_id, Base.metadata.tables[table_name])

@@ -19,7 +19,8 @@ class TraversalStart:
     """What is known of a traversal when its build begins.
 
     `recording` is its path, `fingerprint` tells it from others, `T_map_odom` (4, 4) places its odometry in the map.
-    `config` and `versions` are stored as JSON. Without a `name` it gets the recording's, made unique.
+    `config` and `versions` are stored as JSON. Without a `name` it gets the recording's, made unique. Times are the
+    recording's plus `clock_shift_ns`.
     """
 
     recording: str
@@ -30,6 +31,7 @@ class TraversalStart:
     config: Mapping[str, object] = field(default_factory=dict)
     versions: Mapping[str, str] = field(default_factory=dict)
     name: str | None = None
+    clock_shift_ns: int = 0
 
     def __post_init__(self) -> None:
         check_transform("T_map_odom", self.T_map_odom)
@@ -39,7 +41,11 @@ class TraversalStart:
 
 @dataclass(frozen=True)
 class StoredTraversal:
-    """A traversal in the map. `number` counts from 1 in the order of building; `timings` is seconds per stage."""
+    """A traversal in the map. `number` counts from 1 in the order of building; `timings` is seconds per stage.
+
+    Its times are its recording's plus `clock_shift_ns`. Crops and observations of keyframes before `crops_kept_from_ns`
+    and `observations_kept_from_ns` were given up.
+    """
 
     id: int
     number: int
@@ -55,6 +61,9 @@ class StoredTraversal:
     mapped_ns: int | None
     timings: Mapping[str, float]
     keyframes: int
+    clock_shift_ns: int = 0
+    crops_kept_from_ns: int | None = None
+    observations_kept_from_ns: int | None = None
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ import kitchen
 import memories as m
 from cli import document, supermap
 from supermap_cli.errors import MemoryStoreError
+from supermap_schema import SCHEMA_VERSION
 
 
 @pytest.fixture
@@ -45,9 +46,13 @@ def test_a_broken_map_fails_the_check(db: Path) -> None:
 def test_an_older_map_is_upgraded(db: Path) -> None:
     m.run_sql(db, "PRAGMA user_version = 0")
     assert isinstance(supermap("db", "info", "--db", db).exception, MemoryStoreError)
-    assert document("db_upgrade", "db", "upgrade", "--db", db) == {"path": str(db), "before": 0, "after": 1}
+    assert document("db_upgrade", "db", "upgrade", "--db", db) == {
+        "path": str(db),
+        "before": 0,
+        "after": SCHEMA_VERSION,
+    }
     assert supermap("db", "info", "--db", db).exit_code == 0
-    assert "has version 1 already" in supermap("db", "upgrade", "--db", db).stderr
+    assert f"has version {SCHEMA_VERSION} already" in supermap("db", "upgrade", "--db", db).stderr
 
 
 @pytest.mark.parametrize("command", ["info", "check", "upgrade"])

@@ -54,7 +54,7 @@ def damaged_database(path: Path) -> None:
         (text_file, "no map database"),
         (recording, "no map database"),
         (foreign_database, "no SuperMap map"),
-        (newer_database, "newer version 2, this program knows 1"),
+        (newer_database, f"newer version {SCHEMA_VERSION + 1}, this program knows {SCHEMA_VERSION}"),
         (older_database, "older version 0.*supermap db upgrade"),
         (damaged_database, "cannot be read"),
     ],

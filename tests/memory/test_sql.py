@@ -16,6 +16,7 @@ import kitchen
 from supermap_cli.errors import MemoryStoreError, QueryError
 from supermap_cli.memory import open_store
 from supermap_cli.memory.sql import read_sql
+from supermap_schema import SCHEMA_VERSION
 
 
 @pytest.fixture
@@ -40,7 +41,7 @@ def rows(db: Path, statement: str) -> list[tuple[object, ...]]:
         ("SELECT key FROM instance AS i, json_each(label_belief) WHERE i.id = 'cup-1'", [("cup",), ("other",)]),
         ("WITH RECURSIVE n(i) AS (SELECT 1 UNION SELECT i + 1 FROM n WHERE i < 3) SELECT i FROM n", [(1,), (2,), (3,)]),
         ("SELECT name FROM pragma_table_info('current_objects') LIMIT 1", [("id",)]),
-        ("pragma user_version", [(1,)]),
+        ("pragma user_version", [(SCHEMA_VERSION,)]),
         ("SELECT 1 WHERE 0; -- nothing", []),
     ],
 )

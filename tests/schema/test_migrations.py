@@ -11,10 +11,15 @@ from sqlalchemy import Connection, create_engine, text
 
 import memories as m
 from supermap_cli.memory import open_store
+from supermap_cli.memory.checking import check
+from supermap_cli.memory.opening import upgrade_database
 from supermap_cli.types.memory import MapDelta
 from supermap_schema import SCHEMA_VERSION, sqlite
 from supermap_schema.models import Base
 from supermap_schema.upgrading import alembic_config, upgrade
+
+CLAUSES = re.compile(r"\n|, (?=\w+ (?:INTEGER|TEXT|REAL|BLOB)\b)")
+"""Between columns and constraints; SQLite writes a column that was added later onto the last line."""
 
 
 def tables(connection: Connection) -> dict[str, set[str]]:
@@ -23,7 +28,7 @@ def tables(connection: Connection) -> dict[str, set[str]]:
     names = {f"table {table.name}" for table in Base.metadata.sorted_tables}
     names |= {f"index {index.name}" for table in Base.metadata.sorted_tables for index in table.indexes}
     return {
-        name: {re.sub(r"\s+", " ", line).strip(" ,") for line in sql.splitlines()}
+        name: {re.sub(r"\s+", " ", clause).strip(" ,") for clause in CLAUSES.split(sql) if clause.strip()}
         for name, sql in found
         if name in names
     }
@@ -88,3 +93,43 @@ def memory(tmp_path: Path) -> Path:
 def test_the_database_answers_in_plain_sql(memory: Path, sql: str, expected: list[object]) -> None:
     with open_store(str(memory), read_only=True) as store, store.reader() as reader:
         assert list(reader.connection.execute(text(sql)).scalars()) == expected
+
+
+RELEASES = sorted((Path(__file__).parent / "releases").glob("version_*.sql"))
+
+
+@pytest.fixture(params=RELEASES, ids=lambda path: path.stem)
+def released(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
+    """A database as a former release made it."""
+    path = tmp_path / "map.db"
+    m.run_sql(path, request.param.read_text())
+    return path
+
+
+def test_a_memory_of_an_earlier_release_is_lifted_and_goes_on(released: Path) -> None:
+    before, after = upgrade_database(str(released))
+    assert before < after == SCHEMA_VERSION
+    with open_store(str(released), read_only=True) as store, store.reader() as reader:
+        assert check(reader) == []
+        assert [each.name for each in reader.traversals] == ["monday", "tuesday", "wednesday"]
+        assert {each.id for each in reader.instances} >= {"chair-1", "dining-table-1", "potted-plant-1"}
+    with open_store(str(released)) as store:
+        store.take_out_unfinished()
+        m.add_traversal(store, "thursday", (300, 310), MapDelta(keyframes=(m.keyframe(301),)))
+    with open_store(str(released), read_only=True) as store, store.reader() as reader:
+        assert check(reader) == []
+        assert [each.name for each in reader.traversals] == ["monday", "tuesday", "thursday"]
+        assert {each.label for each in reader.instances} == {"chair", "dining table", "potted plant"}
+
+
+def test_a_lifted_memory_has_what_a_new_one_has(released: Path) -> None:
+    upgrade_database(str(released))
+    with create_engine(f"sqlite:///{released}").connect() as connection:
+        lifted = tables(connection)
+    with create_engine("sqlite://").connect() as connection:
+        upgrade(connection)
+        assert lifted == tables(connection)
+
+
+def test_a_memory_of_every_earlier_version_is_kept() -> None:
+    assert [path.stem for path in RELEASES] == [f"version_{n}" for n in range(1, SCHEMA_VERSION)]
