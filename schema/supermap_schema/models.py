@@ -245,6 +245,7 @@ class Visit(Base):
     last_support_ns: Mapped[int | None] = mapped_column(Int64)
 
     __table_args__ = (
+        Index(None, "instance_number", "traversal_id"),
         CheckConstraint("supported >= 0 AND in_view >= 0 AND contradicted >= 0", name="counts"),
         CheckConstraint("last_support_ns >= first_support_ns", name="support"),
         STRICT,

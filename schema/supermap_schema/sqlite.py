@@ -5,6 +5,8 @@ A migration creates the objects of its own version (`OBJECTS_0001`, ...); once r
 
 from __future__ import annotations
 
+from supermap_schema.views import Words, views_0002
+
 APPLICATION_ID = 0x534D4150
 """`PRAGMA application_id` of a SuperMap database, "SMAP": tells it from any other SQLite file."""
 
@@ -167,4 +169,20 @@ _GIVEN_UP_OBSERVATIONS = (
     """,
 )
 
-OBJECTS_0002 = _GIVEN_UP_OBSERVATIONS
+_WORDS = Words(
+    utc=lambda column: (
+        f"strftime('%Y-%m-%dT%H:%M:%S', {column} / 1000000000, 'unixepoch') "
+        f"|| '.' || ({column} / 100000000 % 10) || 'Z'"
+    ),
+    seconds=lambda span: f"CASE WHEN {span} IS NOT NULL THEN printf('%.1f s', ({span}) / 1e9) END",
+    rounded=lambda value: f"round({value}, 3)",
+    element=lambda transform, row, column: f"json_extract({transform}, '$[{row}][{column}]')",
+    joined=lambda text, _: f"group_concat({text}, ', ')",
+)
+
+_READABLE_VIEWS = (
+    *(f"DROP VIEW {name}" for name in ("current_objects", "object_history", "changes", "trajectory")),
+    *views_0002(_WORDS),
+)
+
+OBJECTS_0002 = _GIVEN_UP_OBSERVATIONS + _READABLE_VIEWS

@@ -29,6 +29,7 @@ def upgrade() -> None:
         sa.ForeignKeyConstraint(["traversal_id"], ["traversal.id"], name=op.f("fk_checkpoint_traversal_id")),
         sqlite_strict=True,
     )
+    op.create_index(op.f("ix_visit_instance_number_traversal_id"), "visit", ["instance_number", "traversal_id"])
     if op.get_bind().dialect.name == "sqlite":
         for statement in sqlite.OBJECTS_0002:
             op.execute(statement)

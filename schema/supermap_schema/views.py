@@ -1,0 +1,162 @@
+"""The views for people, in SQL that every database understands; the few words that differ are given by each.
+
+Times stand twice: as nanoseconds (`*_ns`) to reckon with, and under the same name without `_ns` as the program prints
+them: UTC, or seconds since the start of the map where its clocks were never set. Numbers of instances and traversals
+are their names. Metres, radians and shares are rounded to thousandths; the tables hold them whole. What a version made
+is never edited once released (the first version's views stand in `sqlite`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+WALL_TIME_NS = 946_684_800 * 10**9
+"""2000-01-01: before it lie the stamps of clocks that were never set."""
+
+VIEW_NAMES = ("current_objects", "object_history", "changes", "relations", "trajectory")
+
+
+@dataclass(frozen=True)
+class Words:
+    """What databases say differently.
+
+    `utc` makes a column of nanoseconds "2026-01-05T09:00:00.0Z", `seconds` an expression in nanoseconds "12.3 s".
+    `rounded` rounds to thousandths. `element` is (text of a transform, row, column). `joined` lists an expression's
+    texts with commas: (expression, order). NULL gives NULL everywhere.
+    """
+
+    utc: Callable[[str], str]
+    seconds: Callable[[str], str]
+    rounded: Callable[[str], str]
+    element: Callable[[str, int, int], str]
+    joined: Callable[[str, str], str]
+
+    def time(self, column: str, name: str | None = None) -> str:
+        """A column `<name>_ns` as the text column `<name>`, or under another name."""
+        origin = "(SELECT min(start_ns) FROM traversal)"
+        name = name or column.rpartition(".")[2].removesuffix("_ns")
+        return (
+            f"CASE WHEN {origin} >= {WALL_TIME_NS} THEN {self.utc(column)} "
+            f"ELSE {self.seconds(f'{column} - {origin}')} END AS {name}"
+        )
+
+    def reals(self, *columns: str) -> str:
+        """Columns rounded, under their own names; or under another one, given as "column AS name"."""
+        pairs = ((column.partition(" AS ")[0], column.rpartition(" AS ")[2].rpartition(".")[2]) for column in columns)
+        return ", ".join(f"{self.rounded(column)} AS {name}" for column, name in pairs)
+
+
+def views_0002(words: Words) -> tuple[str, ...]:
+    """The statements that make the views of the second version; no view of these names may be there."""
+    return (
+        _current_objects(words),
+        _object_history(words),
+        _changes(words),
+        _relations(words),
+        _trajectory(words),
+    )
+
+
+def _current_objects(words: Words) -> str:
+    """One row for every present object; `since` is when it was first seen where it stands."""
+    return f"""
+    CREATE VIEW current_objects AS
+    SELECT instance.id, instance.label, {words.reals("state.confidence")},
+           {words.reals("instance.x", "instance.y", "instance.z")},
+           {words.reals("instance.size_x", "instance.size_y", "instance.size_z", "instance.yaw")},
+           (SELECT {words.joined("edge.relation || ' ' || other.id", "edge.id")}
+            FROM spatial_edge AS edge JOIN instance AS other ON other.number = edge.object_number
+            WHERE edge.subject_number = instance.number AND edge.until_ns IS NULL
+            AND edge.relation <> 'near') AS stands,
+           {words.time("instance.first_seen_ns")}, {words.time("instance.last_seen_ns")},
+           {words.time("state.first_seen_ns", "since")},
+           first_traversal.name AS first_traversal,
+           (SELECT traversal.name FROM visit JOIN traversal ON traversal.id = visit.traversal_id
+            WHERE visit.instance_number = instance.number AND visit.supported > 0
+            ORDER BY visit.traversal_id DESC LIMIT 1) AS last_traversal,
+           instance.observations, instance.first_seen_ns, instance.last_seen_ns, state.first_seen_ns AS since_ns
+    FROM instance JOIN traversal AS first_traversal ON first_traversal.id = instance.traversal_id
+    LEFT JOIN state ON state.instance_number = instance.number AND state.state_index =
+        (SELECT max(newest.state_index) FROM state AS newest WHERE newest.instance_number = instance.number)
+    WHERE instance.presence = 'present' AND instance.merged_into IS NULL
+    """  # noqa: S608 - all of it stands in this file
+
+
+def _object_history(words: Words) -> str:
+    """One row for every state of every object: where it stood from when to when.
+
+    `presence` is the object's in its newest state, "ended" in those before, "merged" where it turned out to be a part
+    of `merged_into`; `moved_m` is how far it had come.
+    """
+    return f"""
+    CREATE VIEW object_history AS
+    SELECT instance.id, state.state_index, state.label,
+           CASE WHEN instance.merged_into IS NOT NULL THEN 'merged'
+                WHEN state.state_index = (SELECT max(newest.state_index) FROM state AS newest
+                                          WHERE newest.instance_number = state.instance_number)
+                THEN instance.presence ELSE 'ended' END AS presence,
+           {words.reals("state.confidence", "state.x", "state.y", "state.z")},
+           (SELECT {words.rounded("max(edge.distance_m)")} FROM temporal_edge AS edge
+            WHERE edge.to_number = state.instance_number AND edge.to_state = state.state_index
+            AND edge.kind = 'moved') AS moved_m,
+           {words.time("state.empty_before_ns")}, {words.time("state.first_seen_ns")},
+           {words.time("state.last_seen_ns")}, {words.time("state.gone_ns")},
+           traversal.name AS first_traversal,
+           (SELECT survivor.id FROM instance AS survivor WHERE survivor.number = instance.merged_into) AS merged_into,
+           state.empty_before_ns, state.first_seen_ns, state.last_seen_ns, state.gone_ns
+    FROM state JOIN instance ON instance.number = state.instance_number
+    JOIN traversal ON traversal.id = state.traversal_id
+    ORDER BY state.instance_number, state.state_index
+    """  # noqa: S608 - all of it stands in this file
+
+
+def _changes(words: Words) -> str:
+    """One row for everything that happened, from where to where, and between which two times.
+
+    `from_id` and `to_id` differ where two objects have to do with one another: merged, split, candidate.
+    """
+    return f"""
+    CREATE VIEW changes AS
+    SELECT edge.kind, target.id, target.label,
+           {words.reals("before.x AS from_x", "before.y AS from_y", "before.z AS from_z")},
+           {words.reals("after.x AS to_x", "after.y AS to_y", "after.z AS to_z", "edge.distance_m")},
+           {words.time("edge.not_before_ns")}, {words.time("edge.not_after_ns")},
+           traversal.name AS traversal, {words.reals("edge.probability")},
+           source.id AS from_id, edge.from_state, target.id AS to_id, edge.to_state,
+           edge.not_before_ns, edge.not_after_ns
+    FROM temporal_edge AS edge JOIN instance AS source ON source.number = edge.from_number
+    JOIN instance AS target ON target.number = edge.to_number
+    JOIN traversal ON traversal.id = edge.traversal_id
+    LEFT JOIN state AS before ON before.instance_number = edge.from_number AND before.state_index = edge.from_state
+    LEFT JOIN state AS after ON after.instance_number = edge.to_number AND after.state_index = edge.to_state
+        AND edge.kind <> 'disappeared'
+    WHERE edge.kind <> 'persisted'
+    ORDER BY edge.not_after_ns, edge.id
+    """  # noqa: S608 - all of it stands in this file
+
+
+def _relations(words: Words) -> str:
+    """One row for every relation and the time in which it held; `until` is empty while it does."""
+    return f"""
+    CREATE VIEW relations AS
+    SELECT subject.id AS subject, edge.relation, object.id AS object,
+           subject.label AS subject_label, object.label AS object_label,
+           {words.time("edge.since_ns")}, {words.time("edge.until_ns")},
+           {words.reals("edge.confidence")}, traversal.name AS traversal, edge.since_ns, edge.until_ns
+    FROM spatial_edge AS edge JOIN instance AS subject ON subject.number = edge.subject_number
+    JOIN instance AS object ON object.number = edge.object_number
+    JOIN traversal ON traversal.id = edge.traversal_id
+    """  # noqa: S608 - all of it stands in this file
+
+
+def _trajectory(words: Words) -> str:
+    """One row for every keyframe: where the robot was."""
+    place = (f"{words.element('keyframe.T_map_base', row, 3)} AS {axis}" for row, axis in enumerate("xyz"))
+    return f"""
+    CREATE VIEW trajectory AS
+    SELECT traversal.name AS traversal, {words.time("keyframe.stamp_ns", "at")},
+           {words.reals(*place)}, keyframe.stamp_ns
+    FROM keyframe JOIN traversal ON traversal.id = keyframe.traversal_id
+    ORDER BY traversal.number, keyframe.stamp_ns
+    """  # noqa: S608 - all of it stands in this file
