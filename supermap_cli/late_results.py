@@ -82,9 +82,13 @@ class Lateness:
 
 @dataclass
 class LateResults:
-    """Plays a detector that takes its time; `lost` counts the results that never came, `too_late` those in vain."""
+    """Plays a detector that takes its time; `lost` counts the results that never came, `too_late` those in vain.
+
+    Keyframes' stamps are the recording's plus `clock_shift_ns`; what is drawn for an image does not depend on that.
+    """
 
     config: PerceptionConfig
+    clock_shift_ns: int = 0
     lost: int = 0
     too_late: int = 0
 
@@ -99,11 +103,11 @@ class LateResults:
             now_ns = keyframe.stamp_ns
             lag.expect(now_ns, keyframe, awaited=detections is not None)
             if detections is not None:
-                arrival_ns = lateness.arrival_ns(now_ns)
+                arrival_ns = lateness.arrival_ns(now_ns - self.clock_shift_ns)
                 if arrival_ns is None:
                     self.lost += 1
                 else:
-                    heapq.heappush(coming, (arrival_ns, now_ns, detections))
+                    heapq.heappush(coming, (arrival_ns + self.clock_shift_ns, now_ns, detections))
             yield from self._at(now_ns, lag, coming)
         while coming:
             yield from self._at(coming[0][0], lag, coming)

@@ -32,6 +32,7 @@ from supermap_cli.placing import Placement, place_traversal
 from supermap_cli.plugin_manager import Plugins
 from supermap_cli.protocols import Recording
 from supermap_cli.recordings.lidar_depth import SweepDepth
+from supermap_cli.time_order import TimeShift, follow_in_time
 from supermap_cli.timing import StageClock, StageTiming
 from supermap_cli.types.detections import Detections
 from supermap_cli.types.keyframe import Keyframe
@@ -40,7 +41,7 @@ from supermap_cli.types.sensing import CameraFrame
 from supermap_cli.version import __version__
 
 Progress = Callable[[int, int], None]
-"""Called with a keyframe's stamp and the number of keyframes mapped so far."""
+"""Called with a keyframe's stamp in the recording and the number of keyframes mapped so far."""
 
 
 @dataclass
@@ -60,7 +61,9 @@ class Tally:
 
 @dataclass(frozen=True)
 class BuildSummary:
-    """What one build did. `total_s` is less than the stages' sum: perception runs ahead beside mapping."""
+    """What one build did. `total_s` is less than the stages' sum: perception runs ahead beside mapping. Times in the
+    map are the recording's plus `clock_shift_ns`.
+    """
 
     traversal_id: int
     traversal: str
@@ -72,6 +75,7 @@ class BuildSummary:
     total_s: float
     instances: int
     warnings: tuple[str, ...]
+    clock_shift_ns: int = 0
 
 
 class TraversalBuild:
@@ -103,6 +107,7 @@ class TraversalBuild:
         self.backends = choose_backends(recording, plugins, config)
         self.viewers = [each for each in plugins.working if "keyframe_mapped" in each.hooks]
         self.late = LateResults(config.perception)
+        self.time = TimeShift()
         self.warnings: list[str] = []
         self.nodes: dict[int, GraphNode] = {}
 
@@ -149,18 +154,18 @@ class TraversalBuild:
     # -- before the first frame
 
     def _check_it_can_follow(self, name: str | None) -> None:
-        """Before any work: what a killed build left goes, a recording enters once, and time goes forward."""
+        """Before any work: what a killed build left goes, a recording enters once, and the map's time goes forward."""
         for killed in self.store.take_out_unfinished():
             self.warnings.append(f"the build of {killed!r} had been killed: what it had written was taken out")
         where = str(self.recording.path)
         self.store.check_is_new(where, self.recording.fingerprint(), name)
-        for each in self.store.traversals():
-            if each.mapped_ns is not None and each.mapped_ns > self.recording.start_ns:
-                raise RecordingError(
-                    f"it was recorded before the end of traversal {each.name!r}, which is in the map already",
-                    where=where,
-                    cure="build recordings in the order in which they were recorded, into a new --db",
-                )
+        self._go_on_in_time(follow_in_time(self.recording, name or self.recording.path.stem, self.store.traversals()))
+
+    def _go_on_in_time(self, time: TimeShift) -> None:
+        """From here on keyframes have the map's time, the recording's own plus a shift; all before them has its own."""
+        self.time, self.late.clock_shift_ns = time, time.shift_ns
+        if time.warning is not None:
+            self.warnings.append(time.warning)
 
     def _place(self, align: str) -> Placement:
         with self.clock.stage("place"):
@@ -170,12 +175,13 @@ class TraversalBuild:
         start = TraversalStart(
             recording=str(self.recording.path),
             fingerprint=self.recording.fingerprint(),
-            start_ns=self.recording.start_ns,
-            end_ns=self.recording.end_ns,
+            start_ns=self.recording.start_ns + self.time.shift_ns,
+            end_ns=self.recording.end_ns + self.time.shift_ns,
             T_map_odom=placement.T_map_odom,
             config={**self.config.model_dump(mode="json"), "used": self.backends.names, "placed": placement.method},
             versions={"supermap": __version__},
             name=name,
+            clock_shift_ns=self.time.shift_ns,
         )
         return self.store.begin_traversal(start)
 
@@ -228,7 +234,7 @@ class TraversalBuild:
                     frame = sweeps.complete(frame)
             with self.clock.stage("drift"):
                 T_map_base = self._without_drift(frame, placement.T_map_odom @ T_odom_base)
-            yield frame, place_frame(frame, T_map_base)
+            yield frame, place_frame(frame, T_map_base, self.time.shift_ns)
 
     def _without_drift(self, frame: CameraFrame, T_map_base: FloatArray) -> FloatArray:
         """The base's place after what the odometry has left the map by."""
@@ -261,7 +267,7 @@ class TraversalBuild:
             records.append(self._map(keyframe, detections, edges))
             self.tally.keyframes += 1
             if progress is not None:
-                progress(keyframe.stamp_ns, self.tally.keyframes)
+                progress(keyframe.stamp_ns - self.time.shift_ns, self.tally.keyframes)
             if len(records) == self.config.keyframes.batch:
                 yield self._take_batch(records, edges)
                 records, edges = [], {}
@@ -391,6 +397,7 @@ class TraversalBuild:
             total_s,
             len(standing),
             tuple(warnings),
+            self.time.shift_ns,
         )
 
 
@@ -402,12 +409,12 @@ def _node(standing: MapObject, before: GraphNode | None) -> GraphNode:
     return GraphNode(standing.number, label, shape.box, shape.points)
 
 
-def place_frame(frame: CameraFrame, T_map_base: FloatArray) -> Keyframe:
-    """A camera frame with depth, placed in the map."""
+def place_frame(frame: CameraFrame, T_map_base: FloatArray, clock_shift_ns: int = 0) -> Keyframe:
+    """A camera frame with depth, placed in the map and in its time."""
     if frame.depth_m is None:
         raise ValueError("a keyframe needs depth")
     return Keyframe(
-        frame.stamp_ns,
+        frame.stamp_ns + clock_shift_ns,
         frame.rgb,
         frame.depth_m,
         frame.camera,

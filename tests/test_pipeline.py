@@ -215,12 +215,56 @@ def test_the_same_recording_twice_is_refused(store: MapStore) -> None:
     assert len(store.traversals()) == 1
 
 
-def test_a_recording_from_before_what_is_in_the_map_is_refused(store: MapStore, tmp_path: Path) -> None:
+def test_a_recording_from_before_what_is_in_the_map_follows_in_the_order_given(store: MapStore) -> None:
     build(store, tuesday(s.TABLE))
-    before = contents(tmp_path / "map.db")
-    with pytest.raises(RecordingError, match="before the end of traversal 'tuesday'"):
-        build(store, monday())
-    assert contents(tmp_path / "map.db") == before
+    summary = build(store, monday())
+    first, second = store.traversals()
+    assert summary.clock_shift_ns == second.clock_shift_ns > DAY_S * 1e9
+    assert first.clock_shift_ns == 0
+    assert second.start_ns == monday().start_ns + second.clock_shift_ns > first.end_ns
+    assert second.end_ns == monday().end_ns + second.clock_shift_ns
+    assert [
+        each for each in summary.warnings if "monday's clock starts before tuesday's end: the order given is" in each
+    ]
+    stamps_ns = [each.stamp_ns - second.clock_shift_ns for each in store.keyframe_depths([second.id])]
+    assert stamps_ns == [s.ns(i / 3) for i in range(6)]
+    assert {each.label for each in store.load_instances()} == {"dining table", "cup"}
+
+
+def test_the_map_does_not_depend_on_how_a_clock_is_shifted(tmp_path: Path) -> None:
+    """After a night, after a recording that is older, and after one that is newer: the same but for the times."""
+
+    def second_after(start_s: float, path: Path) -> list[tuple[object, ...]]:
+        first = f.FakeRecording(f.film((*s.ROOM, s.TABLE, s.CUP.at(1.8, -0.4)), start_s=start_s), Path("first.fake"))
+        with open_store(str(path), create=True) as store:
+            build(store, first)
+            summary = build(store, monday(), config=f.config(perception={"delay_s": 0.4, "dropped": 0.3}))
+            since_ns = store.traversals()[1].start_ns
+            assert (summary.clock_shift_ns > 0) is (start_s > -60)
+            assert len(store.load_states()) == 3
+            return [
+                *(
+                    (each.number, each.label, each.existence_log_odds, each.last_seen_ns - since_ns, each.presence)
+                    for each in store.load_instances()
+                ),
+                *((tuple(each.voxels.log_odds), tuple(each.centroid_map)) for each in store.load_instances()),
+                *(
+                    (each.object_number, each.index, each.gone_ns and each.gone_ns - since_ns, tuple(each.centroid_map))
+                    for each in store.load_states()
+                ),
+                *((each.subject, each.relation, each.object) for each in store.load_spatial_edges()),
+            ]
+
+    night = second_after(-DAY_S, tmp_path / "night.db")
+    assert second_after(0, tmp_path / "same.db") == night
+    assert second_after(1000 * DAY_S, tmp_path / "later.db") == night
+
+
+def test_a_recording_built_in_parts_keeps_its_times(store: MapStore) -> None:
+    build(store, f.FakeRecording(f.film(KITCHEN)[:6]), name="one")
+    summary = build(store, f.FakeRecording(f.film(KITCHEN)[6:], Path("two.fake")))
+    assert summary.clock_shift_ns == 0
+    assert not summary.warnings
 
 
 def test_a_name_may_be_given_and_a_place(store: MapStore) -> None:

@@ -307,6 +307,7 @@ def summary_json(summary: BuildSummary) -> dict[str, object]:
         "labels": summary.tally.labels,
         "recorded_s": summary.recorded_s,
         "total_s": summary.total_s,
+        "clock_shift_ns": summary.clock_shift_ns,
         "placed": summary.placement.method,
         "backends": summary.backends,
         "warnings": list(summary.warnings),

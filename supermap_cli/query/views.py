@@ -95,7 +95,7 @@ class InstanceView:
 
 @dataclass(frozen=True)
 class TraversalView:
-    """One traversal."""
+    """One traversal. Its times are its recording's own plus `clock_shift_ns`."""
 
     number: int
     name: str
@@ -103,6 +103,7 @@ class TraversalView:
     status: str
     start_ns: int
     end_ns: int
+    clock_shift_ns: int
     keyframes: int
     timings_s: dict[str, float] = field(default_factory=dict)
 
@@ -157,6 +158,7 @@ def traversal_view(traversal: StoredTraversal) -> TraversalView:
         status=traversal.status,
         start_ns=traversal.start_ns,
         end_ns=traversal.end_ns,
+        clock_shift_ns=traversal.clock_shift_ns,
         keyframes=traversal.keyframes,
         timings_s=dict(traversal.timings),
     )
