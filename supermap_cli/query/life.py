@@ -123,7 +123,7 @@ def history(reader: MapReader, text_id: str) -> History:
     """The life of one instance. Raises `QueryError` for an id that there never was."""
     instance = _find(reader, text_id)
     names = {each.id: each.name for each in reader.traversals}
-    seen = Counter(each.traversal_id for each in reader.observations(instance))
+    seen = Counter(each.traversal_id for each in reader.sightings(instance))
     return History(
         id=instance.id,
         asked_id=text_id,
@@ -172,8 +172,10 @@ def _summary(reader: MapReader, instance: StoredInstance) -> InstanceView:
 
 def _relations(reader: MapReader, instance: StoredInstance) -> tuple[RelationView, ...]:
     """The stored relations that still hold; one that is stored both ways is told from this instance's side."""
-    held = {(edge.subject, edge.relation, edge.object) for edge in reader.spatial_edges if edge.until_ns is None}
-    boxes = {each.number: each.box for each in reader.instances}
+    edges = reader.edges_of([instance.number], open_only=True)
+    held = {(edge.subject, edge.relation, edge.object) for edge in edges}
+    ends = {number for edge in edges for number in (edge.subject, edge.object)}
+    boxes = {each.number: each.box for each in reader.instances_of(ends)}
     return tuple(
         RelationView(
             name=edge.relation,
@@ -186,10 +188,7 @@ def _relations(reader: MapReader, instance: StoredInstance) -> tuple[RelationVie
             distance_m=round(box_distance_m(boxes[edge.subject], boxes[edge.object]), 4),
             confidence=round(edge.confidence, 4),
         )
-        for edge in reader.spatial_edges
-        if edge.until_ns is None
-        and (
-            edge.subject == instance.number
-            or (edge.object == instance.number and (edge.object, edge.relation, edge.subject) not in held)
-        )
+        for edge in edges
+        if edge.subject == instance.number
+        or (edge.object == instance.number and (edge.object, edge.relation, edge.subject) not in held)
     )

@@ -13,7 +13,7 @@ import numpy as np
 from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.geometry.boxes import Box3D
 from supermap_cli.memory.reading import MapReader
-from supermap_cli.memory.values import ObservationRef, StoredInstance, StoredTraversal
+from supermap_cli.memory.values import Sighting, StoredInstance, StoredTraversal
 from supermap_cli.types.memory import Presence, StateRecord, TemporalEdge
 
 Vector = tuple[float, float, float]
@@ -188,7 +188,7 @@ def evidence_view(
     """What was seen of an instance within the given spans of time (and traversals), and how its place was looked at."""
     seen = [
         each
-        for each in reader.observations(instance)
+        for each in reader.sightings(instance)
         if any(low <= each.stamp_ns <= high for low, high in spans)
         and (traversal_ids is None or each.traversal_id in traversal_ids)
     ]
@@ -204,7 +204,7 @@ def evidence_view(
     )
 
 
-def telling_observations(seen: list[ObservationRef]) -> list[ObservationRef]:
+def telling_observations(seen: list[Sighting]) -> list[Sighting]:
     """The first, the last and the best-scored observations, in the order of time, at most `SAMPLE`."""
     if len(seen) <= SAMPLE:
         return seen
