@@ -38,6 +38,14 @@ FrameOption = Annotated[
 CameraOption = Annotated[str | None, typer.Option(help="Force a camera model: equirectangular.")]
 StartOption = Annotated[float | None, typer.Option(help="Start, in seconds from the recording's beginning.")]
 EndOption = Annotated[float | None, typer.Option(help="End, in seconds from the recording's beginning.")]
+AtOption = Annotated[
+    str | None,
+    typer.Option(
+        "--at",
+        metavar="TIME|TRAVERSAL",
+        help="As of a time ('10:21', '2026-01-05T10:21:00Z', '12 s', 'earlier') or a traversal's end ('monday').",
+    ),
+]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON by the published schema instead of a table.")]
 
 

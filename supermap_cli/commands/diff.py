@@ -43,7 +43,7 @@ def diff(
     from supermap_cli.memory import open_store  # noqa: PLC0415 - keeps start-up light
     from supermap_cli.query.clock import clock_of  # noqa: PLC0415
     from supermap_cli.query.diff import diff as compare  # noqa: PLC0415
-    from supermap_cli.query.moments import find_traversal  # noqa: PLC0415
+    from supermap_cli.query.instants import find_traversal  # noqa: PLC0415
     from supermap_cli.query.views import to_document  # noqa: PLC0415
 
     with open_store(database_url(db), read_only=True) as store, store.reader() as reader:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from supermap_cli.commands.common import DbOption, JsonOption, database_url, out, print_json
+from supermap_cli.commands.common import AtOption, DbOption, JsonOption, database_url, out, print_json
 from supermap_cli.commands.tables import evidence_text, position_text, print_table, size_text
 
 if TYPE_CHECKING:
@@ -23,6 +23,8 @@ Examples:
     supermap query how many cups
 
     supermap query "cup on the table in monday" --json
+
+    supermap query "how many chairs" --at 10:21
 """
 
 
@@ -33,6 +35,7 @@ def register(app: typer.Typer) -> None:
 
 def query(
     text: Annotated[list[str], typer.Argument(metavar="TEXT", help="e.g. 'cup on the table', 'how many chairs'")],
+    at: AtOption = None,
     db: DbOption = None,
     json: JsonOption = False,
 ) -> None:
@@ -48,7 +51,7 @@ def query(
     from supermap_cli.query.views import to_document  # noqa: PLC0415
 
     with open_store(database_url(db), read_only=True) as store, store.reader() as reader:
-        found = answer(" ".join(text), reader)
+        found = answer(" ".join(text), reader, at)
         clock = clock_of(reader)
     if json:
         print_json(to_document(found))

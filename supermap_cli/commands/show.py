@@ -6,12 +6,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from supermap_cli.commands.common import DbOption, JsonOption, database_url, out, print_json
+from supermap_cli.commands.common import AtOption, DbOption, JsonOption, database_url, out, print_json
 from supermap_cli.commands.tables import evidence_text, position_text, print_table, size_text
 
 if TYPE_CHECKING:
     from supermap_cli.query.clock import Clock
-    from supermap_cli.query.life import ObjectDetails, Overview
+    from supermap_cli.query.details import ObjectDetails
+    from supermap_cli.query.overview import Overview
     from supermap_cli.query.views import TraversalView
 
 
@@ -21,6 +22,10 @@ Examples:
     supermap show
 
     supermap show chair-1 --db office.db
+
+    supermap show --at 10:21
+
+    supermap show chair-1 --at monday
 """
 
 
@@ -31,21 +36,34 @@ def register(app: typer.Typer) -> None:
 
 def show(
     text_id: Annotated[str | None, typer.Argument(metavar="ID", help="an object's id, e.g. chair-7")] = None,
+    at: AtOption = None,
     db: DbOption = None,
     json: JsonOption = False,
 ) -> None:
-    """Show all current objects, or everything about one."""
+    """Show all current objects, or everything about one; with --at, as it was at a time.
+
+    What was last seen before that time and found gone after it is "unknown": nobody can say when it left.
+    """
     from supermap_cli.memory import open_store  # noqa: PLC0415 - keeps start-up light
-    from supermap_cli.query import life  # noqa: PLC0415
     from supermap_cli.query.clock import clock_of  # noqa: PLC0415
+    from supermap_cli.query.details import details, details_at  # noqa: PLC0415
+    from supermap_cli.query.instants import instant_of  # noqa: PLC0415
+    from supermap_cli.query.overview import Overview, overview, overview_at  # noqa: PLC0415
     from supermap_cli.query.views import to_document  # noqa: PLC0415
 
     with open_store(database_url(db), read_only=True) as store, store.reader() as reader:
         clock = clock_of(reader)
-        shown = life.overview(reader) if text_id is None else life.details(reader, text_id)
+        shown: Overview | ObjectDetails
+        if at is None:
+            shown = overview(reader) if text_id is None else details(reader, text_id)
+        else:
+            instant = instant_of(at, reader, clock)
+            shown = (
+                overview_at(reader, instant, clock) if text_id is None else details_at(reader, text_id, instant, clock)
+            )
     if json:
         print_json(to_document(shown))
-    elif isinstance(shown, life.Overview):
+    elif isinstance(shown, Overview):
         _print_overview(shown, clock)
     else:
         _print_details(shown, clock)
@@ -66,10 +84,16 @@ def _print_overview(shown: Overview, clock: Clock) -> None:
         for each in shown.instances
     ]
     columns = ("id", "label", "position (m)", "size (m)", "confidence#", "last seen", "observations#")
-    print_table(console, f"{len(shown.instances)} objects", columns, rows)
+    when = "" if shown.as_of is None else f" as of {shown.as_of}"
+    print_table(console, f"{len(shown.instances)} objects{when}", columns, rows)
     if shown.counts:
         console.print(", ".join(f"{count} {label}" for label, count in shown.counts.items()), markup=False)
-    if shown.absent:
+    if shown.unknown:
+        told = [(each.id, position_text(each.position), each.standing.words) for each in shown.unknown if each.standing]
+        print_table(console, f"{len(told)} of which nobody can say", ("id", "position (m)", "why"), told)
+    if shown.absent and shown.as_of is not None:
+        console.print(f"{shown.absent} more had left by then, or came later", markup=False)
+    elif shown.absent:
         console.print(f"{shown.absent} more stood there once: see `supermap diff`", markup=False)
     print_traversals(shown.traversals, clock)
 
@@ -102,6 +126,7 @@ def _print_details(shown: ObjectDetails, clock: Clock) -> None:
         ("id", shown.id),
         ("label", ", ".join(f"{label} {share:.0%}" for label, share in beliefs)),
         ("presence", f"{shown.presence} (log-odds {shown.existence_log_odds:.1f})"),
+        *([] if shown.standing is None else [(f"as of {shown.as_of}", shown.standing.words)]),
         ("position (m)", position_text(shown.position)),
         ("size (m)", f"{size_text(shown.box)}, yaw {shown.box.yaw:.2f} rad"),
         ("seen", clock.span(shown.first_seen_ns, shown.last_seen_ns)),

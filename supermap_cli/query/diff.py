@@ -16,7 +16,7 @@ import numpy as np
 from supermap_cli.errors import QueryError
 from supermap_cli.memory.reading import MapReader
 from supermap_cli.memory.values import ObservationRef, StoredInstance, StoredTraversal
-from supermap_cli.query.moments import find_traversal
+from supermap_cli.query.instants import find_traversal
 from supermap_cli.query.views import (
     EvidenceView,
     TraversalView,
@@ -115,8 +115,7 @@ def diff(reader: MapReader, first: str | None = None, second: str | None = None)
     """
     before, after = _choose(reader, first, second)
     comparison = Comparison(reader, before, after)
-    seen = reader.instances_of(reader.supported_in([before.id, after.id]))
-    things = (each for each in seen if each.presence != "doubted" and each.label not in ANIMATE)
+    things = (each for each in reader.believed if each.label not in ANIMATE)
     found = [change for each in things if (change := comparison.change(each)) is not None]
     found.sort(key=lambda change: KINDS.index(change.kind))
     tally = Counter(change.kind for change in found)

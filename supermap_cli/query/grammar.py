@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 from supermap_cli.errors import QueryError
@@ -48,10 +48,11 @@ class RelatedTo:
 
 @dataclass(frozen=True)
 class TimePhrase:
-    """When: `argument` is the traversal's name, or the time as it was written."""
+    """When: `argument` is the traversal's name, or the time as it was written; `said`: there were words for it."""
 
     kind: TimeKind = "now"
     argument: str | None = None
+    said: bool = field(default=True, compare=False)
 
 
 @dataclass(frozen=True)
@@ -146,7 +147,7 @@ def parse(text: str, traversals: Collection[str] = ()) -> Question:
     time, words = _take_time(words, traversals)
     things = _things(words, text)
     if time is None:
-        time = TimePhrase("last" if past else "now")
+        time = TimePhrase("last" if past else "now", said=False)
     return Question(text, intent, things, time)
 
 

@@ -6,11 +6,12 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from supermap_cli.errors import QueryError
 from supermap_cli.memory.reading import MapReader
 from supermap_cli.memory.values import StoredInstance, StoredTraversal
 from supermap_cli.query.clock import Clock
 from supermap_cli.query.grammar import TimeKind, TimePhrase
+from supermap_cli.query.instants import Instant, find_traversal
+from supermap_cli.query.standing import held_at
 from supermap_cli.types.memory import StateRecord
 
 
@@ -46,7 +47,8 @@ class Moment:
                 seen = instance.visit(self.traversal.id).supported > 0
                 return tuple(each for each in states if seen and self._touches(each.first_seen_ns, each.last_seen_ns))
             case "at":
-                return tuple(each for each in states if each.first_seen_ns <= self.low_ns < state_end_ns(each, states))
+                held = held_at(states, int(self.low_ns))
+                return () if held is None else (held,)
 
     def gap(self, instance: StoredInstance) -> tuple[int, int] | None:
         """The span within which an instance left, if the moment is one time in it; both ends are certain."""
@@ -96,6 +98,11 @@ def state_end_ns(state: StateRecord, states: Sequence[StateRecord]) -> float:
     return min([math.inf if state.gone_ns is None else float(state.gone_ns), *later])
 
 
+def moment_at(instant: Instant) -> Moment:
+    """The moment at which everything is asked for "as of" a time."""
+    return Moment("at", f"as of {instant.text}", instant.at_ns, instant.at_ns)
+
+
 def moment_of(phrase: TimePhrase, reader: MapReader, clock: Clock) -> Moment:
     """What a time phrase means in this map. Raises `QueryError` for a traversal or time it does not know."""
     match phrase.kind:
@@ -113,17 +120,3 @@ def moment_of(phrase: TimePhrase, reader: MapReader, clock: Clock) -> Moment:
             return Moment("at", f"at {clock.text(stamp_ns)}", stamp_ns, stamp_ns)
         case kind:
             return Moment(kind, kind)
-
-
-def find_traversal(traversals: Sequence[StoredTraversal], name: str) -> StoredTraversal:
-    """A traversal by its name, its number, or "first" and "last". Raises `QueryError` that names those there are."""
-    for each in traversals:
-        if name.casefold() == each.name.casefold():
-            return each
-    for each in traversals:
-        if name == str(each.number):
-            return each
-    if traversals and name in {"first", "last"}:
-        return traversals[0 if name == "first" else -1]
-    known = ", ".join(f"{each.number} {each.name}" for each in traversals) or "none"
-    raise QueryError(f"there is no traversal {name!r}", cure=f"there are: {known}")

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from difflib import get_close_matches
 
+from supermap_cli.errors import QueryError
 from supermap_cli.memory.reading import MapReader
 from supermap_cli.memory.values import StoredInstance
 from supermap_cli.query import wording
 from supermap_cli.query.clock import Clock, clock_of, is_time_of_day
 from supermap_cli.query.grammar import Question, RelatedTo, Things, parse
-from supermap_cli.query.moments import Moment, Span, moment_of
+from supermap_cli.query.instants import instant_of
+from supermap_cli.query.moments import Moment, Span, moment_at, moment_of
 from supermap_cli.query.relations import STORED_FORMS, RelationName, box_distance_m, holds
+from supermap_cli.query.standing import Known, Standing, in_words, standing_at, standing_view
 from supermap_cli.query.views import (
     BoxView,
     InstanceView,
@@ -30,6 +33,9 @@ from supermap_cli.types.memory import Presence, StateRecord
 NEAREST = 3
 """How many near misses an empty answer names."""
 
+NOTED = 5
+"""Of how many things an answer says that nobody can tell."""
+
 LABEL_DOUBT = 0.1
 """A label that an object may have with this probability makes it a near miss."""
 
@@ -40,7 +46,7 @@ class NearMiss:
 
     id: str
     label: str
-    presence: Presence
+    presence: Presence | Known
     position: Vector
     box: BoxView
     reason: str
@@ -58,7 +64,10 @@ class AskedRelation:
 
 @dataclass(frozen=True)
 class Answer:
-    """An answer; an empty one is an answer, too. `count` is there for "how many" only."""
+    """An answer; an empty one is an answer, too.
+
+    `count` is there for "how many" only, and `count_at_most` where of some nobody can say whether they stood there.
+    """
 
     query: str
     intent: str
@@ -69,6 +78,7 @@ class Answer:
     relation: AskedRelation | None
     nearest: tuple[NearMiss, ...]
     count: int | None = field(default=None, metadata={"optional": True})
+    count_at_most: int | None = field(default=None, metadata={"optional": True})
 
 
 @dataclass(frozen=True)
@@ -80,28 +90,37 @@ class Candidate:
     relations: tuple[RelationView, ...] = ()
 
 
-def answer(text: str, reader: MapReader) -> Answer:
-    """Answer a question. Raises `QueryError` if it is not understood."""
+def answer(text: str, reader: MapReader, at: str | None = None) -> Answer:
+    """Answer a question; `at` asks it as of a time or a traversal.
+
+    Raises `QueryError` if it is not understood, or speaks of another time itself.
+    """
     question = parse(text, [each.name for each in reader.traversals])
     clock = clock_of(reader)
-    moment = moment_of(question.time, reader, clock)
+    if at is not None and question.time.said:
+        raise QueryError("the question names a time of its own", where=text, cure="leave out --at, or the words")
+    moment = moment_of(question.time, reader, clock) if at is None else moment_at(instant_of(at, reader, clock))
     resolver = Resolver(reader, moment, clock)
     found = resolver.find(question.things)
     instances = resolver.views(found)
+    perhaps = resolver.perhaps(question.things, instances)
     nearest = () if instances else resolver.nearest(question.things)
-    resolver.note_time(question, found)
+    resolver.note_time(question, found, at)
+    count = sum(each.presence != "unknown" for each in instances) if question.intent == "count" else None
+    at_most = len(instances) + len(perhaps)
     return Answer(
         query=text,
         intent=question.intent,
         time=moment.text,
-        message=wording.found(question, instances)
+        message=wording.found(question, instances, moment.text if at else None)
         if instances
-        else wording.nothing(question, nearest, resolver.missing(question.things)),
-        notes=tuple(dict.fromkeys(resolver.notes)),
+        else wording.nothing(question, nearest, resolver.missing(question.things), moment.text if at else None),
+        notes=tuple(dict.fromkeys([*resolver.notes, *resolver.notes_of(perhaps)])),
         instances=instances,
         relation=resolver.asked(question.things.relation),
         nearest=nearest,
-        count=len(instances) if question.intent == "count" else None,
+        count=count,
+        count_at_most=at_most if count is not None and at_most > count else None,
     )
 
 
@@ -156,17 +175,49 @@ class Resolver:
             return things.noun
         return None if things.relation is None else self.missing(things.relation.reference)
 
-    def note_time(self, question: Question, found: Iterable[Candidate]) -> None:
+    def perhaps(self, things: Things, found: Iterable[InstanceView]) -> list[StoredInstance]:
+        """Those of a name of which nobody can say whether they stood there at the time: they were seen later, and their
+        place had not been seen empty before; or they were on their way. Of relations nothing is guessed.
+        """
+        if self.moment.kind != "at" or things.relation is not None:
+            return []
+        told = {each.id for each in found}
+        unsure = [each for each in self._called(things) if each.id not in told]
+        return [each for each in unsure if (known := self.standing(each)) is not None and known.presence == "unknown"]
+
+    def notes_of(self, perhaps: Sequence[StoredInstance]) -> list[str]:
+        """What is known of those that perhaps stood there."""
+        told = [f"{each.id}: {self.whereabouts(each)}" for each in perhaps[:NOTED]]
+        return told + ([f"the same of {len(perhaps) - NOTED} more"] if len(perhaps) > NOTED else [])
+
+    def standing(self, instance: StoredInstance) -> Standing | None:
+        """What is known of an instance at the moment, if that is one time."""
+        return standing_at(instance, int(self.moment.low_ns)) if self.moment.kind == "at" else None
+
+    def note_time(self, question: Question, found: Iterable[Candidate], at: str | None = None) -> None:
         """Note what the question's time leaves open: its day, who had perhaps left, a traversal nobody knows."""
-        written = question.time.argument or ""
-        if question.time.kind == "at":
+        written = at or question.time.argument or ""
+        if self.moment.kind == "at":
             if is_time_of_day(written):
-                self.notes.append(f"{written} was taken as {self.clock.text(self.clock.parse(written))}")
+                self.notes.append(f"{written} was taken as {self.clock.text(int(self.moment.low_ns))}")
+            self._note_ends()
             self._note_gaps(found, written)
         self._note_unknown_traversal(question)
 
+    def _note_ends(self) -> None:
+        """Note a time at which the map knows nothing yet, or nothing more."""
+        end_ns = max((each.end_ns for each in self.reader.traversals), default=None)
+        if end_ns is None:
+            return
+        if self.moment.low_ns < self.clock.origin_ns:
+            self.notes.append(f"the map begins at {self.clock.text(self.clock.origin_ns)}")
+        elif self.moment.low_ns > end_ns:
+            self.notes.append(f"the map ends at {self.clock.text(end_ns)}; what came after, nobody saw")
+
     def whereabouts(self, instance: StoredInstance) -> str:
         """What is known of an instance's presence, in words; "gone" only where that was seen."""
+        if (standing := self.standing(instance)) is not None:
+            return in_words(standing, int(self.moment.low_ns), self.clock)
         state = instance.states[-1]
         seen = f"last seen {self.clock.text(state.last_seen_ns)}"
         if state.gone_ns is not None:
@@ -251,7 +302,7 @@ class Resolver:
         for form in STORED_FORMS[name]:
             ends = (candidate.instance.number, reference.instance.number)
             subject, obj = ends[::-1] if form.turned else ends
-            for edge in self.reader.edges_of([subject]):
+            for edge in self.reader.spatial_edges:
                 if (edge.subject, edge.relation, edge.object) != (subject, form.relation, obj):
                     continue
                 if not span.touches(edge.since_ns, edge.until_ns):
@@ -294,16 +345,18 @@ class Resolver:
         instance, states = newest.instance, tuple(each.state for each in candidates)
         spans = support_spans(states)
         of_traversal = None if self.moment.traversal is None else {self.moment.traversal.id}
+        standing = self.standing(instance)
         return InstanceView(
             id=instance.id,
             label=label_in(instance, newest.state),
-            presence=instance.presence,
+            presence=instance.presence if standing is None else standing.presence,
             position=vector(newest.state.centroid_map),
             box=box_view(newest.state.box),
             confidence=round(newest.state.confidence, 4),
             intervals=tuple(interval_view(state) for state in states),
             relations=tuple(view for each in candidates for view in each.relations),
             evidence=evidence_view(self.reader, instance, spans, of_traversal),
+            standing=None if standing is None else standing_view(standing, int(self.moment.low_ns), self.clock),
         )
 
     def _too_far(self, called: list[StoredInstance], related: RelatedTo) -> tuple[NearMiss, ...]:
@@ -349,7 +402,9 @@ class Resolver:
     ) -> NearMiss:
         rounded = None if distance_m is None else round(distance_m, 4)
         position, box = vector(state.centroid_map), box_view(state.box)
-        return NearMiss(instance.id, instance.label, instance.presence, position, box, reason, rounded)
+        standing = self.standing(instance)
+        presence = instance.presence if standing is None else standing.presence
+        return NearMiss(instance.id, instance.label, presence, position, box, reason, rounded)
 
 
 def label_in(instance: StoredInstance, state: StateRecord) -> str:

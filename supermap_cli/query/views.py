@@ -5,6 +5,7 @@ Every class here is one object of the published JSON Schemas; `to_document` turn
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass
 from typing import Any
 
@@ -13,7 +14,8 @@ import numpy as np
 from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.geometry.boxes import Box3D
 from supermap_cli.memory.reading import MapReader
-from supermap_cli.memory.values import Sighting, StoredInstance, StoredTraversal
+from supermap_cli.memory.values import ObservationRef, StoredInstance, StoredTraversal, StoredVisit
+from supermap_cli.query.standing import Known, StandingView
 from supermap_cli.types.memory import Presence, StateRecord, TemporalEdge
 
 Vector = tuple[float, float, float]
@@ -80,17 +82,21 @@ class RelationView:
 
 @dataclass(frozen=True)
 class InstanceView:
-    """One instance in an answer: where it is, or was in the newest of its `intervals` that fit."""
+    """One instance in an answer: where it is, or was in the newest of its `intervals` that fit.
+
+    Where a time was asked for, `presence` is as of then, and `standing` says what that rests on.
+    """
 
     id: str
     label: str
-    presence: Presence
+    presence: Presence | Known
     position: Vector
     box: BoxView
     confidence: float
     intervals: tuple[IntervalView, ...]
     relations: tuple[RelationView, ...]
     evidence: EvidenceView
+    standing: StandingView | None = field(default=None, metadata={"optional": True})
 
 
 @dataclass(frozen=True)
@@ -188,23 +194,29 @@ def evidence_view(
     """What was seen of an instance within the given spans of time (and traversals), and how its place was looked at."""
     seen = [
         each
-        for each in reader.sightings(instance)
+        for each in reader.observations(instance)
         if any(low <= each.stamp_ns <= high for low, high in spans)
         and (traversal_ids is None or each.traversal_id in traversal_ids)
     ]
     visits = [each for each in instance.visits if traversal_ids is None or each.traversal_id in traversal_ids]
+    return evidence_of(seen, visits)
+
+
+def evidence_of(seen: Sequence[ObservationRef], visits: Iterable[StoredVisit]) -> EvidenceView:
+    """What some observations say, in the order of time, and how often some traversals looked at the place."""
     telling = telling_observations(seen)
+    looked = list(visits)
     return EvidenceView(
         observation_count=len(seen),
         observations=tuple(each.id for each in telling),
         keyframes_ns=tuple(dict.fromkeys(each.stamp_ns for each in telling)),
-        supported=sum(each.supported for each in visits),
-        in_view=sum(each.in_view for each in visits),
-        contradicted=sum(each.contradicted for each in visits),
+        supported=sum(each.supported for each in looked),
+        in_view=sum(each.in_view for each in looked),
+        contradicted=sum(each.contradicted for each in looked),
     )
 
 
-def telling_observations(seen: list[Sighting]) -> list[Sighting]:
+def telling_observations(seen: Sequence[ObservationRef]) -> Sequence[ObservationRef]:
     """The first, the last and the best-scored observations, in the order of time, at most `SAMPLE`."""
     if len(seen) <= SAMPLE:
         return seen

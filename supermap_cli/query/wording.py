@@ -24,27 +24,31 @@ class Miss(Protocol):
         ...
 
 
-def found(question: Question, instances: Sequence[InstanceView]) -> str:
-    """The sentence where something fits."""
-    ids = ", ".join(each.id for each in instances)
+def found(question: Question, instances: Sequence[InstanceView], when: str | None = None) -> str:
+    """The sentence where something fits; `when` is its time, where the question does not say it."""
+    sure = ", ".join(each.id for each in instances if each.presence != "unknown")
+    unsure = ", ".join(each.id for each in instances if each.presence == "unknown")
+    ids = "; perhaps ".join(each for each in (sure, unsure) if each) if sure else f"perhaps {unsure}"
     basis = _basis(instances)
     match question.intent:
         case "count":
-            return f"{len(instances)} ({ids}){basis}"
+            return f"{sum(each.presence != 'unknown' for each in instances)} ({ids}){basis}"
         case "exists":
-            return f"yes: {ids}{basis}"
+            return f"{'yes: ' if sure else ''}{ids}{basis}"
         case "find":
-            return f"{described(question.things)}{_when(question)}: {ids}{basis}"
+            return f"{described(question.things)}{_when(question, when)}: {ids}{basis}"
 
 
-def nothing(question: Question, nearest: Sequence[Miss], missing: str | None) -> str:
-    """The sentence where nothing fits; `missing` is the noun that nothing in the map is called."""
+def nothing(question: Question, nearest: Sequence[Miss], missing: str | None, when: str | None = None) -> str:
+    """The sentence where nothing fits; `missing` is the noun that nothing in the map is called, `when` the time, where
+    the question does not say it.
+    """
     lead = "0: " if question.intent == "count" else "no: " if question.intent == "exists" else ""
     if missing is not None:
         sentence = f"there {'are' if _is_plural(missing) else 'is'} no {missing} in the map"
     else:
         nobody = "nothing" if question.things.noun is None else "no"
-        sentence = f"{nobody} {described(question.things, '')}".rstrip() + _when(question)
+        sentence = f"{nobody} {described(question.things, '')}".rstrip() + _when(question, when)
     misses = "; ".join(f"{each.id}: {each.reason}" for each in nearest)
     return f"{lead}{sentence} ({misses})" if misses else f"{lead}{sentence}"
 
@@ -62,7 +66,9 @@ def _is_plural(noun: str) -> bool:
     return load_vocabulary().singular(head) != head
 
 
-def _when(question: Question) -> str:
+def _when(question: Question, when: str | None) -> str:
+    if when is not None:
+        return f" {when}"
     match question.time.kind:
         case "now":
             return " now"

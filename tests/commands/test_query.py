@@ -38,6 +38,14 @@ def test_answers_follow_the_published_schema(db: Path, question: str) -> None:
     assert document("answer", "query", question, "--db", db)["query"] == question
 
 
+def test_a_question_is_asked_as_of_a_time(db: Path) -> None:
+    found = document("answer", "query", "how many cups", "--at", "09:10", "--db", db)
+    assert (found["count"], found["count_at_most"]) == (0, 1)
+    assert supermap("query", "how many cups", "--at", "09:10", "--db", db).stdout.startswith("0 (perhaps cup-1)\n")
+    printed = supermap("query", "cup", "--at", "60 s", "--db", db).stdout
+    assert printed.startswith("cup as of 2026-01-05T09:01:00.0Z: cup-1\n")
+
+
 def test_only_how_many_has_a_count(db: Path) -> None:
     assert document("answer", "query", "how many chairs", "--db", db)["count"] == 2
     assert "count" not in document("answer", "query", "chairs", "--db", db)

@@ -38,3 +38,18 @@ def test_an_unknown_id_is_an_error(db: Path) -> None:
     error = supermap("show", "piano-1", "--db", db).exception
     assert isinstance(error, QueryError)
     assert "supermap show" in str(error)
+
+
+@pytest.mark.parametrize("at", ["monday", "09:10", "2026-01-04T00:00:00Z", "tuesday"])
+def test_the_past_is_shown_by_the_published_schemas(db: Path, at: str) -> None:
+    shown = document("show", "show", "--at", at, "--db", db)
+    told = [*shown["instances"], *shown["unknown"]]
+    assert {each["standing"]["presence"] for each in told} <= {"present", "unknown"}
+    assert document("object", "show", "cup-1", "--at", at, "--db", db)["standing"]["words"]
+
+
+def test_the_past_is_shown_with_what_nobody_can_say(db: Path) -> None:
+    printed = supermap("show", "--at", "09:10", "--db", db).stdout
+    assert "5 objects as of 2026-01-05T09:10:00.0Z" in printed
+    assert "4 of which nobody can say" in printed
+    assert "left between" in supermap("show", "cup-1", "--at", "09:10", "--db", db).stdout

@@ -1,0 +1,167 @@
+"""Everything about one instance, now or at a time (`supermap show ID`)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+from supermap_cli.errors import QueryError
+from supermap_cli.memory.reading import MapReader
+from supermap_cli.memory.values import StoredInstance
+from supermap_cli.query.clock import Clock
+from supermap_cli.query.instants import Instant
+from supermap_cli.query.naming import label_shares, name_by
+from supermap_cli.query.overview import seen_by
+from supermap_cli.query.relations import box_distance_m
+from supermap_cli.query.standing import Known, StandingView, held_at, standing_at, standing_view
+from supermap_cli.query.views import (
+    BoxView,
+    EvidenceView,
+    IntervalView,
+    RelationView,
+    Vector,
+    box_view,
+    evidence_of,
+    evidence_view,
+    interval_view,
+    support_spans,
+    vector,
+)
+from supermap_cli.types.memory import Presence, SpatialEdge
+
+
+@dataclass(frozen=True)
+class ObjectDetails:
+    """Everything about one instance as it is believed to be now; as of a time, what `standing` rests on."""
+
+    id: str
+    asked_id: str
+    label: str
+    label_belief: dict[str, float]
+    presence: Presence | Known
+    existence_log_odds: float
+    position: Vector
+    box: BoxView
+    first_seen_ns: int
+    last_seen_ns: int
+    merged_ids: tuple[str, ...]
+    intervals: tuple[IntervalView, ...]
+    relations: tuple[RelationView, ...]
+    evidence: EvidenceView
+    as_of: str | None = field(default=None, metadata={"optional": True})
+    as_of_ns: int | None = field(default=None, metadata={"optional": True})
+    standing: StandingView | None = field(default=None, metadata={"optional": True})
+
+
+def details(reader: MapReader, text_id: str) -> ObjectDetails:
+    """One instance. Raises `QueryError` for an id that there never was."""
+    instance = find_instance(reader, text_id)
+    return ObjectDetails(
+        id=instance.id,
+        asked_id=text_id,
+        label=instance.label,
+        label_belief={label: round(share, 4) for label, share in instance.label_belief.items()},
+        presence=instance.presence,
+        existence_log_odds=round(instance.existence_log_odds, 4),
+        position=vector(instance.centroid_map),
+        box=box_view(instance.box),
+        first_seen_ns=instance.first_seen_ns,
+        last_seen_ns=instance.last_seen_ns,
+        merged_ids=merged_ids(reader, instance),
+        intervals=tuple(map(interval_view, instance.states)),
+        relations=relations_of(reader, instance, None),
+        evidence=evidence_view(reader, instance, support_spans(instance.states)),
+    )
+
+
+def details_at(reader: MapReader, text_id: str, instant: Instant, clock: Clock) -> ObjectDetails:
+    """One instance as of a time. Raises `QueryError` for an id that there never was, or that never was anywhere."""
+    instance, at_ns = find_instance(reader, text_id), instant.at_ns
+    standing = standing_at(instance, at_ns)
+    if standing is None:
+        raise QueryError(f"{text_id!r} has stood nowhere", where=str(reader.path), cure="leave out --at")
+    state, seen = standing.state, seen_by(reader, instance, instant)
+    name = name_by(seen, at_ns)
+    by_then = {each.id for each in reader.traversals if each.start_ns <= at_ns}
+    confidence = min(max(state.confidence, 1e-6), 1 - 1e-6)
+    begun = [each for each in instance.states if each.first_seen_ns <= at_ns]
+    return ObjectDetails(
+        id=instance.id,
+        asked_id=text_id,
+        label=state.label if name is None else name.label,
+        label_belief={label: round(share, 4) for label, share in label_shares(seen).items()},
+        presence="doubted" if instance.presence == "doubted" else standing.presence,
+        existence_log_odds=round(math.log(confidence / (1 - confidence)), 4),
+        position=vector(state.centroid_map),
+        box=box_view(state.box),
+        first_seen_ns=instance.first_seen_ns,
+        last_seen_ns=max((each.stamp_ns for each in seen), default=instance.first_seen_ns),
+        merged_ids=merged_ids(reader, instance),
+        intervals=tuple(map(interval_view, begun or instance.states[:1])),
+        relations=relations_of(reader, instance, at_ns),
+        evidence=evidence_of(seen, [each for each in instance.visits if each.traversal_id in by_then]),
+        as_of=instant.text,
+        as_of_ns=at_ns,
+        standing=standing_view(standing, at_ns, clock),
+    )
+
+
+def find_instance(reader: MapReader, text_id: str) -> StoredInstance:
+    """The instance of an id, or the one it was merged into. Raises `QueryError` for an id that there never was."""
+    instance = reader.instance(text_id)
+    if instance is None:
+        raise QueryError(
+            f"there is no object {text_id!r}", where=str(reader.path), cure="`supermap show` lists those there are"
+        )
+    return instance
+
+
+def merged_ids(reader: MapReader, instance: StoredInstance) -> tuple[str, ...]:
+    """The ids of what turned out to be part of it."""
+    return tuple(reader.text_ids[each] for each in instance.numbers if each != instance.number)
+
+
+def relations_of(reader: MapReader, instance: StoredInstance, at_ns: int | None) -> tuple[RelationView, ...]:
+    """The stored relations that hold now, or held at a time; one that is stored both ways is told from this side."""
+    holding = [edge for edge in reader.spatial_edges if _holds(edge, at_ns)]
+    held = {(edge.subject, edge.relation, edge.object) for edge in holding}
+    others = {each.number: each for each in reader.instances}
+
+    told = [
+        edge
+        for edge in holding
+        if edge.subject == instance.number
+        or (edge.object == instance.number and (edge.object, edge.relation, edge.subject) not in held)
+    ]
+    return tuple(
+        relation_view(reader, edge, others[edge.subject], others[edge.object], at_ns)
+        for edge in told
+        if edge.subject in others and edge.object in others
+    )
+
+
+def relation_view(
+    reader: MapReader, edge: SpatialEdge, subject: StoredInstance, obj: StoredInstance, at_ns: int | None
+) -> RelationView:
+    """A stored relation as it leaves the program, with how far apart the two stand, or stood at a time."""
+    boxes = []
+    for each in (subject, obj):
+        state = None if at_ns is None else held_at(each.states, at_ns)
+        boxes.append(each.box if state is None else state.box)
+    return RelationView(
+        name=edge.relation,
+        subject=reader.text_ids[edge.subject],
+        object=reader.text_ids[edge.object],
+        basis="stored",
+        stored_as=f"{edge.relation}({reader.text_ids[edge.subject]}, {reader.text_ids[edge.object]})",
+        since_ns=edge.since_ns,
+        until_ns=edge.until_ns,
+        distance_m=round(box_distance_m(*boxes), 4),
+        confidence=round(edge.confidence, 4),
+    )
+
+
+def _holds(edge: SpatialEdge, at_ns: int | None) -> bool:
+    if at_ns is None:
+        return edge.until_ns is None
+    return edge.since_ns <= at_ns and (edge.until_ns is None or at_ns < edge.until_ns)

@@ -1,0 +1,80 @@
+"""A time that a command is given: a traversal, which stands for its end, or a moment on the map's clock."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from supermap_cli.errors import QueryError
+from supermap_cli.memory.reading import MapReader
+from supermap_cli.memory.values import StoredTraversal
+from supermap_cli.query.clock import Clock
+
+_LEADS = ("at ", "in ", "during ", "of ", "as of ")
+_DATE = re.compile(r"\d{4}-\d{2}-\d{2}")
+CURE = "say a traversal ('monday', '2', 'first', 'last'), '10:21', '2026-01-05T10:21:00Z', '12 s', 'earlier' or 'now'"
+
+
+@dataclass(frozen=True)
+class Instant:
+    """A point in the map's time, and the span before it whose keyframes speak for it.
+
+    A traversal is its end, and [since_ns, at_ns] the whole of it; of a plain time both are that time.
+    """
+
+    text: str
+    at_ns: int
+    since_ns: int
+    traversal: StoredTraversal | None = None
+
+
+def instant_of(written: str, reader: MapReader, clock: Clock) -> Instant:
+    """What a written time or traversal stands for. Raises `QueryError` for what is neither."""
+    wanted = " ".join(written.casefold().split())
+    for lead in sorted(_LEADS, key=len, reverse=True):
+        wanted = wanted.removeprefix(lead)
+    names = {each.name.casefold() for each in reader.traversals}
+    if wanted in names or wanted in {"first", "last"} or wanted.isdecimal():
+        return of_traversal(find_traversal(reader.traversals, wanted))
+    if wanted == "now":
+        return _of_time(reader.now_ns, clock)
+    if wanted in {"earlier", "before"}:
+        return _of_time(max((each.start_ns for each in reader.traversals), default=0), clock)
+    if not wanted[:1].isdigit():
+        known = ", ".join(f"{each.number} {each.name}" for each in reader.traversals) or "none"
+        raise QueryError(f"'{written}' is neither a time nor a traversal; there are: {known}", cure=CURE)
+    return _of_time(clock.parse(_bare(wanted)), clock)
+
+
+def of_traversal(traversal: StoredTraversal) -> Instant:
+    """A traversal as a point in time: its end, or as far as it is mapped."""
+    end_ns = traversal.end_ns if traversal.status == "complete" else traversal.mapped_ns or traversal.start_ns
+    return Instant(traversal.name, end_ns, traversal.start_ns, traversal)
+
+
+def _of_time(stamp_ns: int, clock: Clock) -> Instant:
+    return Instant(clock.text(stamp_ns), stamp_ns, stamp_ns)
+
+
+def _bare(written: str) -> str:
+    """A time as the clock reads it: without its unit, "T" and "Z" in capitals, a "T" after the date."""
+    if _DATE.match(written):
+        return written.upper().replace(" ", "T", 1)
+    for unit in ("seconds", "utc", "s"):
+        written = written.removesuffix(unit).rstrip()
+    return written.upper()
+
+
+def find_traversal(traversals: Sequence[StoredTraversal], name: str) -> StoredTraversal:
+    """A traversal by its name, its number, or "first" and "last". Raises `QueryError` that names those there are."""
+    for each in traversals:
+        if name.casefold() == each.name.casefold():
+            return each
+    for each in traversals:
+        if name == str(each.number):
+            return each
+    if traversals and name in {"first", "last"}:
+        return traversals[0 if name == "first" else -1]
+    known = ", ".join(f"{each.number} {each.name}" for each in traversals) or "none"
+    raise QueryError(f"there is no traversal {name!r}", cure=f"there are: {known}")

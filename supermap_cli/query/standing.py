@@ -1,0 +1,122 @@
+"""Where a thing stood at one time, as far as the memory knows: it stood there, it did not, or nobody can say.
+
+Between the last support and the first contradiction the truth is unknown, and so it is between the last time a place
+was seen empty and the first support after it. What was merely not looked at is never taken to be gone, and what was
+first seen later never to have come.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from supermap_cli.memory.values import StoredInstance
+from supermap_cli.query.clock import Clock
+from supermap_cli.types.memory import StateRecord
+
+Known = Literal["present", "absent", "unknown"]
+Cause = Literal["stands", "left", "came", "gone", "not yet", "not yet seen", "not seen since"]
+
+
+@dataclass(frozen=True)
+class Standing:
+    """What is known of one instance at one time, and why.
+
+    - present, "stands": supported at the time, or before it and never contradicted.
+    - unknown, "left" or "came": it left `state`, or came to it, within the bounds, which hold the time.
+    - unknown, "not yet seen": first seen later, and its place had not been seen empty before.
+    - unknown, "not seen since": lost without a contradiction.
+    - absent, "gone": it had left `state`, within the bounds. "not yet": it came to `state` later, within the bounds.
+
+    `state` is the place spoken of.
+    """
+
+    presence: Known
+    cause: Cause
+    state: StateRecord
+    not_before_ns: int | None
+    not_after_ns: int | None
+
+
+@dataclass(frozen=True)
+class StandingView:
+    """A standing as it leaves the program; `words` say it in plain English."""
+
+    presence: Known
+    words: str
+    not_before_ns: int | None
+    not_after_ns: int | None
+
+
+def standing_at(instance: StoredInstance, at_ns: int) -> Standing | None:
+    """What is known of an instance at a time; `None` for one without any state."""
+    states = sorted(instance.states, key=lambda each: each.index)
+    if not states:
+        return None
+    begun = [each for each in states if each.first_seen_ns <= at_ns]
+    if not begun:
+        return _before(states[0], at_ns)
+    last = begun[-1]
+    if at_ns <= last.last_seen_ns:
+        return Standing("present", "stands", last, None, None)
+    after = states[len(begun)] if len(begun) < len(states) else None
+    return _after(last, after, at_ns, lost=instance.presence == "absent")
+
+
+def held_at(states: Sequence[StateRecord], at_ns: int) -> StateRecord | None:
+    """The state that an instance was last known to be in at a time: begun, and not yet known to have ended."""
+    begun = [each for each in states if each.first_seen_ns <= at_ns]
+    last = max(begun, key=lambda each: each.index, default=None)
+    return None if last is None or (last.gone_ns is not None and last.gone_ns <= at_ns) else last
+
+
+def _before(first: StateRecord, at_ns: int) -> Standing:
+    """A time before anything was seen of it."""
+    empty_ns = first.empty_before_ns
+    if empty_ns is None:
+        return Standing("unknown", "not yet seen", first, None, first.first_seen_ns)
+    if at_ns <= empty_ns:
+        return Standing("absent", "not yet", first, empty_ns, first.first_seen_ns)
+    return Standing("unknown", "came", first, empty_ns, first.first_seen_ns)
+
+
+def _after(last: StateRecord, after: StateRecord | None, at_ns: int, *, lost: bool) -> Standing:
+    """A time after the last support of a state, and before the next one's first."""
+    gone_ns = last.gone_ns
+    if gone_ns is None and after is None:
+        cause: Cause = "not seen since" if lost else "stands"
+        return Standing("unknown" if lost else "present", cause, last, last.last_seen_ns if lost else None, None)
+    ended = [each for each in (gone_ns, None if after is None else after.first_seen_ns) if each is not None]
+    if at_ns < min(ended):
+        return Standing("unknown", "left", last, last.last_seen_ns, min(ended))
+    if after is None:
+        return Standing("absent", "gone", last, last.last_seen_ns, gone_ns)
+    empty_ns = after.empty_before_ns
+    if empty_ns is not None and at_ns <= empty_ns:
+        return Standing("absent", "gone", last, last.last_seen_ns, gone_ns)
+    came_after_ns = last.last_seen_ns if empty_ns is None else max(empty_ns, last.last_seen_ns)
+    return Standing("unknown", "came", after, came_after_ns, after.first_seen_ns)
+
+
+def standing_view(standing: Standing, at_ns: int, clock: Clock) -> StandingView:
+    """A standing as it leaves the program."""
+    words = in_words(standing, at_ns, clock)
+    return StandingView(standing.presence, words, standing.not_before_ns, standing.not_after_ns)
+
+
+def in_words(standing: Standing, at_ns: int, clock: Clock) -> str:
+    """What is known, and why not more."""
+    first_ns, seen_ns = standing.state.first_seen_ns, standing.state.last_seen_ns
+    between = clock.between(standing.not_before_ns, standing.not_after_ns)
+    lately = at_ns > seen_ns
+    words: dict[Cause, str] = {
+        "stands": f"last seen {clock.text(seen_ns)}, and nothing said since that it left" if lately else "stands there",
+        "left": f"left {between}; nobody can say for {clock.text(at_ns)}",
+        "came": f"came {between}; nobody can say for {clock.text(at_ns)}",
+        "not yet seen": f"first seen {clock.text(first_ns)}; nobody had seen its place empty before",
+        "not seen since": f"last seen {clock.text(seen_ns)}, not seen since",
+        "gone": f"gone {between}",
+        "not yet": f"came {between}",
+    }
+    return words[standing.cause]

@@ -1,0 +1,63 @@
+"""Random lives of a thing, as the mapping engine may write them: for property tests of time."""
+
+from __future__ import annotations
+
+from hypothesis import strategies as st
+
+import memories as m
+from supermap_cli.memory.values import StoredInstance
+from supermap_cli.types.memory import StateRecord
+
+PLACES: tuple[m.Point, ...] = ((0, 0, 0.5), (2, 0, 0.5), (0, 3, 0.5))
+END_S = 200
+
+
+@st.composite
+def state_lists(draw: st.DrawFn, number: int = 1, most: int = 4) -> tuple[StateRecord, ...]:
+    """Up to `most` states of one instance within [0, `END_S`] s, disjoint, with gaps of all kinds."""
+    count = draw(st.integers(1, most))
+    times = draw(st.lists(st.integers(1, END_S - 1), min_size=4 * count, max_size=4 * count, unique=True).map(sorted))
+    places = [draw(st.sampled_from(range(len(PLACES)))) for _ in range(count)]
+    states: list[StateRecord] = []
+    for index in range(count):
+        empty, first, last, gone = times[4 * index : 4 * index + 4]
+        newest = index == count - 1
+        here_before = index > 0 and places[index] == places[index - 1]
+        seen_go = draw(st.booleans()) or (here_before is False and newest is False and draw(st.booleans()))
+        before = states[-1].gone_ns if here_before else None
+        came = before is not None or draw(st.booleans())
+        states.append(
+            m.state(
+                number,
+                index,
+                (first, last),
+                PLACES[places[index]],
+                gone=gone if seen_go else None,
+                empty_before=empty if came else None,
+            )
+        )
+    return tuple(states)
+
+
+@st.composite
+def lives(draw: st.DrawFn) -> StoredInstance:
+    """An instance with such states; present where nothing says that it has gone."""
+    states = draw(state_lists())
+    last = states[-1]
+    return StoredInstance(
+        number=1,
+        id="cup-1",
+        label="cup",
+        label_belief={"cup": 1.0},
+        presence="present" if last.gone_ns is None else "absent",
+        existence_log_odds=1.0,
+        first_seen_ns=states[0].first_seen_ns,
+        last_seen_ns=last.last_seen_ns,
+        centroid_map=last.centroid_map,
+        box=last.box,
+        observations=1,
+        traversal_id=1,
+        numbers=(1,),
+        states=states,
+        visits=(),
+    )

@@ -1,0 +1,126 @@
+"""What is known of a thing at one time: it stood there, it did not, or nobody can say."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import memories as m
+from lives import lives
+from supermap_cli.memory.values import StoredInstance
+from supermap_cli.query.clock import Clock
+from supermap_cli.query.standing import held_at, in_words, standing_at
+from supermap_cli.types.memory import StateRecord
+
+CLOCK = Clock(m.ns(0), m.ns(1000))
+
+
+def thing(*states: StateRecord, presence: str = "present") -> StoredInstance:
+    """An instance with the given states."""
+    last = states[-1]
+    return StoredInstance(
+        number=1,
+        id="cup-1",
+        label="cup",
+        label_belief={"cup": 1.0},
+        presence=presence,  # type: ignore[arg-type]
+        existence_log_odds=1.0,
+        first_seen_ns=states[0].first_seen_ns,
+        last_seen_ns=last.last_seen_ns,
+        centroid_map=last.centroid_map,
+        box=last.box,
+        observations=1,
+        traversal_id=1,
+        numbers=(1,),
+        states=states,
+        visits=(),
+    )
+
+
+LEFT = thing(m.state(1, 0, (10, 21), gone=40))
+CAME = thing(m.state(1, 0, (30, 50), empty_before=20))
+FOUND = thing(m.state(1, 0, (30, 50)))
+AWAY = thing(m.state(1, 0, (10, 20), gone=30), m.state(1, 1, (60, 70), (3, 0, 0.5), empty_before=50))
+CARRIED = thing(m.state(1, 0, (10, 20)), m.state(1, 1, (60, 70), (3, 0, 0.5)))
+LOST = thing(m.state(1, 0, (10, 20)), presence="absent")
+
+
+@pytest.mark.parametrize(
+    ("of", "at", "presence", "cause", "bounds"),
+    [
+        (LEFT, 10, "present", "stands", (None, None)),
+        (LEFT, 21, "present", "stands", (None, None)),
+        (LEFT, 30, "unknown", "left", (21, 40)),
+        (LEFT, 40, "absent", "gone", (21, 40)),
+        (LEFT, 90, "absent", "gone", (21, 40)),
+        (CAME, 20, "absent", "not yet", (20, 30)),
+        (CAME, 25, "unknown", "came", (20, 30)),
+        (CAME, 90, "present", "stands", (None, None)),
+        (FOUND, 5, "unknown", "not yet seen", (None, 30)),
+        (AWAY, 25, "unknown", "left", (20, 30)),
+        (AWAY, 40, "absent", "gone", (20, 30)),
+        (AWAY, 55, "unknown", "came", (50, 60)),
+        (AWAY, 60, "present", "stands", (None, None)),
+        (CARRIED, 40, "unknown", "left", (20, 60)),
+        (LOST, 15, "present", "stands", (None, None)),
+        (LOST, 25, "unknown", "not seen since", (20, None)),
+    ],
+)
+def test_the_gaps_are_unknown(
+    of: StoredInstance, at: float, presence: str, cause: str, bounds: tuple[float | None, float | None]
+) -> None:
+    known = standing_at(of, m.ns(at))
+    assert known is not None
+    assert (known.presence, known.cause) == (presence, cause)
+    assert (known.not_before_ns, known.not_after_ns) == tuple(map(m.maybe_ns, bounds))
+
+
+def test_it_is_said_in_words() -> None:
+    known = standing_at(LEFT, m.ns(30))
+    assert known is not None
+    assert in_words(known, m.ns(30), CLOCK) == (
+        "left between 2026-01-05T09:00:21.0Z and 2026-01-05T09:00:40.0Z; nobody can say for 2026-01-05T09:00:30.0Z"
+    )
+
+
+@given(lives(), st.floats(-10, 210))
+def test_gone_needs_a_contradiction_and_not_yet_a_place_seen_empty(of: StoredInstance, at: float) -> None:
+    at_ns = m.ns(at)
+    known = standing_at(of, at_ns)
+    assert known is not None
+    in_support = any(each.first_seen_ns <= at_ns <= each.last_seen_ns for each in of.states)
+    if in_support:
+        assert known.presence == "present"
+    if known.presence == "absent":
+        contradicted = [each for each in of.states if each.gone_ns is not None and each.gone_ns <= at_ns]
+        seen_empty = [each for each in of.states if each.empty_before_ns is not None and each.empty_before_ns >= at_ns]
+        assert contradicted or seen_empty
+    if known.cause in {"left", "came"}:
+        assert known.not_before_ns is not None
+        assert known.not_after_ns is not None
+        assert known.not_before_ns <= at_ns < known.not_after_ns
+    assert in_words(known, at_ns, CLOCK)
+
+
+@given(lives(), st.floats(-10, 210))
+def test_nothing_is_gone_that_nobody_saw_go(of: StoredInstance, at: float) -> None:
+    unseen = replace(
+        of, states=tuple(replace(each, gone_ns=None, empty_before_ns=None) for each in of.states), presence="present"
+    )
+    known = standing_at(unseen, m.ns(at))
+    assert known is not None
+    assert known.presence != "absent"
+
+
+@given(lives(), st.floats(-10, 210))
+def test_what_is_held_agrees_with_what_stands(of: StoredInstance, at: float) -> None:
+    known, held = standing_at(of, m.ns(at)), held_at(of.states, m.ns(at))
+    assert known is not None
+    if known.presence == "present":
+        assert held is known.state
+    if known.cause == "gone":
+        assert held is None or not np.array_equal(held.centroid_map, known.state.centroid_map)
