@@ -11,11 +11,11 @@ Int64 = BigInteger().with_variant(Integer(), "sqlite")
 Real: TypeEngine[float] = Double().with_variant(REAL(), "sqlite")
 """64-bit floating point."""
 
-Json = Text()
-"""A JSON document as text, so that any tool shows it and SQLite's JSON functions read it."""
+Label = Text().with_variant(Text(collation="C"), "postgresql")
+"""Any text; it is sorted by its bytes, whatever the language of a server is."""
 
-Label = Text()
-"""Any other text."""
+Json = Label
+"""A JSON document as text, so that any tool shows it and the databases' JSON functions read it."""
 
 Blob = LargeBinary()
 """Voxels, embeddings, images: the formats stand in `supermap_cli.memory.blobs`."""

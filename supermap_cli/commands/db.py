@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -48,29 +47,30 @@ def check(db: DbOption = None, json: JsonOption = False) -> None:
     with open_store(database_url(db), read_only=True) as store, store.reader() as reader:
         problems = problems_of(reader)
     if json:
-        print_json({"path": str(store.path), "sound": not problems, "problems": to_document(problems)})
+        print_json({"path": store.where, "sound": not problems, "problems": to_document(problems)})
     elif problems:
         rows = ((each.table, each.row, each.what) for each in problems)
-        print_table(out(), f"{len(problems)} problems in {store.path}", ("table", "row", "what is wrong"), rows)
+        print_table(out(), f"{len(problems)} problems in {store.where}", ("table", "row", "what is wrong"), rows)
     else:
-        out().print(f"{store.path}: sound", markup=False)
+        out().print(f"{store.where}: sound", markup=False)
     if problems:
         raise typer.Exit(1)
 
 
 def upgrade(db: DbOption = None, json: JsonOption = False) -> None:
     """Bring the database to this program's version."""
-    from supermap_cli.memory.opening import database_path, upgrade_database  # noqa: PLC0415 - keeps start-up light
+    from supermap_cli.memory.databases import database_of  # noqa: PLC0415 - keeps start-up light
+    from supermap_cli.memory.opening import upgrade_database  # noqa: PLC0415
 
     url = database_url(db)
     before, after = upgrade_database(url)
-    path = database_path(url)
+    where = database_of(url).where
     if json:
-        print_json({"path": str(path), "before": before, "after": after})
+        print_json({"path": where, "before": before, "after": after})
     elif before == after:
-        err().print(f"{path}: has version {after} already", markup=False)
+        err().print(f"{where}: has version {after} already", markup=False)
     else:
-        err().print(f"{path}: version {before} is now {after}", markup=False)
+        err().print(f"{where}: version {before} is now {after}", markup=False)
 
 
 def info(
@@ -95,7 +95,7 @@ def info(
 def _print(found: Inventory, clock: Clock, *, timings: bool) -> None:
     console = out()
     size = f"{found.size_bytes / 1e6:.1f} MB"
-    console.print(f"{Path(found.path)}: version {found.version} (migration {found.revision}), {size}", markup=False)
+    console.print(f"{found.path}: version {found.version} (migration {found.revision}), {size}", markup=False)
     rows = ((name.replace("_", " "), str(count)) for name, count in found.counts.items())
     print_table(console, "", ("rows", "count#"), rows)
     print_traversals(found.traversals, clock)

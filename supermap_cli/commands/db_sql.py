@@ -17,7 +17,7 @@ from supermap_cli.commands.from_plugins import add_sql_functions
 from supermap_cli.commands.tables import print_table
 
 if TYPE_CHECKING:
-    from supermap_cli.memory.sql import SqlRows, SqlValue
+    from supermap_cli.memory.databases import SqlRows, SqlValue
 
 EXAMPLES = """
 Examples:
@@ -49,7 +49,7 @@ def sql(
     The views `current_objects`, `object_history`, `changes` and `trajectory` hold what is mostly asked for. Plugins may
     add functions.
     """
-    from supermap_cli.memory.sql import read_sql  # noqa: PLC0415 - keeps start-up light
+    from supermap_cli.memory.opening import read_sql  # noqa: PLC0415 - keeps start-up light
 
     most = limit if limit is not None else (0 if json else TABLE_LIMIT)
     with read_sql(database_url(db), statement, add_sql_functions) as found:

@@ -48,7 +48,7 @@ def lay_over_truth(reader: MapReader, truth: GroundTruth) -> Overlay:
     if not ways:
         raise EvaluationError(
             "no keyframe of the map lies in the time of this truth",
-            where=str(reader.path),
+            where=reader.where,
             cure="build the map of all of the recording, or give the truth of the part that is mapped",
         )
     T_world_base, T_map_base = (np.concatenate(poses) for poses in zip(*ways.values(), strict=True))

@@ -22,13 +22,13 @@ def pair_traversals(reader: MapReader, truth: GroundTruth) -> Pairs:
     if not any(pairs.values()):
         raise EvaluationError(
             "this truth belongs to other recordings than those in the map",
-            where=str(reader.path),
+            where=reader.where,
             cure="give the truth.json that lies beside the recordings in the map",
         )
     if strangers := [each.name for each in reader.traversals if not pairs[each.id]]:
         raise EvaluationError(
             f"the truth does not know {', '.join(strangers)}, which the map holds: objects at its end cannot be judged",
-            where=str(reader.path),
+            where=reader.where,
             cure="build a map of the recordings that the truth is about, and no others",
         )
     return pairs

@@ -9,6 +9,7 @@ from sqlalchemy import Connection, select, text
 
 from supermap_cli.errors import MemoryStoreError
 from supermap_cli.memory import blobs
+from supermap_cli.memory.databases import dialect_of
 from supermap_cli.memory.reading import MapReader
 from supermap_cli.memory.values import Problem
 from supermap_schema import models
@@ -121,15 +122,7 @@ INVARIANTS = (
 def check(reader: MapReader) -> list[Problem]:
     """Every broken invariant of the map, in the order of tables; an intact map gives none."""
     connection = reader.connection
-    return [*_file_problems(connection), *_rule_problems(connection), *_blob_problems(connection)]
-
-
-def _file_problems(connection: Connection) -> Iterator[Problem]:
-    for (message,) in connection.execute(text("PRAGMA integrity_check")):
-        if message != "ok":
-            yield Problem("file", "integrity", message)
-    for table, row, parent, _ in connection.execute(text("PRAGMA foreign_key_check")):
-        yield Problem(table, str(row), f"points to a row of {parent} that does not exist")
+    return [*dialect_of(connection).damage(connection), *_rule_problems(connection), *_blob_problems(connection)]
 
 
 def _rule_problems(connection: Connection) -> Iterator[Problem]:

@@ -6,7 +6,6 @@ import json
 from collections import defaultdict
 from collections.abc import Collection
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,6 +13,7 @@ from sqlalchemy import Connection, Select, func, or_, select, text
 
 from supermap_cli.geometry.arrays import FloatArray, IntArray
 from supermap_cli.memory import blobs, rows
+from supermap_cli.memory.databases import Database
 from supermap_cli.memory.values import ObservationRef, StoredInstance, StoredTraversal, StoredVisit
 from supermap_cli.types.memory import SpatialEdge, StateRecord, TemporalEdge, VoxelCloud
 from supermap_schema import models
@@ -42,9 +42,18 @@ def select_traversals() -> Select[Any]:
 class MapReader:
     """Reads of one moment (`MapStore.reader` makes it). What was merged counts for its survivor everywhere."""
 
-    def __init__(self, connection: Connection, path: Path) -> None:
+    def __init__(self, connection: Connection, database: Database) -> None:
         self.connection = connection
-        self.path = path
+        self._database = database
+
+    @property
+    def where(self) -> str:
+        """The map's place for people: a path, or a URL without its password."""
+        return self._database.where
+
+    def size_bytes(self) -> int:
+        """What the map takes on the disk."""
+        return self._database.size_bytes(self.connection)
 
     @cached_property
     def traversals(self) -> tuple[StoredTraversal, ...]:

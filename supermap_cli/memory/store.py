@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 from sqlalchemy import Connection, Engine, Row, Select, func, insert, select, update
@@ -12,6 +11,7 @@ from sqlalchemy.exc import DatabaseError, IntegrityError
 
 from supermap_cli.errors import MemoryStoreError
 from supermap_cli.memory import rows
+from supermap_cli.memory.databases import Database, Lock, dialect_of
 from supermap_cli.memory.names import traversal_name
 from supermap_cli.memory.reading import MapReader, select_traversals
 from supermap_cli.memory.undo import drop_before_images, take_out
@@ -22,7 +22,6 @@ from supermap_schema import models
 
 if TYPE_CHECKING:
     from supermap_cli.geometry.arrays import FloatArray
-    from supermap_cli.memory.lock import BuildLock
 
 
 class MapStore:
@@ -32,19 +31,17 @@ class MapStore:
     `discard_traversal` when it fails. Questions use `reader`.
     """
 
-    def __init__(
-        self,
-        path: Path,
-        engine: Engine | None,
-        make_engine: Callable[[], Engine] | None,
-        lock: BuildLock | None,
-    ) -> None:
-        """`engine` is `None` while the file does not exist; `make_engine` and `lock` are `None` for readers."""
-        self.path = path
+    def __init__(self, database: Database, engine: Engine | None, lock: Lock | None) -> None:
+        """`engine` is `None` while there is no map yet; `lock` is `None` for readers."""
+        self._database = database
         self._engine = engine
-        self._make_engine = make_engine
         self._lock = lock
         self._created = False
+
+    @property
+    def where(self) -> str:
+        """The map's place for people: a path, or a URL without its password."""
+        return self._database.where
 
     def __enter__(self) -> Self:
         return self
@@ -86,11 +83,11 @@ class MapStore:
             )
         if name is not None and name in {each.name for each in known}:
             raise MemoryStoreError(
-                f"there is a traversal named {name!r} already", where=str(self.path), cure="choose another name"
+                f"there is a traversal named {name!r} already", where=self.where, cure="choose another name"
             )
 
     def begin_traversal(self, start: TraversalStart) -> int:
-        """Enter a new traversal and return its id; a missing database file is made now.
+        """Enter a new traversal and return its id; a missing map is made now.
 
         What killed builds left is taken out first.
         Raises `MemoryStoreError` if the recording is in the map already or its name is taken.
@@ -100,6 +97,7 @@ class MapStore:
         self.check_is_new(start.recording, start.fingerprint, start.name)
         names = {each.name for each in self.traversals()}
         with self._writing() as connection:
+            dialect_of(connection).align_row_ids(connection)
             number = connection.execute(select(func.coalesce(func.max(models.Traversal.number), 0))).scalar_one() + 1
             values = rows.traversal_values(start, number, start.name or traversal_name(start.recording, names))
             return connection.execute(insert(models.Traversal).returning(models.Traversal.id), values).scalar_one()
@@ -135,7 +133,7 @@ class MapStore:
                 select(models.Traversal.status).where(models.Traversal.id == traversal_id)
             ).scalar_one_or_none()
             if status not in {None, "building"}:
-                raise MemoryStoreError(f"traversal {traversal_id} is {status} and stays", where=str(self.path))
+                raise MemoryStoreError(f"traversal {traversal_id} is {status} and stays", where=self.where)
             take_out(connection, traversal_id)
 
     def discard_if_created(self) -> bool:
@@ -145,8 +143,7 @@ class MapStore:
         if self._engine is not None:
             self._engine.dispose()
         self._engine, self._created = None, False
-        for suffix in ("", "-wal", "-shm", "-journal"):
-            self.path.with_name(self.path.name + suffix).unlink(missing_ok=True)
+        self._database.remove()
         return True
 
     # What the mapping engine goes on from
@@ -223,26 +220,27 @@ class MapStore:
     def reader(self) -> Iterator[MapReader]:
         """Reads of one moment: whatever a running build commits meanwhile is not seen."""
         with self._reading() as connection:
-            yield MapReader(connection, self.path)
+            yield MapReader(connection, self._database)
 
     # Sessions
 
     @contextmanager
     def _reading(self) -> Iterator[Connection]:
         if self._engine is None:
-            raise MemoryStoreError("there is no map database", where=str(self.path), cure="run `supermap build`")
+            raise MemoryStoreError("there is no map database", where=self.where, cure="run `supermap build`")
         with self._translated(), self._engine.connect() as connection, connection.begin():
             yield connection
 
     @contextmanager
     def _writing(self) -> Iterator[Connection]:
         if self._engine is None or self._lock is None:
-            raise MemoryStoreError("the map database is not open for writing", where=str(self.path))
+            raise MemoryStoreError("the map database is not open for writing", where=self.where)
         with (
             self._translated(),
             self._engine.connect().execution_options(writes=True) as connection,
             connection.begin(),
         ):
+            self._lock.check(connection)
             yield connection
 
     @contextmanager
@@ -253,25 +251,24 @@ class MapStore:
         except IntegrityError:
             raise
         except DatabaseError as error:
-            raise MemoryStoreError(
-                f"the map database failed: {error.orig}", where=str(self.path), cure="free space or restore the file"
-            ) from error
+            raise self._database.failure(error) from error
 
     def _rows(self, statement: Select[*tuple[Any, ...]]) -> list[Row[*tuple[Any, ...]]]:
-        """All rows; none while the file does not exist."""
+        """All rows; none while there is no map."""
         if self._engine is None:
             return []
         with self._reading() as connection:
             return list(connection.execute(statement))
 
     def _create_if_missing(self) -> None:
-        if self._engine is not None or self._make_engine is None:
+        if self._engine is not None or self._lock is None:
             return
         from supermap_schema.upgrading import upgrade  # noqa: PLC0415 - Alembic is needed only here
 
         self._created = True
-        self._engine = self._make_engine()
+        self._engine = self._database.writer_engine()
         with self._writing() as connection:
+            self._database.prepare(connection)
             upgrade(connection)
 
 

@@ -8,6 +8,7 @@ from typing import Any
 
 from sqlalchemy import Connection, Table, delete, insert, select
 
+from supermap_cli.memory.databases import dialect_of
 from supermap_cli.memory.rows import to_json
 from supermap_schema.models import (
     Base,
@@ -56,7 +57,7 @@ def drop_before_images(connection: Connection, traversal_id: int) -> None:
 
 def take_out(connection: Connection, traversal_id: int) -> None:
     """Undo everything an unfinished traversal wrote, and delete it."""
-    connection.exec_driver_sql("PRAGMA defer_foreign_keys = ON")
+    dialect_of(connection).defer_foreign_keys(connection)
     keyframes = select(Keyframe.id).where(Keyframe.traversal_id == traversal_id)
     connection.execute(delete(Observation).where(Observation.keyframe_id.in_(keyframes)))
     for model in (Checkpoint, Keyframe, TemporalEdge, SpatialEdge, Visit, State, Instance):
@@ -73,10 +74,16 @@ def _restore(connection: Connection, traversal_id: int, table: Table) -> None:
             BeforeImage.traversal_id == traversal_id, BeforeImage.table_name == table.name
         )
     ).all()
-    if images:
+    if not images:
+        return
+    if table.name == "state":  # one by one, a state could overlap one that is about to change
         connection.execute(delete(table).where(_key(table).in_([image.row_key for image in images])))
-        rows = [{name: _stored(value) for name, value in json.loads(image.content).items()} for image in images]
-        connection.execute(insert(table), rows)
+    statement = dialect_of(connection).upsert(table)
+    changed = {column.name: column for column in statement.excluded if not column.primary_key}
+    connection.execute(
+        statement.on_conflict_do_update(index_elements=[_key(table)], set_=changed),
+        [{name: _stored(value) for name, value in json.loads(image.content).items()} for image in images],
+    )
 
 
 def _key(table: Table) -> Any:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from sqlalchemy import Connection, delete, insert, select, tuple_, update
-from sqlalchemy.dialects.sqlite import insert as upsert
 
 from supermap_cli.memory import rows
+from supermap_cli.memory.databases import dialect_of
 from supermap_cli.memory.names import InstanceIds
 from supermap_cli.memory.undo import keep_before_images
 from supermap_cli.types.memory import (
@@ -51,7 +51,7 @@ def _replace_instances(connection: Connection, traversal_id: int, instances: Seq
     ids = InstanceIds(stored.values())
     for number in sorted(newest.keys() - stored.keys()):
         stored[number] = ids.next_id(newest[number].label)
-    statement = upsert(models.Instance)
+    statement = dialect_of(connection).upsert(models.Instance)
     kept = {"number", "id", "traversal_id"}
     changed = {column.name: column for column in statement.excluded if column.name not in kept}
     connection.execute(
@@ -108,7 +108,7 @@ def _replace_visits(connection: Connection, traversal_id: int, visits: Sequence[
     if not visits:
         return
     newest = {visit.object_number: visit for visit in visits}
-    statement = upsert(models.Visit)
+    statement = dialect_of(connection).upsert(models.Visit)
     changed = {name: statement.excluded[name] for name in ("supported", "in_view", "contradicted")}
     changed |= {name: statement.excluded[name] for name in ("first_support_ns", "last_support_ns")}
     connection.execute(
@@ -134,7 +134,7 @@ def _replace_spatial_edges(connection: Connection, traversal_id: int, edges: Seq
     connection.execute(delete(table).where(table.id.in_([known[key] for key in empty if key in known])))
     values = [rows.spatial_edge_values(edge, traversal_id) for key, edge in newest.items() if key not in empty]
     if values:
-        statement = upsert(table)
+        statement = dialect_of(connection).upsert(table)
         connection.execute(
             statement.on_conflict_do_update(
                 index_elements=["subject_number", "relation", "object_number", "since_ns"],

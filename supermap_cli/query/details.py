@@ -79,7 +79,7 @@ def details_at(reader: MapReader, text_id: str, instant: Instant, clock: Clock) 
     instance, at_ns = find_instance(reader, text_id), instant.at_ns
     standing = standing_at(instance, at_ns)
     if standing is None:
-        raise QueryError(f"{text_id!r} has stood nowhere", where=str(reader.path), cure="leave out --at")
+        raise QueryError(f"{text_id!r} has stood nowhere", where=reader.where, cure="leave out --at")
     state, seen = standing.state, seen_by(reader, instance, instant)
     name = name_by(seen, at_ns)
     by_then = {each.id for each in reader.traversals if each.start_ns <= at_ns}
@@ -111,7 +111,7 @@ def find_instance(reader: MapReader, text_id: str) -> StoredInstance:
     instance = reader.instance(text_id)
     if instance is None:
         raise QueryError(
-            f"there is no object {text_id!r}", where=str(reader.path), cure="`supermap show` lists those there are"
+            f"there is no object {text_id!r}", where=reader.where, cure="`supermap show` lists those there are"
         )
     return instance
 

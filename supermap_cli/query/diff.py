@@ -293,7 +293,7 @@ def _choose(reader: MapReader, first: str | None, second: str | None) -> tuple[S
         known = f"only {traversals[0].name!r}" if traversals else "none"
         raise QueryError(
             f"a diff needs two traversals, and the map holds {known}",
-            where=str(reader.path),
+            where=reader.where,
             cure="build another recording of the same place into it",
         )
     if first is None:

@@ -26,10 +26,10 @@ class Inventory:
 def inventory(reader: MapReader) -> Inventory:
     """Count everything."""
     return Inventory(
-        path=str(reader.path),
+        path=reader.where,
         version=SCHEMA_VERSION,
         revision=reader.revision(),
-        size_bytes=reader.path.stat().st_size,
+        size_bytes=reader.size_bytes(),
         counts=reader.counts(),
         traversals=tuple(map(traversal_view, reader.traversals)),
         versions={each.name: dict(each.versions) for each in reader.traversals},

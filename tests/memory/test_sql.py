@@ -15,7 +15,7 @@ import pytest
 import kitchen
 from supermap_cli.errors import MemoryStoreError, QueryError
 from supermap_cli.memory import open_store
-from supermap_cli.memory.sql import read_sql
+from supermap_cli.memory.opening import read_sql
 from supermap_schema import SCHEMA_VERSION
 
 

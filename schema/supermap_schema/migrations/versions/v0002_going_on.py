@@ -5,7 +5,7 @@ from __future__ import annotations
 import sqlalchemy as sa
 from alembic import op
 
-from supermap_schema import sqlite
+from supermap_schema import postgresql, sqlite
 from supermap_schema.columns import Blob, Int64, Label
 
 revision = "0002"
@@ -30,9 +30,9 @@ def upgrade() -> None:
         sqlite_strict=True,
     )
     op.create_index(op.f("ix_visit_instance_number_traversal_id"), "visit", ["instance_number", "traversal_id"])
-    if op.get_bind().dialect.name == "sqlite":
-        for statement in sqlite.OBJECTS_0002:
-            op.execute(statement)
+    objects = {"sqlite": sqlite.OBJECTS_0002, "postgresql": postgresql.OBJECTS_0002}
+    for statement in objects[op.get_bind().dialect.name]:
+        op.execute(statement)
 
 
 def downgrade() -> None:

@@ -7,10 +7,12 @@ import fcntl
 import os
 from pathlib import Path
 
+from sqlalchemy import Connection
+
 from supermap_cli.errors import MemoryStoreError
 
 
-class BuildLock:
+class FileLock:
     """Holds ``<database>.lock`` (flock) from `acquire` to `release`; the file holds the builder's process id.
 
     SQLite's own locks are of another kind (POSIX record locks on the database), so that readers never notice this one.
@@ -49,6 +51,9 @@ class BuildLock:
         os.ftruncate(self._descriptor, 0)
         os.pwrite(self._descriptor, f"{os.getpid()}\n".encode("ascii"), 0)
         atexit.register(self.release)
+
+    def check(self, connection: Connection) -> None:
+        """The system takes no file lock away."""
 
     def release(self) -> None:
         """Give the lock back and remove its file; does nothing where it is not held."""

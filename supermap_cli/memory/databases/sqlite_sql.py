@@ -1,16 +1,13 @@
-"""Plain SQL on the map database, strictly for reading."""
+"""Plain SQL on a map in SQLite, strictly for reading."""
 
 from __future__ import annotations
 
 import sqlite3
 from collections.abc import Callable, Generator, Iterator
 from contextlib import closing, contextmanager
-from dataclasses import dataclass
 
 from supermap_cli.errors import QueryError
-from supermap_cli.memory.opening import connect_read_only, current_database
-
-SqlValue = int | float | str | bytes | None
+from supermap_cli.memory.databases.interface import SqlRows, SqlValue
 
 _READING_PRAGMAS = frozenset(
     (
@@ -30,24 +27,14 @@ _CURES = {
 """Part of SQLite's message -> cure."""
 
 
-@dataclass(frozen=True)
-class SqlRows:
-    """The answer to one statement; its rows are read from the database while they are taken."""
-
-    columns: tuple[str, ...]
-    rows: Iterator[tuple[SqlValue, ...]]
-
-
 @contextmanager
-def read_sql(
-    url: str, statement: str, prepare: Callable[[sqlite3.Connection], None] | None = None
+def read_rows(
+    connect: Callable[[], sqlite3.Connection],
+    statement: str,
+    prepare: Callable[[sqlite3.Connection], None] | None = None,
 ) -> Iterator[SqlRows]:
-    """Run one statement that only reads; `prepare` may add SQL functions to the connection before.
-
-    Raises `MemoryStoreError` for a database that cannot be opened, and `QueryError`, with SQLite's message, for a
-    statement that is wrong, that would write, or that is more than one; while rows are taken, too.
-    """
-    with closing(connect_read_only(current_database(url))) as connection:
+    """Run one statement (see `Database.read_sql`)."""
+    with closing(connect()) as connection:
         if prepare is not None:
             prepare(connection)
         connection.set_authorizer(_authorize)

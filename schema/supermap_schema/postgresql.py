@@ -1,0 +1,185 @@
+"""All that holds for PostgreSQL (14 and newer) only: the map's mark, triggers, views, box and label indices.
+
+The twin of `sqlite`: what R*Tree and FTS5 give there, a GiST index over built-in boxes and a GIN index over words give
+here, under the same names. Everything lies in the schema that is the first of the search path; functions keep the
+search path they were made with, so that the triggers hold for whoever writes, from wherever.
+"""
+
+from __future__ import annotations
+
+from supermap_schema.views import Words, views_0002
+
+MARK = "SuperMap 4D memory"
+"""The comment on table `traversal`: tells a SuperMap schema from any other."""
+
+OLDEST_SERVER = 140000
+"""`server_version_num`: bodies of SQL functions that keep their references came with PostgreSQL 14."""
+
+LABEL_SEARCH = "supermap_label"
+"""The text search configuration: Porter's stems without stop words, as FTS5's porter tokenizer has them."""
+
+FUNCTIONS = ("refuse_changed_observation", "refuse_deleted_observation", "refuse_overlapping_state", "label_words")
+
+_MARK = (f"COMMENT ON TABLE traversal IS '{MARK}'",)
+
+_NUMBERS_ARE_GIVEN = ("ALTER TABLE instance ALTER COLUMN number DROP DEFAULT", "DROP SEQUENCE instance_number_seq")
+"""A whole-number key counts by itself in PostgreSQL, unless it is told not to."""
+
+_JSON_COLUMNS = (
+    ("traversal", "T_map_odom"),
+    ("traversal", "config"),
+    ("traversal", "versions"),
+    ("traversal", "timings"),
+    ("keyframe", "T_map_base"),
+    ("keyframe", "T_map_camera"),
+    ("keyframe", "camera"),
+    ("instance", "label_belief"),
+    ("instance", "engine_state"),
+    ("observation", "hypotheses"),
+    ("before_image", "content"),
+)
+
+_VALID_JSON = tuple(
+    f'ALTER TABLE {table} ADD CONSTRAINT ck_{table}_{column.lower()}_json CHECK (("{column}"::json) IS NOT NULL'
+    f' OR "{column}" IS NULL)'
+    for table, column in _JSON_COLUMNS
+)
+
+_OBSERVATION_BUT_CROP = (
+    *("id", "keyframe_id", "instance_number", "track_id", "label", "score", "u_min", "v_min", "u_max", "v_max"),
+    *("x", "y", "z", "evidence_for", "evidence_against", "hypotheses"),
+)
+
+
+def _row(name: str) -> str:
+    return f"({', '.join(f'{name}.{column}' for column in _OBSERVATION_BUT_CROP)})"
+
+
+_IMMUTABLE_OBSERVATIONS = (
+    f"""
+    CREATE FUNCTION refuse_changed_observation() RETURNS trigger LANGUAGE plpgsql SET search_path FROM CURRENT AS $$
+    BEGIN
+      IF NEW.crop_jpeg IS NOT NULL
+        OR {_row("NEW")} IS DISTINCT FROM {_row("OLD")}
+        OR NOT EXISTS (SELECT 1 FROM keyframe JOIN traversal ON traversal.id = keyframe.traversal_id
+            WHERE keyframe.id = OLD.keyframe_id AND keyframe.stamp_ns < traversal.crops_kept_from_ns)
+      THEN
+        RAISE EXCEPTION 'observations are never changed' USING ERRCODE = 'integrity_constraint_violation';
+      END IF;
+      RETURN NEW;
+    END $$
+    """,
+    """
+    CREATE TRIGGER observation_is_immutable BEFORE UPDATE ON observation
+    FOR EACH ROW EXECUTE FUNCTION refuse_changed_observation()
+    """,
+    """
+    CREATE FUNCTION refuse_deleted_observation() RETURNS trigger LANGUAGE plpgsql SET search_path FROM CURRENT AS $$
+    BEGIN
+      IF EXISTS (SELECT 1 FROM keyframe JOIN traversal ON traversal.id = keyframe.traversal_id
+          WHERE keyframe.id = OLD.keyframe_id AND traversal.status = 'complete'
+          AND (traversal.observations_kept_from_ns IS NULL
+               OR keyframe.stamp_ns >= traversal.observations_kept_from_ns))
+      THEN
+        RAISE EXCEPTION 'observations of a complete traversal are never deleted'
+          USING ERRCODE = 'integrity_constraint_violation';
+      END IF;
+      RETURN OLD;
+    END $$
+    """,
+    """
+    CREATE TRIGGER observation_is_kept BEFORE DELETE ON observation
+    FOR EACH ROW EXECUTE FUNCTION refuse_deleted_observation()
+    """,
+)
+
+_DISJOINT_STATES = (
+    """
+    CREATE FUNCTION refuse_overlapping_state() RETURNS trigger LANGUAGE plpgsql SET search_path FROM CURRENT AS $$
+    BEGIN
+      IF EXISTS (SELECT 1 FROM state AS other
+          WHERE other.instance_number = NEW.instance_number AND other.state_index <> NEW.state_index
+          AND other.first_seen_ns <= NEW.last_seen_ns AND NEW.first_seen_ns <= other.last_seen_ns)
+      THEN
+        RAISE EXCEPTION 'states of one instance overlap' USING ERRCODE = 'integrity_constraint_violation';
+      END IF;
+      RETURN NEW;
+    END $$
+    """,
+    """
+    CREATE TRIGGER state_is_disjoint_on_insert BEFORE INSERT ON state
+    FOR EACH ROW EXECUTE FUNCTION refuse_overlapping_state()
+    """,
+    """
+    CREATE TRIGGER state_is_disjoint_on_update BEFORE UPDATE OF first_seen_ns, last_seen_ns ON state
+    FOR EACH ROW EXECUTE FUNCTION refuse_overlapping_state()
+    """,
+)
+
+# A rectangle of sides a, b turned by any yaw reaches at most (a + b) / 2 from its centre.
+_GROUND = """box(point(center_x - (size_x + size_y) / 2, center_y - (size_x + size_y) / 2),
+    point(center_x + (size_x + size_y) / 2, center_y + (size_x + size_y) / 2))"""
+
+_STATE_BOXES = (
+    f"CREATE INDEX ix_state_ground ON state USING gist (({_GROUND}))",
+    f"""
+    CREATE VIEW state_box AS
+    SELECT id AS state_id,
+           center_x - (size_x + size_y) / 2 AS min_x, center_x + (size_x + size_y) / 2 AS max_x,
+           center_y - (size_x + size_y) / 2 AS min_y, center_y + (size_x + size_y) / 2 AS max_y,
+           center_z - size_z / 2 AS min_z, center_z + size_z / 2 AS max_z,
+           {_GROUND} AS ground
+    FROM state
+    """,
+)
+
+_LABEL_WORDS = (
+    "CREATE TEXT SEARCH DICTIONARY supermap_porter (TEMPLATE = pg_catalog.snowball, LANGUAGE = porter)",
+    f"CREATE TEXT SEARCH CONFIGURATION {LABEL_SEARCH} (PARSER = pg_catalog.default)",
+    f"""ALTER TEXT SEARCH CONFIGURATION {LABEL_SEARCH}
+        ADD MAPPING FOR asciiword, word, numword, int, uint WITH supermap_porter""",
+    f"""
+    CREATE FUNCTION label_words(id text, label text, label_belief text) RETURNS tsvector LANGUAGE sql IMMUTABLE
+    RETURN to_tsvector('{LABEL_SEARCH}'::regconfig, regexp_replace(
+        id || ' ' || label || ' '
+          || coalesce((SELECT string_agg(key, ' ') FROM json_object_keys(label_belief::json) AS key), ''),
+        '[^[:alnum:]]+', ' ', 'g'))
+    """,
+    "CREATE INDEX ix_instance_label_words ON instance USING gin (label_words(id, label, label_belief))",
+    """
+    CREATE VIEW instance_label AS
+    SELECT number, id, label, (SELECT string_agg(key, ', ') FROM json_object_keys(label_belief::json) AS key) AS labels,
+           label_words(id, label, label_belief) AS words
+    FROM instance
+    """,
+)
+
+_WORDS = Words(
+    utc=lambda column: (
+        f"to_char(to_timestamp({column} / 1000000000) AT TIME ZONE 'UTC', 'YYYY-MM-DD\"T\"HH24:MI:SS') "
+        f"|| '.' || ({column} / 100000000 % 10) || 'Z'"
+    ),
+    seconds=lambda span: f"round(({span})::numeric / 1000000000, 1) || ' s'",
+    rounded=lambda value: f"round(({value})::numeric, 3)::double precision",
+    element=lambda transform, row, column: f"({_quoted(transform)}::json -> {row} ->> {column})::double precision",
+    joined=lambda text, order: f"string_agg({text}, ', ' ORDER BY {order})",
+)
+
+
+def _quoted(column: str) -> str:
+    """A name with capitals, as PostgreSQL keeps it."""
+    table, _, name = column.rpartition(".")
+    return f'{table}."{name}"'
+
+
+OBJECTS_0002 = (
+    _MARK
+    + _NUMBERS_ARE_GIVEN
+    + _VALID_JSON
+    + _IMMUTABLE_OBSERVATIONS
+    + _DISJOINT_STATES
+    + _STATE_BOXES
+    + _LABEL_WORDS
+    + views_0002(_WORDS)
+)
+"""Version 2 is the first that PostgreSQL can hold, so that everything is made here."""

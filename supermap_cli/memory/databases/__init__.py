@@ -1,0 +1,35 @@
+"""Every difference between the databases a map can lie in: SQLite and PostgreSQL.
+
+- `Database`: a place where a map is or may be made: how it is opened, locked, measured, asked in plain SQL, removed.
+- `Dialect`: what its SQL has words of its own for; it needs only an open connection (`dialect_of`).
+
+What both have in common (tables, migrations, all other SQL) stands elsewhere, once.
+"""
+
+from __future__ import annotations
+
+from supermap_cli.errors import MemoryStoreError
+from supermap_cli.memory.databases.dialects import Dialect, dialect_of
+from supermap_cli.memory.databases.interface import Database, Lock, SqlRows, SqlValue
+
+__all__ = ["Database", "Dialect", "Lock", "SqlRows", "SqlValue", "database_of", "dialect_of"]
+
+_SQLITE_PREFIX = "sqlite:///"
+
+
+def database_of(url: str) -> Database:
+    """The database that a path or URL means; nothing is opened. Raises `MemoryStoreError` for other kinds."""
+    if "://" in url and not url.startswith(_SQLITE_PREFIX):
+        scheme = url.partition("://")[0]
+        if scheme.partition("+")[0] not in {"postgresql", "postgres"}:
+            raise MemoryStoreError(
+                f"databases of kind {scheme!r} cannot be used",
+                where=scheme,
+                cure="give a path, a sqlite:/// URL or a postgresql+psycopg:// URL",
+            )
+        from supermap_cli.memory.databases.postgresql import PostgresqlSchema  # noqa: PLC0415 - only where it is used
+
+        return PostgresqlSchema.of(url)
+    from supermap_cli.memory.databases.sqlite import SqliteFile  # noqa: PLC0415
+
+    return SqliteFile.of(url.removeprefix(_SQLITE_PREFIX))

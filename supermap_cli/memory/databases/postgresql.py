@@ -1,0 +1,177 @@
+"""A map in a schema of a PostgreSQL database: the first of the connection's search path."""
+
+from __future__ import annotations
+
+import os
+import socket
+import sqlite3
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from typing import Any
+
+from sqlalchemy import URL, Connection, Engine, create_engine, make_url, text
+from sqlalchemy.exc import ArgumentError, DatabaseError
+from sqlalchemy.pool import NullPool
+
+from supermap_cli.errors import MemoryStoreError
+from supermap_cli.memory.databases.interface import SqlRows
+from supermap_cli.memory.databases.postgresql_lock import AdvisoryLock
+from supermap_cli.memory.databases.postgresql_refusals import no_driver, refused
+from supermap_cli.memory.databases.postgresql_sql import read_rows
+from supermap_schema import models, postgresql
+
+_SECRETS = ("password", "passfile", "sslpassword")
+_CONNECT_TIMEOUT_S = 10
+
+_FIRST_SCHEMA = "SELECT btrim(split_part(current_setting('search_path'), ',', 1), ' \"')"
+"""The name of the schema that a map is to have, where that schema does not exist yet."""
+
+_OWN_RELATIONS = """
+    SELECT c.oid, c.relname, c.relkind FROM pg_class c WHERE c.relnamespace = current_schema()::regnamespace
+    AND c.relkind IN ('r', 'p', 'v', 'm', 'f') AND NOT EXISTS (
+      SELECT 1 FROM pg_depend d WHERE d.classid = 'pg_class'::regclass AND d.objid = c.oid AND d.deptype = 'e')
+"""
+"""Tables and views of the schema, but for those that belong to an extension (PostGIS)."""
+
+
+@dataclass(frozen=True)
+class PostgresqlSchema:
+    """The place that `url` leads to, by psycopg."""
+
+    url: URL
+
+    @classmethod
+    def of(cls, url: str) -> PostgresqlSchema:
+        """The place of a URL. Raises `MemoryStoreError` for one that is not understood."""
+        scheme, _, rest = url.partition("://")
+        cure = "write postgresql+psycopg://USER@HOST/DATABASE"
+        if scheme not in {"postgresql+psycopg", "postgresql", "postgres"}:
+            raise MemoryStoreError(f"the driver {scheme.partition('+')[2]!r} is not known", where=scheme, cure=cure)
+        try:
+            parsed = make_url(f"postgresql+psycopg://{rest}")
+        except (ArgumentError, ValueError) as error:
+            raise MemoryStoreError("the database's URL is not understood", where=scheme, cure=cure) from error
+        if not parsed.database and "dbname" not in parsed.query:
+            raise MemoryStoreError("the database's URL names no database", where=_without_secrets(parsed), cure=cure)
+        return cls(parsed)
+
+    @property
+    def where(self) -> str:
+        """The URL without its password."""
+        return _without_secrets(self.url)
+
+    def stored_version(self) -> int | None:
+        """The number of the newest migration, of a schema that is marked as a map."""
+        with self._connected("AUTOCOMMIT") as connection:
+            if connection.exec_driver_sql("SHOW server_version_num").scalar_one() < str(postgresql.OLDEST_SERVER):
+                raise MemoryStoreError(
+                    f"the server is PostgreSQL {connection.exec_driver_sql('SHOW server_version').scalar_one()}",
+                    where=self.where,
+                    cure=f"use PostgreSQL {postgresql.OLDEST_SERVER // 10000} or newer",
+                )
+            tables = {row.relname: row.oid for row in connection.exec_driver_sql(_OWN_RELATIONS)}
+            if not tables:
+                return None
+            mark = None
+            if "traversal" in tables:
+                mark = connection.execute(
+                    text("SELECT obj_description(:oid, 'pg_class')"), {"oid": tables["traversal"]}
+                ).scalar_one()
+            if mark != postgresql.MARK:
+                schema = connection.exec_driver_sql("SELECT current_schema()").scalar_one()
+                raise MemoryStoreError(
+                    f"the schema {schema!r} holds tables, but no SuperMap map",
+                    where=self.where,
+                    cure="give the map a schema of its own: add ?options=-csearch_path%3Dsupermap to the URL",
+                )
+            return int(connection.exec_driver_sql("SELECT version_num FROM alembic_version").scalar_one())
+
+    def take_lock(self) -> AdvisoryLock:
+        """An advisory lock on a connection of its own."""
+        return AdvisoryLock.taken(self._connected("AUTOCOMMIT"), self.where)
+
+    def writer_engine(self) -> Engine:
+        """READ COMMITTED: there is one writer."""
+        return self._engine()
+
+    def reader_engine(self) -> Engine:
+        """REPEATABLE READ and read only."""
+        return self._engine().execution_options(isolation_level="REPEATABLE READ", postgresql_readonly=True)
+
+    def prepare(self, connection: Connection) -> None:
+        """Make the schema, where the search path begins with one that does not exist."""
+        if connection.exec_driver_sql("SELECT current_schema()").scalar_one() is None:
+            name = connection.exec_driver_sql(_FIRST_SCHEMA).scalar_one()
+            quoted = connection.dialect.identifier_preparer.quote(name)
+            connection.exec_driver_sql(f"CREATE SCHEMA {quoted}".replace("%", "%%"))
+            connection.execute(text(f"COMMENT ON SCHEMA {quoted} IS '{postgresql.MARK}'"))
+
+    def remove(self) -> None:
+        """Drop all that a map has made, and its schema if that was made for it."""
+        with self._connected() as connection, connection.begin():
+            made = connection.exec_driver_sql(
+                "SELECT obj_description(current_schema()::regnamespace, 'pg_namespace')"
+            ).scalar_one()
+            if made == postgresql.MARK:
+                name = connection.exec_driver_sql("SELECT current_schema()").scalar_one()
+                quoted = connection.dialect.identifier_preparer.quote(name)
+                connection.exec_driver_sql(f"DROP SCHEMA {quoted} CASCADE".replace("%", "%%"))
+                return
+            names = [*(table.name for table in models.Base.metadata.sorted_tables), "alembic_version"]
+            connection.exec_driver_sql(f"DROP TABLE IF EXISTS {', '.join(names)} CASCADE")
+            connection.exec_driver_sql(f"DROP FUNCTION IF EXISTS {', '.join(postgresql.FUNCTIONS)} CASCADE")
+            connection.exec_driver_sql(f"DROP TEXT SEARCH CONFIGURATION IF EXISTS {postgresql.LABEL_SEARCH}")
+            connection.exec_driver_sql("DROP TEXT SEARCH DICTIONARY IF EXISTS supermap_porter")
+
+    def size_bytes(self, connection: Connection) -> int:
+        """All tables with their indices."""
+        size = f"SELECT coalesce(sum(pg_total_relation_size(oid)), 0)::bigint FROM ({_OWN_RELATIONS}) AS own"
+        return int(connection.exec_driver_sql(size).scalar_one())
+
+    def failure(self, error: DatabaseError) -> MemoryStoreError:
+        """A server that went away, a full disk."""
+        return refused(error, self.where)
+
+    def read_sql(
+        self, statement: str, prepare: Callable[[sqlite3.Connection], None] | None = None
+    ) -> AbstractContextManager[SqlRows]:
+        """One statement that reads; functions of plugins are made for SQLite."""
+        return read_rows(self._connect, statement)
+
+    def _engine(self, **options: Any) -> Engine:
+        try:
+            return create_engine(self.url, connect_args=self._connect_arguments(), **options)
+        except ImportError as error:
+            raise no_driver(self.where) from error
+
+    def _connect_arguments(self) -> dict[str, Any]:
+        """The name is what the server shows, and what another build is told while this one is at work."""
+        return {
+            "connect_timeout": int(str(self.url.query.get("connect_timeout", _CONNECT_TIMEOUT_S))),
+            "application_name": f"supermap, process {os.getpid()} on {socket.gethostname()}",
+        }
+
+    def _connected(self, isolation_level: str | None = None) -> Connection:
+        """A connection of its own. Raises `MemoryStoreError` where there is none."""
+        engine = self._engine(poolclass=NullPool)
+        try:
+            connection = engine.connect()
+        except DatabaseError as error:
+            raise refused(error, self.where) from error
+        return connection.execution_options(isolation_level=isolation_level) if isolation_level else connection
+
+    def _connect(self) -> Any:
+        """The driver's connection, for plain SQL."""
+        import psycopg  # noqa: PLC0415 - only where a map lies in PostgreSQL
+
+        arguments, options = self._engine().dialect.create_connect_args(self.url)
+        try:
+            return psycopg.connect(*arguments, **{**options, **self._connect_arguments()})
+        except psycopg.Error as error:
+            raise refused(error, self.where) from error
+
+
+def _without_secrets(url: URL) -> str:
+    """The driver would take a password in the query as well."""
+    return url.set(password=None).difference_update_query(_SECRETS).render_as_string()

@@ -1,0 +1,64 @@
+"""One build at a time: an advisory lock, which the server gives back when the connection that holds it ends."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from sqlalchemy import Connection, text
+
+from supermap_cli.errors import MemoryStoreError
+from supermap_schema.sqlite import APPLICATION_ID
+
+_SCHEMA = "coalesce(current_schema()::text, btrim(split_part(current_setting('search_path'), ',', 1), ' \"'))"
+_KEY = f"{APPLICATION_ID}, hashtext({_SCHEMA})"
+_HELD = f"""l.locktype = 'advisory' AND l.granted AND l.database = (
+    SELECT oid FROM pg_database WHERE datname = current_database())
+    AND l.classid = {APPLICATION_ID} AND l.objid::bigint = hashtext({_SCHEMA})::bigint & 4294967295"""
+
+
+@dataclass(frozen=True)
+class AdvisoryLock:
+    """The lock of one schema; `connection` holds it and does nothing else, `backend` is its process on the server."""
+
+    connection: Connection
+    backend: int
+    where: str
+
+    @classmethod
+    def taken(cls, connection: Connection, where: str) -> AdvisoryLock:
+        """Take the lock with a connection. Raises `MemoryStoreError`, naming the holder, if another build has it."""
+        if not connection.exec_driver_sql(f"SELECT pg_try_advisory_lock({_KEY})").scalar_one():
+            holder = connection.exec_driver_sql(
+                "SELECT coalesce(nullif(a.application_name, ''), 'process ' || l.pid || ' of the server') "
+                "|| ', since ' || to_char(a.backend_start AT TIME ZONE 'UTC', 'YYYY-MM-DD HH24:MI:SS') || ' UTC' "
+                f"FROM pg_locks l LEFT JOIN pg_stat_activity a ON a.pid = l.pid WHERE {_HELD}"
+            ).scalar()
+            _end(connection)
+            raise MemoryStoreError(
+                f"another build is writing this map ({holder or 'unknown'})",
+                where=where,
+                cure="wait for it, or give another --db",
+            )
+        backend = connection.exec_driver_sql("SELECT pg_backend_pid()").scalar_one()
+        return cls(connection, backend, where)
+
+    def check(self, connection: Connection) -> None:
+        """Ask the server whether the lock still is there: without its connection another build may have begun."""
+        held = connection.execute(
+            text(f"SELECT count(*) FROM pg_locks l WHERE {_HELD} AND l.pid = :backend"), {"backend": self.backend}
+        )
+        if not held.scalar_one():
+            raise MemoryStoreError(
+                "the connection that held the build lock was lost", where=self.where, cure="run the build again"
+            )
+
+    def release(self) -> None:
+        """End the connection, and the lock with it."""
+        _end(self.connection)
+
+
+def _end(connection: Connection) -> None:
+    if not connection.closed:
+        engine = connection.engine
+        connection.close()
+        engine.dispose()

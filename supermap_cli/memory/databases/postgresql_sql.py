@@ -1,0 +1,105 @@
+"""Plain SQL on a map in PostgreSQL, strictly for reading."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator, Iterator
+from contextlib import closing, contextmanager
+from typing import TYPE_CHECKING, Any
+
+from supermap_cli.errors import QueryError
+from supermap_cli.memory.databases.interface import SqlRows, SqlValue
+
+if TYPE_CHECKING:
+    import psycopg
+
+_CURES = {
+    "42P01": "",  # undefined table: the names that there are
+    "42703": "`SELECT column_name FROM information_schema.columns WHERE table_name = 'NAME'` lists the columns",
+    "42883": "see `supermap db sql --help`; functions of plugins are for SQLite",
+    "25006": "this command only reads: give one SELECT",
+}
+"""The SQLSTATE of a refusal -> cure."""
+
+
+@contextmanager
+def read_rows(connect: Callable[[], psycopg.Connection[Any]], statement: str) -> Iterator[SqlRows]:
+    """Run one statement (see `Database.read_sql`) in a read-only transaction.
+
+    It goes by the protocol for prepared statements, which takes one at a time, and its rows come one by one.
+    """
+    import psycopg  # noqa: PLC0415 - only where a map lies in PostgreSQL
+
+    with closing(connect()) as connection:
+        connection.isolation_level = psycopg.IsolationLevel.REPEATABLE_READ
+        connection.read_only = True
+        _plain_values(connection)
+        with _refusals_as_query_errors(connection):
+            columns = _columns(connection, statement)
+        if not columns:
+            raise QueryError("the SQL statement returns no rows", cure="give one SELECT")
+        with closing(_rows(connection, statement)) as rows:
+            yield SqlRows(columns, rows)
+
+
+def _columns(connection: psycopg.Connection[Any], statement: str) -> tuple[str, ...]:
+    """The names of the columns; none if the statement gives no rows. It is not run."""
+    from psycopg.errors import error_from_result  # noqa: PLC0415
+    from psycopg.pq import ExecStatus  # noqa: PLC0415
+
+    result = connection.pgconn.prepare(b"", statement.encode())
+    if result.status == ExecStatus.COMMAND_OK:
+        result = connection.pgconn.describe_prepared(b"")
+    if result.status != ExecStatus.COMMAND_OK:
+        raise error_from_result(result)
+    return tuple((result.fname(index) or b"").decode() for index in range(result.nfields))
+
+
+def _rows(connection: psycopg.Connection[Any], statement: str) -> Generator[tuple[SqlValue, ...], None, None]:
+    with _refusals_as_query_errors(connection):
+        yield from connection.cursor().stream(statement.encode())
+
+
+@contextmanager
+def _refusals_as_query_errors(connection: psycopg.Connection[Any]) -> Iterator[None]:
+    import psycopg  # noqa: PLC0415
+
+    try:
+        yield
+    except psycopg.Error as error:
+        message = error.diag.message_primary or str(error)
+        if "multiple commands" in message:
+            raise QueryError("one SQL statement at a time", cure="give one SELECT") from error
+        cure = _CURES.get(error.sqlstate or "", "see `supermap db sql --help`")
+        raise QueryError(f"PostgreSQL says: {message}", cure=cure or _names(connection)) from error
+
+
+def _names(connection: psycopg.Connection[Any]) -> str:
+    """The tables and views there are."""
+    found = connection.execute(
+        "SELECT table_name FROM information_schema.tables WHERE table_schema = current_schema() "
+        "ORDER BY table_type = 'VIEW' DESC, table_name"
+    )
+    return "there are " + ", ".join(name for (name,) in found)
+
+
+def _plain_values(connection: psycopg.Connection[Any]) -> None:
+    """Numbers, texts and bytes as SQLite has them; all else as PostgreSQL writes it."""
+    from psycopg.adapt import Loader  # noqa: PLC0415
+    from psycopg.types.string import TextLoader  # noqa: PLC0415
+
+    class Truth(Loader):
+        def load(self, data: Any) -> int:
+            return int(bytes(data) == b"t")
+
+    class Exact(Loader):
+        def load(self, data: Any) -> int | float:
+            written = bytes(data).decode()
+            return int(written) if written.lstrip("-").isdigit() else float(written)
+
+    for each in connection.adapters.types:
+        if each.name not in {"int2", "int4", "int8", "oid", "float4", "float8", "bytea"}:
+            connection.adapters.register_loader(each.oid, TextLoader)
+            if each.array_oid:
+                connection.adapters.register_loader(each.array_oid, TextLoader)
+    connection.adapters.register_loader("bool", Truth)
+    connection.adapters.register_loader("numeric", Exact)

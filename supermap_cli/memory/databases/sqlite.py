@@ -1,0 +1,165 @@
+"""A map in an SQLite file."""
+
+from __future__ import annotations
+
+import os
+import sqlite3
+from collections.abc import Callable
+from contextlib import AbstractContextManager, closing
+from dataclasses import dataclass
+from pathlib import Path
+from urllib.parse import quote
+
+from sqlalchemy import Connection, Engine, create_engine, event
+from sqlalchemy.exc import DatabaseError
+
+from supermap_cli.errors import MemoryStoreError
+from supermap_cli.memory.databases.interface import SqlRows
+from supermap_cli.memory.databases.sqlite_lock import FileLock
+from supermap_cli.memory.databases.sqlite_sql import read_rows
+from supermap_schema import sqlite
+
+_FILE_MAGIC = b"SQLite format 3\x00"
+
+
+@dataclass(frozen=True)
+class SqliteFile:
+    """The file at `path`."""
+
+    path: Path
+
+    @classmethod
+    def of(cls, path: str) -> SqliteFile:
+        """The file of that name. Raises `MemoryStoreError` for an empty one."""
+        if not path:
+            raise MemoryStoreError("the database's path is empty", cure="give a path with --db")
+        return cls(Path(path))
+
+    @property
+    def where(self) -> str:
+        """The path as it was given."""
+        return str(self.path)
+
+    def stored_version(self) -> int | None:
+        """`PRAGMA user_version` of a file that is a map."""
+        if self._is_missing():
+            return None
+        self._check_is_sqlite()
+        try:
+            with closing(self.connect_read_only()) as connection:
+                application_id, version = (
+                    int(connection.execute(f"PRAGMA {name}").fetchone()[0])
+                    for name in ("application_id", "user_version")
+                )
+        except sqlite3.Error as error:
+            raise MemoryStoreError(
+                f"the map database cannot be read: {error}", where=self.where, cure="restore it from a copy"
+            ) from error
+        if application_id != sqlite.APPLICATION_ID:
+            raise MemoryStoreError(
+                "a SQLite database, but no SuperMap map", where=self.where, cure="choose another file with --db"
+            )
+        return version
+
+    def take_lock(self) -> FileLock:
+        """A lock file beside the database."""
+        if not self.path.absolute().parent.is_dir():
+            raise MemoryStoreError(
+                "the folder of the map database does not exist",
+                where=self.where,
+                cure="make the folder, or change --db",
+            )
+        if not self._is_missing() and not os.access(self.path, os.W_OK):
+            raise MemoryStoreError(
+                "the map database is not writable", where=self.where, cure="check the file's rights, or change --db"
+            )
+        lock = FileLock(self.path)
+        lock.acquire()
+        return lock
+
+    def writer_engine(self) -> Engine:
+        """WAL; what writes begins as such, so that it never has to give up half-way."""
+        engine = create_engine("sqlite://", creator=self._connect_writer)
+
+        def begin(connection: Connection) -> None:
+            writes = connection.get_execution_options().get("writes")
+            connection.exec_driver_sql("BEGIN IMMEDIATE" if writes else "BEGIN")
+
+        event.listen(engine, "begin", begin)
+        return engine
+
+    def reader_engine(self) -> Engine:
+        """Query-only connections."""
+        engine = create_engine("sqlite://", creator=self.connect_read_only)
+        event.listen(engine, "begin", lambda connection: connection.exec_driver_sql("BEGIN"))
+        return engine
+
+    def prepare(self, connection: Connection) -> None:
+        """The file is made with its first table."""
+
+    def remove(self) -> None:
+        """Delete the file and what SQLite keeps beside it."""
+        for suffix in ("", "-wal", "-shm", "-journal"):
+            self.path.with_name(self.path.name + suffix).unlink(missing_ok=True)
+
+    def size_bytes(self, connection: Connection) -> int:
+        """The file without what a running build has not moved into it yet."""
+        return self.path.stat().st_size
+
+    def failure(self, error: DatabaseError) -> MemoryStoreError:
+        """A full disk, a damaged file."""
+        return MemoryStoreError(
+            f"the map database failed: {error.orig}", where=self.where, cure="free space or restore the file"
+        )
+
+    def read_sql(
+        self, statement: str, prepare: Callable[[sqlite3.Connection], None] | None = None
+    ) -> AbstractContextManager[SqlRows]:
+        """One statement that reads."""
+        return read_rows(self.connect_read_only, statement, prepare)
+
+    def connect_read_only(self) -> sqlite3.Connection:
+        """A connection that never writes; it works on a database in a read-only folder, too.
+
+        Where folder and file are writable it is opened for writing all the same, with `query_only`, because the last
+        such connection to close tidies the WAL files away.
+        """
+        location = f"file:{quote(str(self.path.absolute()))}"
+        if os.access(self.path, os.W_OK) and os.access(self.path.absolute().parent, os.W_OK):
+            mode = "mode=rw"
+        elif self.path.with_name(self.path.name + "-wal").exists():
+            mode = "mode=ro"
+        else:
+            mode = "immutable=1"
+        connection = sqlite3.connect(f"{location}?{mode}", uri=True, check_same_thread=False)
+        connection.isolation_level = None
+        for pragma in sqlite.CONNECTION_PRAGMAS + sqlite.READER_PRAGMAS:
+            connection.execute(pragma)
+        return connection
+
+    def _connect_writer(self) -> sqlite3.Connection:
+        connection = sqlite3.connect(self.path, check_same_thread=False)
+        connection.isolation_level = None
+        for pragma in sqlite.CONNECTION_PRAGMAS + sqlite.WRITER_PRAGMAS:
+            connection.execute(pragma)
+        return connection
+
+    def _is_missing(self) -> bool:
+        if self.path.is_dir():
+            raise MemoryStoreError("a folder, not a map database", where=self.where, cure="name a file with --db")
+        if not self.path.exists():
+            return True
+        if not self.path.is_file():
+            raise MemoryStoreError("no regular file", where=self.where, cure="name a file with --db")
+        return self.path.stat().st_size == 0
+
+    def _check_is_sqlite(self) -> None:
+        try:
+            with self.path.open("rb") as file:
+                magic = file.read(len(_FILE_MAGIC))
+        except OSError as error:
+            raise MemoryStoreError(
+                f"the map database cannot be read: {error.strerror}", where=self.where, cure="check the file's rights"
+            ) from error
+        if magic != _FILE_MAGIC:
+            raise MemoryStoreError("no map database", where=self.where, cure="choose another file with --db")
