@@ -42,7 +42,8 @@ def normal(distribution: str) -> str:
 
 def declared() -> set[str]:
     """The distributions that the project depends on, those that it can do without among them."""
-    lines = [*PROJECT["project"]["dependencies"], *PROJECT["project"]["optional-dependencies"]["eval"]]
+    optional = PROJECT["project"]["optional-dependencies"]
+    lines = [*PROJECT["project"]["dependencies"], *optional["eval"], *optional["postgresql"]]
     return {normal(re.split(r"[<>=!~;\[ ]", line)[0]) for line in lines}
 
 

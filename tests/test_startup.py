@@ -11,7 +11,7 @@ import pytest
 
 import kitchen
 
-HEAVY = ("open3d", "onnxruntime", "cv2", "rosbags", "kiss_icp", "scipy", "matplotlib", "trackeval")
+HEAVY = ("open3d", "onnxruntime", "cv2", "rosbags", "kiss_icp", "scipy", "matplotlib", "trackeval", "psycopg")
 
 RUN_AND_TELL = f"""
 import sys
