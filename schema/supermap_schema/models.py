@@ -27,6 +27,11 @@ TRAVERSAL_STATUSES = ("building", "complete")
 TEMPORAL_KINDS = ("appeared", "persisted", "moved", "disappeared", "reappeared", "merged", "split", "candidate")
 
 
+MERGED = text("merged_into IS NOT NULL")
+NOT_MERGED = text("merged_into IS NULL")
+"""Nearly all questions are for those that stand for themselves: their indices hold no others."""
+
+
 def _one_of(column: str, values: tuple[str, ...]) -> str:
     return f"{column} IN ({', '.join(repr(value) for value in values)})"
 
@@ -53,7 +58,7 @@ class Traversal(Base):
 
     `fingerprint` tells recordings apart; `config` and `versions` say how it was built; `timings` holds seconds per
     stage and is the only volatile column of the database; `status` is "building" while a build runs (or was stopped);
-    `mapped_ns` is the stamp of the newest keyframe committed.
+    `mapped_ns` is the stamp of the newest keyframe committed; `keyframes` and `observations` count what it has of them.
 
     All times of a traversal are its recording's plus `clock_shift_ns`, which is 0 unless its clock says that
     it was made before the end of what is in the map: the map's time goes forward in the order of building. Crops and
@@ -79,6 +84,8 @@ class Traversal(Base):
     clock_shift_ns: Mapped[int] = mapped_column(Int64, server_default=text("0"))
     crops_kept_from_ns: Mapped[int | None] = mapped_column(Int64)
     observations_kept_from_ns: Mapped[int | None] = mapped_column(Int64)
+    keyframes: Mapped[int] = mapped_column(Int64, server_default=text("0"))
+    observations: Mapped[int] = mapped_column(Int64, server_default=text("0"))
 
     __table_args__ = (
         CheckConstraint("end_ns >= start_ns", name="span"),
@@ -147,6 +154,9 @@ class Instance(Base):
     embedding: Mapped[bytes | None] = mapped_column(Blob)
 
     __table_args__ = (
+        Index(None, "label", "presence", "last_seen_ns", sqlite_where=NOT_MERGED, postgresql_where=NOT_MERGED),
+        Index(None, "presence", "last_seen_ns", sqlite_where=NOT_MERGED, postgresql_where=NOT_MERGED),
+        Index(None, "merged_into", sqlite_where=MERGED, postgresql_where=MERGED),
         CheckConstraint(_one_of("presence", PRESENCES), name="presence"),
         CheckConstraint("last_seen_ns >= first_seen_ns", name="span"),
         CheckConstraint("size_x >= 0 AND size_y >= 0 AND size_z >= 0", name="size"),
@@ -166,7 +176,7 @@ class Observation(Base):
 
     id: Mapped[int] = mapped_column(Int64, primary_key=True)
     keyframe_id: Mapped[int] = mapped_column(Int64, ForeignKey("keyframe.id"), index=True)
-    instance_number: Mapped[int] = mapped_column(Int64, ForeignKey("instance.number"), index=True)
+    instance_number: Mapped[int] = mapped_column(Int64, ForeignKey("instance.number"))
     track_id: Mapped[int] = mapped_column(Int64)
     label: Mapped[str] = mapped_column(Label)
     score: Mapped[float] = mapped_column(Real)
@@ -183,6 +193,7 @@ class Observation(Base):
     crop_jpeg: Mapped[bytes | None] = mapped_column(Blob)
 
     __table_args__ = (
+        Index(None, "instance_number", "keyframe_id", "score"),
         CheckConstraint("score >= 0 AND score <= 1", name="score"),
         CheckConstraint("evidence_for >= 0 AND evidence_against >= 0", name="evidence"),
         STRICT,
@@ -221,6 +232,8 @@ class State(Base):
 
     __table_args__ = (
         UniqueConstraint("instance_number", "state_index"),
+        Index(None, "label", "instance_number"),
+        Index(None, "first_seen_ns", "instance_number"),
         CheckConstraint("state_index >= 0", name="state_index"),
         CheckConstraint("last_seen_ns >= first_seen_ns", name="support"),
         CheckConstraint("gone_ns > last_seen_ns", name="gone"),
@@ -237,7 +250,7 @@ class Visit(Base):
     __tablename__ = "visit"
 
     traversal_id: Mapped[int] = mapped_column(Int64, ForeignKey("traversal.id"), primary_key=True)
-    instance_number: Mapped[int] = mapped_column(Int64, ForeignKey("instance.number"), primary_key=True)
+    instance_number: Mapped[int] = mapped_column(Int64, ForeignKey("instance.number"), primary_key=True, index=True)
     supported: Mapped[int] = mapped_column(Int64)
     in_view: Mapped[int] = mapped_column(Int64)
     contradicted: Mapped[int] = mapped_column(Int64)
@@ -307,6 +320,7 @@ class TemporalEdge(Base):
         ),
         Index(None, "from_number", "from_state"),
         Index(None, "to_number", "to_state"),
+        Index(None, "not_after_ns"),
         CheckConstraint(_one_of("kind", TEMPORAL_KINDS), name="kind"),
         CheckConstraint("not_before_ns <= not_after_ns", name="bounds"),
         CheckConstraint("probability >= 0 AND probability <= 1", name="probability"),

@@ -85,6 +85,14 @@ INVARIANTS = (
            WHERE k.stamp_ns < t.start_ns OR k.stamp_ns > t.end_ns""",
     ),
     Invariant(
+        "traversal",
+        "counts other keyframes or observations than it has",
+        """SELECT name FROM traversal
+           WHERE keyframes <> (SELECT count(*) FROM keyframe WHERE keyframe.traversal_id = traversal.id)
+           OR observations <> (SELECT count(*) FROM observation JOIN keyframe ON keyframe.id = observation.keyframe_id
+                               WHERE keyframe.traversal_id = traversal.id)""",
+    ),
+    Invariant(
         "visit",
         "has support outside its traversal's span",
         """SELECT i.id || ' in ' || t.name FROM visit v JOIN traversal t ON t.id = v.traversal_id

@@ -1,12 +1,16 @@
-"""What questions read: traversals, instances with their states and visits, observations, edges, trajectories."""
+"""What questions read: traversals, instances with their states and visits, observations, edges, trajectories.
+
+A map may hold a hundred thousand instances: everything is asked for by number, by label or by place, through an index.
+`instances` and what rests on it is for those who go through the whole map (evaluation, export), never for a question.
+"""
 
 from __future__ import annotations
 
 import json
 from collections import defaultdict
-from collections.abc import Collection
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from functools import cached_property
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 from sqlalchemy import Connection, Select, func, or_, select, text
@@ -14,14 +18,16 @@ from sqlalchemy import Connection, Select, func, or_, select, text
 from supermap_cli.geometry.arrays import FloatArray, IntArray
 from supermap_cli.memory import blobs, rows
 from supermap_cli.memory.databases import Database
-from supermap_cli.memory.values import ObservationRef, StoredInstance, StoredTraversal, StoredVisit
+from supermap_cli.memory.values import ObservationRef, Sighting, StoredInstance, StoredTraversal, StoredVisit
 from supermap_cli.types.memory import SpatialEdge, StateRecord, TemporalEdge, VoxelCloud
 from supermap_schema import models
 
+V = TypeVar("V")
+
+BATCH = 500
+"""How many rows are asked for by number in one statement."""
+
 COUNTED = {
-    "traversals": models.Traversal,
-    "keyframes": models.Keyframe,
-    "observations": models.Observation,
     "instances": models.Instance,
     "states": models.State,
     "visits": models.Visit,
@@ -31,12 +37,27 @@ COUNTED = {
 
 
 def select_traversals() -> Select[Any]:
-    """All traversals with the count of their keyframes, in the order of building."""
-    keyframes = (
-        select(func.count()).where(models.Keyframe.traversal_id == models.Traversal.id).correlate(models.Traversal)
-    )
-    columns = select(models.Traversal.__table__, keyframes.scalar_subquery().label("keyframes"))
-    return columns.order_by(models.Traversal.number)
+    """All traversals in the order of building."""
+    return select(models.Traversal.__table__).order_by(models.Traversal.number)
+
+
+class LookedUp(dict[int, V], Generic[V]):
+    """What is known of instances by their numbers: read when it is asked for, and kept."""
+
+    def __init__(self, read: Callable[[Collection[int]], dict[int, V]]) -> None:
+        super().__init__()
+        self._read = read
+
+    def __missing__(self, number: int) -> V:
+        self.update(self._read([number]))
+        return self[number]
+
+    def of(self, numbers: Iterable[int]) -> dict[int, V]:
+        """Those of many numbers, read together."""
+        wanted = set(numbers)
+        for batch in batches(sorted(wanted - self.keys())):
+            self.update(self._read(batch))
+        return {number: self[number] for number in wanted if number in self}
 
 
 class MapReader:
@@ -66,99 +87,113 @@ class MapReader:
         return max((each.mapped_ns or each.end_ns for each in self.traversals), default=0)
 
     @cached_property
-    def survivors(self) -> dict[int, int]:
-        """Every instance's number -> the number of the instance it is part of today (its own, if it was not merged)."""
-        merged = self.connection.execute(select(models.Instance.number, models.Instance.merged_into)).all()
-        parent = {row.number: row.merged_into for row in merged}
-        survivor = {}
-        for number in parent:
-            end, seen = number, {number}
-            while parent[end] is not None and parent[end] not in seen:
-                end = parent[end]
-                seen.add(end)
-            survivor[number] = end
-        return survivor
+    def survivors(self) -> LookedUp[int]:
+        """An instance's number -> the number of the instance it is part of today (its own, if it was not merged)."""
+        return LookedUp(self._survivors)
 
     @cached_property
-    def text_ids(self) -> dict[int, str]:
-        """The text id of every instance ever, by its number."""
-        found = self.connection.execute(select(models.Instance.number, models.Instance.id))
-        return {row.number: row.id for row in found}
+    def text_ids(self) -> LookedUp[str]:
+        """The text id of any instance there ever was, by its number."""
+        instance = models.Instance
+        return LookedUp(
+            lambda numbers: {
+                row.number: row.id
+                for row in self.connection.execute(
+                    select(instance.number, instance.id).where(instance.number.in_(numbers))
+                )
+            }
+        )
+
+    # Instances
+
+    def instance(self, text_id: str) -> StoredInstance | None:
+        """The instance of a text id, or the one it was merged into; `None` if there never was one."""
+        spelt = {text_id, text_id.lower(), text_id.casefold()}
+        statement = select(models.Instance.number).where(models.Instance.id.in_(spelt)).limit(1)
+        number = self.connection.execute(statement).scalar()
+        return None if number is None else self.instances_of([number])[0]
+
+    def instances_of(self, numbers: Collection[int]) -> tuple[StoredInstance, ...]:
+        """The instances that the given numbers are part of today, each once, in the order of their numbers."""
+        survivors = sorted(set(self.survivors.of(numbers).values()))
+        return tuple(instance for batch in batches(survivors) for instance in self._whole(batch))
 
     @cached_property
     def instances(self) -> tuple[StoredInstance, ...]:
         """All instances in the order of their numbers, those merged into others as part of them."""
-        numbers: dict[int, list[int]] = defaultdict(list)
-        for number, survivor in sorted(self.survivors.items()):
-            numbers[survivor].append(number)
-        states, visits = self._states(), self._visits()
-        found = self.connection.execute(select(*rows.INSTANCE_WITHOUT_GEOMETRY).order_by(models.Instance.number))
-        return tuple(
-            rows.stored_instance(row, tuple(numbers[row.number]), tuple(states[row.number]), tuple(visits[row.number]))
-            for row in found
-            if row.number in numbers
-        )
+        return self.instances_of(self.connection.execute(select(models.Instance.number)).scalars().all())
 
     @property
     def believed(self) -> tuple[StoredInstance, ...]:
         """All instances but those that the evidence no longer says were ever real."""
         return tuple(each for each in self.instances if each.presence != "doubted")
 
-    def instance(self, text_id: str) -> StoredInstance | None:
-        """The instance of a text id, or the one it was merged into; `None` if there never was one."""
-        wanted = text_id.casefold()
-        number = next((number for number, known in self.text_ids.items() if known.casefold() == wanted), None)
-        if number is None:
-            return None
-        survivor = self.survivors[number]
-        return next(each for each in self.instances if each.number == survivor)
-
-    def observations(self, instance: StoredInstance) -> tuple[ObservationRef, ...]:
-        """What was seen of an instance, in the order of time."""
-        statement = (
-            select(
-                models.Observation.id,
-                models.Observation.keyframe_id,
-                models.Observation.instance_number,
-                models.Observation.label,
-                models.Observation.score,
-                models.Observation.evidence_for,
-                models.Observation.evidence_against,
-                models.Observation.x,
-                models.Observation.y,
-                models.Observation.z,
-                models.Keyframe.traversal_id,
-                models.Keyframe.stamp_ns,
-            )
-            .join(models.Keyframe, models.Keyframe.id == models.Observation.keyframe_id)
-            .where(models.Observation.instance_number.in_(instance.numbers))
-            .order_by(models.Keyframe.stamp_ns, models.Observation.id)
-        )
-        return tuple(rows.observation_ref(row, self.survivors) for row in self.connection.execute(statement))
+    def supported_in(self, traversal_ids: Collection[int]) -> tuple[int, ...]:
+        """The numbers of the instances that one of the traversals saw, in order."""
+        visit = models.Visit
+        statement = select(visit.instance_number).where(visit.traversal_id.in_(traversal_ids), visit.supported > 0)
+        seen = self.connection.execute(statement).scalars().all()
+        return tuple(sorted(set(self.survivors.of(seen).values())))
 
     def voxels(self, instance: StoredInstance) -> VoxelCloud:
         """An instance's geometry, in its present or last place."""
         found = self.connection.execute(select(models.Instance.voxels).where(models.Instance.number == instance.number))
         return blobs.decode_voxels(found.scalar_one())
 
-    @cached_property
-    def spatial_edges(self) -> tuple[SpatialEdge, ...]:
-        """All spatial edges between instances as they are today."""
+    # Observations
+
+    def observations(self, instance: StoredInstance) -> tuple[ObservationRef, ...]:
+        """What was seen of an instance, in the order of time."""
+        observation = models.Observation
+        told = (observation.id, observation.keyframe_id, observation.instance_number, observation.label)
+        weighed = (observation.score, observation.evidence_for, observation.evidence_against)
+        where = (observation.x, observation.y, observation.z)
+        statement = _in_time(select(*told, *weighed, *where), instance)
+        return tuple(rows.observation_ref(row, self.survivors) for row in self.connection.execute(statement))
+
+    def sightings(self, instance: StoredInstance) -> tuple[Sighting, ...]:
+        """When and how surely an instance was seen, in the order of time: answered by an index alone, but for when."""
+        statement = _in_time(select(models.Observation.id, models.Observation.score), instance)
+        found = self.connection.execute(statement)
+        return tuple(Sighting(row.id, row.traversal_id, row.stamp_ns, row.score) for row in found)
+
+    # Edges
+
+    def edges_of(
+        self, numbers: Collection[int], relations: Collection[str] | None = None, *, open_only: bool = False
+    ) -> tuple[SpatialEdge, ...]:
+        """The spatial edges at either end of which one of the given instances stands, in the order of writing."""
+        ends = list(self.parts_of(numbers))
+        edge = models.SpatialEdge
+        found: dict[int, Any] = {}
+        for end in (edge.subject_number, edge.object_number):
+            for batch in batches(ends):
+                statement = select(edge.__table__).where(end.in_(batch))
+                if relations is not None:
+                    statement = statement.where(edge.relation.in_(relations))
+                found |= {row.id: row for row in self.connection.execute(statement)}
+        survivors = self.survivors.of({n for row in found.values() for n in (row.subject_number, row.object_number)})
         edges: dict[tuple[int, str, int, int], SpatialEdge] = {}
-        for row in self.connection.execute(select(models.SpatialEdge.__table__).order_by(models.SpatialEdge.id)):
-            subject, obj = self.survivors[row.subject_number], self.survivors[row.object_number]
+        for _, row in sorted(found.items()):
+            subject, obj = survivors[row.subject_number], survivors[row.object_number]
             if subject != obj:
-                edge = SpatialEdge(subject, row.relation, obj, row.since_ns, row.until_ns, row.confidence)
-                edges[subject, row.relation, obj, row.since_ns] = edge
-        return tuple(edges.values())
+                stored = SpatialEdge(subject, row.relation, obj, row.since_ns, row.until_ns, row.confidence)
+                edges[subject, row.relation, obj, row.since_ns] = stored
+        return tuple(each for each in edges.values() if each.until_ns is None or not open_only)
 
     def temporal_edges(self, numbers: Collection[int] | None = None) -> tuple[TemporalEdge, ...]:
         """All temporal edges (or those that touch one of the given numbers), in the order of time."""
         edge = models.TemporalEdge
         statement = select(edge.__table__).order_by(edge.not_after_ns, edge.id)
-        if numbers is not None:
-            statement = statement.where(or_(edge.from_number.in_(numbers), edge.to_number.in_(numbers)))
-        return tuple(map(rows.temporal_edge, self.connection.execute(statement)))
+        if numbers is None:
+            return tuple(map(rows.temporal_edge, self.connection.execute(statement)))
+        found: dict[tuple[int, int], Any] = {}
+        for batch in batches(sorted(numbers)):
+            touching = statement.where(or_(edge.from_number.in_(batch), edge.to_number.in_(batch)))
+            found |= {(row.not_after_ns, row.id): row for row in self.connection.execute(touching)}
+        return tuple(rows.temporal_edge(row) for _, row in sorted(found.items()))
+
+    # Ways
 
     def trajectory(self, traversal_id: int) -> tuple[IntArray, FloatArray]:
         """The robot's way in one traversal: (n,) stamps and (n, 3) positions in the map."""
@@ -176,9 +211,15 @@ class MapReader:
         poses = [json.loads(row.T_map_base) for row in found]
         return np.array([row.stamp_ns for row in found], np.int64), np.array(poses, np.float64).reshape(-1, 4, 4)
 
+    # The whole
+
     def counts(self) -> dict[str, int]:
-        """How many rows there are of what."""
+        """How many rows there are of what; traversals know how many keyframes and observations they have."""
         return {
+            "traversals": len(self.traversals),
+            "keyframes": sum(each.keyframes for each in self.traversals),
+            "observations": sum(each.observations for each in self.traversals),
+        } | {
             name: self.connection.execute(select(func.count()).select_from(model)).scalar_one()
             for name, model in COUNTED.items()
         }
@@ -187,36 +228,85 @@ class MapReader:
         """The newest migration the database went through."""
         return str(self.connection.execute(text("SELECT version_num FROM alembic_version")).scalar_one())
 
-    def _states(self) -> dict[int, list[StateRecord]]:
+    # Rows by number
+
+    def parts_of(self, numbers: Collection[int]) -> dict[int, int]:
+        """All that was merged into the given instances, and they themselves: each one's number -> its survivor's."""
+        instance = models.Instance
+        parts: dict[int, int] = {}
+        for batch in batches(sorted(numbers)):
+            start = select(instance.number, instance.number.label("survivor")).where(instance.number.in_(batch))
+            part = start.cte("part", recursive=True)
+            merged = select(instance.number, part.c.survivor).join(part, instance.merged_into == part.c.number)
+            found = self.connection.execute(select(part.union(merged)))
+            parts |= {row.number: row.survivor for row in found}
+        return dict(sorted(parts.items()))
+
+    def _survivors(self, numbers: Collection[int]) -> dict[int, int]:
+        """Follows merges of merges, one step of all at a time."""
+        instance = models.Instance
+        end = {number: number for number in numbers}
+        into: dict[int, int | None] = {}
+        asked = set(end)
+        while asked:
+            statement = select(instance.number, instance.merged_into).where(instance.number.in_(asked))
+            found = {row.number: row.merged_into for row in self.connection.execute(statement)}
+            into |= found
+            asked = {merged for merged in found.values() if merged is not None} - into.keys()
+        for number in numbers:
+            seen = {number}
+            while (further := into.get(end[number])) is not None and further not in seen:
+                end[number] = further
+                seen.add(further)
+        return {number: survivor for number, survivor in end.items() if number in into}
+
+    def _whole(self, survivors: Sequence[int]) -> Iterator[StoredInstance]:
+        """Instances that were not merged, with all that belongs to them."""
+        parts = self.parts_of(survivors)
+        numbers: dict[int, list[int]] = defaultdict(list)
+        for number, survivor in parts.items():
+            numbers[survivor].append(number)
+        states, visits = self._states(survivors), self._visits(parts)
+        instance = models.Instance
+        statement = select(*rows.INSTANCE_WITHOUT_GEOMETRY).where(instance.number.in_(survivors))
+        for row in self.connection.execute(statement.order_by(instance.number)):
+            number = row.number
+            yield rows.stored_instance(row, tuple(numbers[number]), tuple(states[number]), tuple(visits[number]))
+
+    def _states(self, numbers: Collection[int]) -> dict[int, list[StateRecord]]:
+        state = models.State
+        statement = select(state.__table__).where(state.instance_number.in_(numbers))
         states: dict[int, list[StateRecord]] = defaultdict(list)
-        order = (models.State.instance_number, models.State.state_index)
-        for row in self.connection.execute(select(models.State.__table__).order_by(*order)):
+        for row in self.connection.execute(statement.order_by(state.instance_number, state.state_index)):
             states[row.instance_number].append(rows.state_record(row))
         return states
 
-    def _visits(self) -> dict[int, list[StoredVisit]]:
+    def _visits(self, parts: dict[int, int]) -> dict[int, list[StoredVisit]]:
         """Visits by survivor, summed over those merged into it."""
         summed: dict[tuple[int, int], StoredVisit] = {}
-        order = (models.Visit.traversal_id, models.Visit.instance_number)
-        for row in self.connection.execute(select(models.Visit.__table__).order_by(*order)):
-            survivor = self.survivors[row.instance_number]
-            before = summed.get(
-                (survivor, row.traversal_id), StoredVisit(row.traversal_id, survivor, 0, 0, 0, None, None)
-            )
-            summed[survivor, row.traversal_id] = StoredVisit(
-                traversal_id=row.traversal_id,
-                instance_number=survivor,
-                supported=before.supported + row.supported,
-                in_view=before.in_view + row.in_view,
-                contradicted=before.contradicted + row.contradicted,
-                first_support_ns=min(_known(before.first_support_ns, row.first_support_ns), default=None),
-                last_support_ns=max(_known(before.last_support_ns, row.last_support_ns), default=None),
-            )
+        for batch in batches(list(parts)):
+            statement = select(models.Visit.__table__).where(models.Visit.instance_number.in_(batch))
+            for row in self.connection.execute(statement):
+                key = parts[row.instance_number], row.traversal_id
+                summed[key] = rows.added_visit(summed.get(key), row, key[0])
         visits: dict[int, list[StoredVisit]] = defaultdict(list)
-        for (survivor, _), visit in summed.items():
+        for (survivor, _), visit in sorted(summed.items(), key=lambda item: item[0][1]):
             visits[survivor].append(visit)
         return visits
 
 
-def _known(*values: int | None) -> list[int]:
-    return [value for value in values if value is not None]
+def batches(numbers: Sequence[int], size: int = BATCH) -> Iterator[Sequence[int]]:
+    """Numbers in parts that one statement can hold."""
+    for start in range(0, len(numbers), size):
+        yield numbers[start : start + size]
+
+
+def _in_time(statement: Select[*tuple[Any, ...]], instance: StoredInstance) -> Select[*tuple[Any, ...]]:
+    """Observations of an instance with their traversal and stamp, in the order of time."""
+    keyframe, observation = models.Keyframe, models.Observation
+    return (
+        statement.add_columns(keyframe.traversal_id, keyframe.stamp_ns)
+        .join(keyframe, keyframe.id == observation.keyframe_id)
+        .where(observation.instance_number.in_(instance.numbers))
+        .order_by(keyframe.stamp_ns, observation.id)
+    )

@@ -89,7 +89,7 @@ def traversal_values(start: TraversalStart, number: int, name: str) -> Values:
 
 
 def stored_traversal(row: Row) -> StoredTraversal:
-    """A traversal's row with the count of its `keyframes`."""
+    """A traversal's row."""
     return StoredTraversal(
         id=row.id,
         number=row.number,
@@ -108,6 +108,7 @@ def stored_traversal(row: Row) -> StoredTraversal:
         clock_shift_ns=row.clock_shift_ns,
         crops_kept_from_ns=row.crops_kept_from_ns,
         observations_kept_from_ns=row.observations_kept_from_ns,
+        observations=row.observations,
     )
 
 
@@ -287,6 +288,23 @@ def visit_values(visit: Visit, traversal_id: int) -> Values:
         "first_support_ns": None if visit.first_support_ns is None else int(visit.first_support_ns),
         "last_support_ns": None if visit.last_support_ns is None else int(visit.last_support_ns),
     }
+
+
+def added_visit(before: StoredVisit | None, row: Row, survivor: int) -> StoredVisit:
+    """A visit's row, added to what the same traversal saw of others that are one with it today."""
+    firsts, lasts = [row.first_support_ns], [row.last_support_ns]
+    if before is not None:
+        firsts.append(before.first_support_ns)
+        lasts.append(before.last_support_ns)
+    return StoredVisit(
+        traversal_id=row.traversal_id,
+        instance_number=survivor,
+        supported=row.supported + (0 if before is None else before.supported),
+        in_view=row.in_view + (0 if before is None else before.in_view),
+        contradicted=row.contradicted + (0 if before is None else before.contradicted),
+        first_support_ns=min((stamp for stamp in firsts if stamp is not None), default=None),
+        last_support_ns=max((stamp for stamp in lasts if stamp is not None), default=None),
+    )
 
 
 def spatial_edge_values(edge: SpatialEdge, traversal_id: int) -> Values:

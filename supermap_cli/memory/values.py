@@ -41,7 +41,8 @@ class TraversalStart:
 
 @dataclass(frozen=True)
 class StoredTraversal:
-    """A traversal in the map. `number` counts from 1 in the order of building; `timings` is seconds per stage.
+    """A traversal in the map. `number` counts from 1 in the order of building; `timings` is seconds per stage;
+    `keyframes` and `observations` are how many it has.
 
     Its times are its recording's plus `clock_shift_ns`. Crops and observations of keyframes before `crops_kept_from_ns`
     and `observations_kept_from_ns` were given up.
@@ -64,6 +65,7 @@ class StoredTraversal:
     clock_shift_ns: int = 0
     crops_kept_from_ns: int | None = None
     observations_kept_from_ns: int | None = None
+    observations: int = 0
 
 
 @dataclass(frozen=True)
@@ -126,6 +128,16 @@ class ObservationRef:
     evidence_for: int
     evidence_against: int
     centroid_map: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class Sighting:
+    """One observation without what it said: which, in which traversal, when, and how surely."""
+
+    id: int
+    traversal_id: int
+    stamp_ns: int
+    score: float
 
 
 @dataclass(frozen=True)

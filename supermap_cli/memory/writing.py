@@ -39,7 +39,8 @@ def _add_keyframes(connection: Connection, traversal_id: int, keyframes: Sequenc
         return
     connection.execute(insert(models.Keyframe), [rows.keyframe_values(each, traversal_id) for each in keyframes])
     newest_ns = max(int(each.stamp_ns) for each in keyframes)
-    connection.execute(update(models.Traversal).where(models.Traversal.id == traversal_id).values(mapped_ns=newest_ns))
+    added = {"mapped_ns": newest_ns, "keyframes": models.Traversal.keyframes + len(keyframes)}
+    connection.execute(update(models.Traversal).where(models.Traversal.id == traversal_id).values(added))
 
 
 def _replace_instances(connection: Connection, traversal_id: int, instances: Sequence[InstanceRecord]) -> None:
@@ -77,6 +78,8 @@ def _add_observations(connection: Connection, traversal_id: int, observations: S
         insert(models.Observation),
         [rows.observation_values(each, keyframe_ids[each.stamp_ns]) for each in observations],
     )
+    added = {"observations": models.Traversal.observations + len(observations)}
+    connection.execute(update(models.Traversal).where(models.Traversal.id == traversal_id).values(added))
 
 
 def _replace_states(connection: Connection, traversal_id: int, states: Sequence[StateRecord]) -> None:

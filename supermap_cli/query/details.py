@@ -123,20 +123,16 @@ def merged_ids(reader: MapReader, instance: StoredInstance) -> tuple[str, ...]:
 
 def relations_of(reader: MapReader, instance: StoredInstance, at_ns: int | None) -> tuple[RelationView, ...]:
     """The stored relations that hold now, or held at a time; one that is stored both ways is told from this side."""
-    holding = [edge for edge in reader.spatial_edges if _holds(edge, at_ns)]
+    edges = reader.edges_of([instance.number], open_only=at_ns is None)
+    holding = [edge for edge in edges if _holds(edge, at_ns)]
     held = {(edge.subject, edge.relation, edge.object) for edge in holding}
-    others = {each.number: each for each in reader.instances}
-
-    told = [
-        edge
+    ends = {number for edge in holding for number in (edge.subject, edge.object)}
+    others = {each.number: each for each in reader.instances_of(ends)}
+    return tuple(
+        relation_view(reader, edge, others[edge.subject], others[edge.object], at_ns)
         for edge in holding
         if edge.subject == instance.number
         or (edge.object == instance.number and (edge.object, edge.relation, edge.subject) not in held)
-    ]
-    return tuple(
-        relation_view(reader, edge, others[edge.subject], others[edge.object], at_ns)
-        for edge in told
-        if edge.subject in others and edge.object in others
     )
 
 

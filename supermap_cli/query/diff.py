@@ -115,7 +115,8 @@ def diff(reader: MapReader, first: str | None = None, second: str | None = None)
     """
     before, after = _choose(reader, first, second)
     comparison = Comparison(reader, before, after)
-    things = (each for each in reader.believed if each.label not in ANIMATE)
+    seen = reader.instances_of(reader.supported_in([before.id, after.id]))
+    things = (each for each in seen if each.presence != "doubted" and each.label not in ANIMATE)
     found = [change for each in things if (change := comparison.change(each)) is not None]
     found.sort(key=lambda change: KINDS.index(change.kind))
     tally = Counter(change.kind for change in found)

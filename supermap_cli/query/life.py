@@ -50,7 +50,7 @@ def history(reader: MapReader, text_id: str) -> History:
     """The life of one instance. Raises `QueryError` for an id that there never was."""
     instance = find_instance(reader, text_id)
     names = {each.id: each.name for each in reader.traversals}
-    seen = Counter(each.traversal_id for each in reader.observations(instance))
+    seen = Counter(each.traversal_id for each in reader.sightings(instance))
     return History(
         id=instance.id,
         asked_id=text_id,

@@ -302,7 +302,7 @@ class Resolver:
         for form in STORED_FORMS[name]:
             ends = (candidate.instance.number, reference.instance.number)
             subject, obj = ends[::-1] if form.turned else ends
-            for edge in self.reader.spatial_edges:
+            for edge in self.reader.edges_of([subject]):
                 if (edge.subject, edge.relation, edge.object) != (subject, form.relation, obj):
                     continue
                 if not span.touches(edge.since_ns, edge.until_ns):

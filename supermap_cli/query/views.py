@@ -14,7 +14,7 @@ import numpy as np
 from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.geometry.boxes import Box3D
 from supermap_cli.memory.reading import MapReader
-from supermap_cli.memory.values import ObservationRef, StoredInstance, StoredTraversal, StoredVisit
+from supermap_cli.memory.values import ObservationRef, Sighting, StoredInstance, StoredTraversal, StoredVisit
 from supermap_cli.query.standing import Known, StandingView
 from supermap_cli.types.memory import Presence, StateRecord, TemporalEdge
 
@@ -194,7 +194,7 @@ def evidence_view(
     """What was seen of an instance within the given spans of time (and traversals), and how its place was looked at."""
     seen = [
         each
-        for each in reader.observations(instance)
+        for each in reader.sightings(instance)
         if any(low <= each.stamp_ns <= high for low, high in spans)
         and (traversal_ids is None or each.traversal_id in traversal_ids)
     ]
@@ -202,7 +202,10 @@ def evidence_view(
     return evidence_of(seen, visits)
 
 
-def evidence_of(seen: Sequence[ObservationRef], visits: Iterable[StoredVisit]) -> EvidenceView:
+Seen = ObservationRef | Sighting
+
+
+def evidence_of(seen: Sequence[Seen], visits: Iterable[StoredVisit]) -> EvidenceView:
     """What some observations say, in the order of time, and how often some traversals looked at the place."""
     telling = telling_observations(seen)
     looked = list(visits)
@@ -216,7 +219,7 @@ def evidence_of(seen: Sequence[ObservationRef], visits: Iterable[StoredVisit]) -
     )
 
 
-def telling_observations(seen: Sequence[ObservationRef]) -> Sequence[ObservationRef]:
+def telling_observations(seen: Sequence[Seen]) -> Sequence[Seen]:
     """The first, the last and the best-scored observations, in the order of time, at most `SAMPLE`."""
     if len(seen) <= SAMPLE:
         return seen

@@ -46,6 +46,7 @@ def test_a_sound_map_has_no_problems(sound: Path) -> None:
         ("UPDATE state SET gone_ns = last_seen_ns + 1", "instance", "counts as present"),
         ("PRAGMA ignore_check_constraints = 1; UPDATE instance SET merged_into = 1", "instance", "in a circle"),
         ("UPDATE traversal SET end_ns = start_ns", "keyframe", "outside its traversal"),
+        ("UPDATE traversal SET observations = 3", "traversal", "counts other keyframes or observations"),
         ("UPDATE visit SET last_support_ns = last_support_ns * 2", "visit", "outside its traversal"),
         ("INSERT INTO before_image VALUES (1, 'state', 1, '{}')", "before_image", "not being built"),
         ("DELETE FROM state_box", "state_box", "every state once"),

@@ -1,4 +1,4 @@
-"""Checkpoints of builds, clocks that run behind the map's, and observations that were given up."""
+"""Checkpoints of builds, clocks that run behind the map's, observations given up, and indices for large memories."""
 
 from __future__ import annotations
 
@@ -13,12 +13,26 @@ down_revision = "0001"
 branch_labels = None
 depends_on = None
 
+INDICES: tuple[tuple[str, list[str], str | None], ...] = (
+    ("instance", ["label", "presence", "last_seen_ns"], "merged_into IS NULL"),
+    ("instance", ["presence", "last_seen_ns"], "merged_into IS NULL"),
+    ("instance", ["merged_into"], "merged_into IS NOT NULL"),
+    ("observation", ["instance_number", "keyframe_id", "score"], None),
+    ("state", ["label", "instance_number"], None),
+    ("state", ["first_seen_ns", "instance_number"], None),
+    ("visit", ["instance_number"], None),
+    ("temporal_edge", ["not_after_ns"], None),
+)
+"""Each with its table, its columns, and the rows that it holds; that of `observation` takes an older one's place."""
+
 
 def upgrade() -> None:
     """Add what is new."""
     op.add_column("traversal", sa.Column("clock_shift_ns", Int64, nullable=False, server_default=sa.text("0")))
     op.add_column("traversal", sa.Column("crops_kept_from_ns", Int64))
     op.add_column("traversal", sa.Column("observations_kept_from_ns", Int64))
+    _count_rows()
+    _add_indices()
     op.create_table(
         "checkpoint",
         sa.Column("traversal_id", Int64, nullable=False),
@@ -33,6 +47,25 @@ def upgrade() -> None:
     objects = {"sqlite": sqlite.OBJECTS_0002, "postgresql": postgresql.OBJECTS_0002}
     for statement in objects[op.get_bind().dialect.name]:
         op.execute(statement)
+
+
+def _count_rows() -> None:
+    for name in ("keyframes", "observations"):
+        op.add_column("traversal", sa.Column(name, Int64, nullable=False, server_default=sa.text("0")))
+    op.execute(
+        """UPDATE traversal SET
+           keyframes = (SELECT count(*) FROM keyframe WHERE keyframe.traversal_id = traversal.id),
+           observations = (SELECT count(*) FROM observation JOIN keyframe ON keyframe.id = observation.keyframe_id
+                           WHERE keyframe.traversal_id = traversal.id)"""
+    )
+
+
+def _add_indices() -> None:
+    for table, columns, where in INDICES:
+        rows = None if where is None else sa.text(where)
+        name = op.f(f"ix_{table}_{'_'.join(columns)}")
+        op.create_index(name, table, columns, sqlite_where=rows, postgresql_where=rows)
+    op.drop_index(op.f("ix_observation_instance_number"), "observation")
 
 
 def downgrade() -> None:
