@@ -99,8 +99,20 @@ def _print_overview(shown: Overview, clock: Clock) -> None:
 
 
 def print_traversals(traversals: tuple[TraversalView, ...], clock: Clock) -> None:
-    """The table of traversals."""
-    columns = ("#", "traversal", "recording", "from", "to", "keyframes#", "status")
+    """The table of traversals, with a column for shifted clocks where there are any."""
+    from supermap_cli.time_order import duration_text  # noqa: PLC0415 - keeps start-up light
+
+    shifted = any(each.clock_shift_ns for each in traversals)
+    columns = (
+        "#",
+        "traversal",
+        "recording",
+        "from",
+        "to",
+        "keyframes#",
+        "status",
+        *(("shifted by",) if shifted else ()),
+    )
     rows = [
         (
             str(each.number),
@@ -110,10 +122,14 @@ def print_traversals(traversals: tuple[TraversalView, ...], clock: Clock) -> Non
             clock.text(each.end_ns),
             str(each.keyframes),
             each.status,
+            *((f"+ {duration_text(each.clock_shift_ns)}" if each.clock_shift_ns else "-",) if shifted else ()),
         )
         for each in traversals
     ]
     print_table(out(), f"{len(traversals)} traversals", columns, rows)
+    if shifted:
+        out().print("shifted: its clock starts before what was built earlier ends; the order of building is kept, and")
+        out().print("its times in the database and in JSON are those of its recording plus that much")
 
 
 def _print_details(shown: ObjectDetails, clock: Clock) -> None:

@@ -18,6 +18,7 @@ from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.geometry.se3 import make_transform, transform_points
 from supermap_cli.geometry.trajectory import Trajectory
 from supermap_cli.memory.reading import MapReader
+from supermap_cli.memory.values import StoredTraversal
 from supermap_cli.types.sensing import StampedPose
 from supermap_cli.types.truth import GroundTruth, TrueTraversal
 
@@ -44,7 +45,7 @@ def lay_over_truth(reader: MapReader, truth: GroundTruth) -> Overlay:
     keyframe lies in its time.
     """
     pairs = pair_traversals(reader, truth)
-    ways = {each.name: way for each in reader.traversals if (way := _true_and_mapped(reader, each.id, pairs[each.id]))}
+    ways = {each.name: way for each in reader.traversals if (way := _true_and_mapped(reader, each, pairs[each.id]))}
     if not ways:
         raise EvaluationError(
             "no keyframe of the map lies in the time of this truth",
@@ -66,14 +67,14 @@ def fit_level(source: FloatArray, target: FloatArray) -> FloatArray:
 
 
 def _true_and_mapped(
-    reader: MapReader, traversal_id: int, true: Sequence[TrueTraversal]
+    reader: MapReader, traversal: StoredTraversal, true: Sequence[TrueTraversal]
 ) -> tuple[FloatArray, FloatArray] | None:
     """True (n, 4, 4) and mapped (n, 4, 4) poses of those keyframes of a traversal at which the truth has poses."""
-    stamps_ns, T_map_base = reader.poses(traversal_id)
+    stamps_ns, T_map_base = reader.poses(traversal.id)
     found = [
         (T_world_base[known], T_map_base[known])
         for each in true
-        for T_world_base, known in [_true_way(each).at_many(stamps_ns)]
+        for T_world_base, known in [_true_way(each).at_many(stamps_ns - traversal.clock_shift_ns)]
         if known.any()
     ]
     if not found:

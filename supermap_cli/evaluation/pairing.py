@@ -45,8 +45,14 @@ def _is_same_recording(mapped: StoredTraversal, true: TrueTraversal) -> bool:
     """Whether it is a build of that recording, or of a stretch of it."""
     if true.fingerprint is None:
         return False
-    return mapped.fingerprint == window_fingerprint(true.fingerprint, mapped.start_ns, mapped.end_ns)
+    return mapped.fingerprint == window_fingerprint(true.fingerprint, *_own_span(mapped))
 
 
 def _meet(mapped: StoredTraversal, true: TrueTraversal) -> bool:
-    return mapped.start_ns <= true.end_ns and true.start_ns <= mapped.end_ns
+    start_ns, end_ns = _own_span(mapped)
+    return start_ns <= true.end_ns and true.start_ns <= end_ns
+
+
+def _own_span(mapped: StoredTraversal) -> tuple[int, int]:
+    """Start and end by the recording's own clock."""
+    return mapped.start_ns - mapped.clock_shift_ns, mapped.end_ns - mapped.clock_shift_ns

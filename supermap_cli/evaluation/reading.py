@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
-from supermap_cli.errors import QueryError
+from supermap_cli.errors import EvaluationError, QueryError
 from supermap_cli.evaluation.estimate import (
     EstimatedAnswer,
     EstimatedChange,
@@ -26,6 +28,7 @@ from supermap_cli.memory.reading import MapReader
 from supermap_cli.memory.values import StoredInstance
 from supermap_cli.query.diff import diff
 from supermap_cli.query.resolution import answer, label_in
+from supermap_cli.query.stretches import Stretch, own_time, stretches_of
 from supermap_cli.query.views import Vector
 from supermap_cli.truth_file import read_truth
 from supermap_cli.types.memory import StateRecord
@@ -52,7 +55,7 @@ def read_estimate(reader: MapReader, truth: GroundTruth) -> EstimatedMap:
     Raises `EvaluationError` where map and truth do not belong together.
     """
     overlay = lay_over_truth(reader, truth)
-    to_world = ToWorld(overlay.T_world_map)
+    to_world = ToWorld(overlay.T_world_map, _in_recorded_order(reader))
     return EstimatedMap(
         objects=tuple(_object(reader, each, to_world) for each in reader.believed),
         changes=_changes(reader, to_world),
@@ -64,11 +67,40 @@ def read_estimate(reader: MapReader, truth: GroundTruth) -> EstimatedMap:
     )
 
 
+def _in_recorded_order(reader: MapReader) -> tuple[Stretch, ...]:
+    """The map's traversals, whose times are those of the truth but for shifted clocks.
+
+    Raises `EvaluationError` where they were built in another order than recorded: what appeared in the one order
+    disappeared in the other.
+    """
+    stretches = stretches_of(reader.traversals)
+    for before, after in pairwise(stretches):
+        if after.own_start_ns < before.own_start_ns:
+            raise EvaluationError(
+                f"{after.name} was recorded before {before.name} and built after it: their changes cannot be judged",
+                where=reader.where,
+                cure="build them in the order in which they were recorded, into a new --db",
+            )
+    return stretches
+
+
 @dataclass(frozen=True)
 class ToWorld:
-    """Brings what stands in the map frame into the world; the two differ by a turn about z and a translation."""
+    """Brings what stands in the map frame into the world, and what has the map's time into the recordings'.
+
+    The frames differ by a turn about z and a translation.
+    """
 
     T_world_map: FloatArray
+    stretches: tuple[Stretch, ...]
+
+    def time(self, stamp_ns: int) -> int:
+        """A time by the clock of its recording."""
+        return own_time(self.stretches, stamp_ns)
+
+    def times(self, *stamps_ns: int | None) -> Iterator[int | None]:
+        """Such times."""
+        return (None if each is None else self.time(each) for each in stamps_ns)
 
     def points(self, points_map: FloatArray) -> FloatArray:
         """Points (n, 3)."""
@@ -95,7 +127,7 @@ def _object(reader: MapReader, instance: StoredInstance, to_world: ToWorld) -> E
         points=to_world.points(_solid_points(reader, instance)),
         states=tuple(_state(each, label_in(instance, each), to_world) for each in instance.states),
         observations=tuple(
-            EstimatedObservation(each.stamp_ns, to_world.point(each.centroid_map))
+            EstimatedObservation(to_world.time(each.stamp_ns), to_world.point(each.centroid_map))
             for each in reader.observations(instance)
         ),
     )
@@ -115,11 +147,12 @@ def _solid_points(reader: MapReader, instance: StoredInstance) -> FloatArray:
 
 
 def _state(state: StateRecord, label: str, to_world: ToWorld) -> EstimatedState:
+    gone_ns, empty_before_ns = to_world.times(state.gone_ns, state.empty_before_ns)
     return EstimatedState(
-        first_seen_ns=state.first_seen_ns,
-        last_seen_ns=state.last_seen_ns,
-        gone_ns=state.gone_ns,
-        empty_before_ns=state.empty_before_ns,
+        first_seen_ns=to_world.time(state.first_seen_ns),
+        last_seen_ns=to_world.time(state.last_seen_ns),
+        gone_ns=gone_ns,
+        empty_before_ns=empty_before_ns,
         centroid=to_world.point(state.centroid_map),
         box=to_world.box(state.box),
         label=label,
@@ -157,5 +190,5 @@ def _answer(reader: MapReader, text: str) -> EstimatedAnswer:
 
 
 def _keyframes_ns(reader: MapReader) -> IntArray:
-    stamps_ns = [reader.poses(each.id)[0] for each in reader.traversals]
+    stamps_ns = [reader.poses(each.id)[0] - each.clock_shift_ns for each in reader.traversals]
     return np.sort(np.concatenate([*stamps_ns, np.zeros(0, np.int64)]))

@@ -1,42 +1,40 @@
-"""Sensor time for people: UTC where the recordings carry wall time, else seconds since the first one's start."""
+"""Sensor time for people: as the recordings' own clocks have it, so that a frame can be found in its recording.
+
+UTC where a recording carries wall time, else seconds from its start. The map's time goes forward in the order of
+building; where a traversal's clock is behind that (`traversal.clock_shift_ns`), or another's shows the same, its times
+are named after it: "tuesday@2026-01-05T10:21:07.3Z". So are times without a date, where there is more than one
+traversal: "tuesday+12.3s". What is printed may be said in a question, and means the same there (`written_times`).
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from datetime import UTC, datetime, time, timedelta
 
-from supermap_cli.errors import QueryError
 from supermap_cli.memory.reading import MapReader
+from supermap_cli.query.stretches import Stretch, moment_of_stamp, stretch_at, stretches_of
+from supermap_cli.query.written_times import ReadTime, is_time_of_day, read_time
 
-_WALL_TIME_NS = 946_684_800 * 10**9  # 2000-01-01: robots' clocks that were never set start near zero
+__all__ = ["Clock", "clock_of", "is_time_of_day"]
 
 
 @dataclass(frozen=True)
 class Clock:
-    """`origin_ns` is the earliest, `newest_ns` the latest sensor time of the map."""
+    """`stretches` are the map's traversals in the order of building."""
 
-    origin_ns: int
-    newest_ns: int
+    stretches: tuple[Stretch, ...]
 
     @property
-    def has_wall_time(self) -> bool:
-        """Whether stamps are dates."""
-        return self.origin_ns >= _WALL_TIME_NS
+    def origin_ns(self) -> int:
+        """The earliest time of the map."""
+        return min((each.start_ns for each in self.stretches), default=0)
 
     def text(self, stamp_ns: int | None) -> str:
         """A time in words, "-" for none."""
-        if stamp_ns is None:
-            return "-"
-        if not self.has_wall_time:
-            return f"{(stamp_ns - self.origin_ns) / 1e9:.1f} s"
-        return f"{_datetime(stamp_ns):%Y-%m-%dT%H:%M:%S}.{stamp_ns % 10**9 // 10**8}Z"
+        return "-" if stamp_ns is None else self._written(stamp_ns, brief=False)
 
     def brief(self, stamp_ns: int | None) -> str:
         """A time for a table: without the date, where the whole map is of one day."""
-        if stamp_ns is None or not self.has_wall_time:
-            return self.text(stamp_ns)
-        one_day = _datetime(self.origin_ns).date() == _datetime(self.newest_ns).date()
-        return self.text(stamp_ns)[11:] if one_day else f"{_datetime(stamp_ns):%Y-%m-%d %H:%M:%SZ}"
+        return "-" if stamp_ns is None else self._written(stamp_ns, brief=True)
 
     def span(self, low_ns: int | None, high_ns: int | None) -> str:
         """A span for a table."""
@@ -50,38 +48,36 @@ class Clock:
             return f"before {self.text(high_ns)}"
         return f"between {self.text(low_ns)} and {self.text(high_ns)}"
 
+    def read(self, text: str) -> ReadTime:
+        """What a written time means. Raises `QueryError` for what is no time, or none that the map has."""
+        return read_time(text, self.stretches)
+
     def parse(self, text: str) -> int:
-        """The stamp of "10:21" (on the map's last day), an ISO time, or seconds since the start.
+        """The stamp of a written time (see `read`)."""
+        return self.read(text).stamp_ns
 
-        Raises `QueryError` for anything else.
-        """
-        try:
-            if ":" not in text:
-                return self.origin_ns + round(float(text) * 1e9)
-            if "T" in text:
-                return _stamp_ns(datetime.fromisoformat(text.removesuffix("Z")).replace(tzinfo=UTC))
-            of_day = time.fromisoformat(text.rjust(len("10:21"), "0")).replace(tzinfo=UTC)
-            return _stamp_ns(datetime.combine(_datetime(self.newest_ns).date(), of_day))
-        except ValueError as error:
-            raise QueryError(
-                f"'{text}' is no time", cure="say 'at 10:21', 'at 2026-01-05T10:21:00Z' or 'at 12 s'"
-            ) from error
+    def _written(self, stamp_ns: int, *, brief: bool) -> str:
+        stretch = stretch_at(self.stretches, stamp_ns)
+        own_ns = stamp_ns - stretch.shift_ns
+        if not stretch.has_wall_time:
+            seconds = (own_ns - stretch.own_start_ns) / 1e9
+            return f"{seconds:.1f} s" if len(self.stretches) < 2 else f"{stretch.name}{seconds:+.1f}s"
+        written = f"{moment_of_stamp(own_ns):%Y-%m-%dT%H:%M:%S}.{own_ns % 10**9 // 10**8}Z"
+        if brief and self._of_one_day:
+            written = written[11:]
+        elif brief:
+            written = f"{moment_of_stamp(own_ns):%Y-%m-%d %H:%M:%SZ}"
+        named = stretch.shift_ns or any(each.has(own_ns) for each in self.stretches if each is not stretch)
+        return f"{stretch.name}@{written}" if named else written
 
-
-def is_time_of_day(text: str) -> bool:
-    """Whether a time leaves its day open."""
-    return ":" in text and "T" not in text
+    @property
+    def _of_one_day(self) -> bool:
+        """Whether all that has a date is of the same one."""
+        dated = [each for each in self.stretches if each.has_wall_time]
+        ends_ns = [end_ns for each in dated for end_ns in (each.own_start_ns, each.own_end_ns)]
+        return len({moment_of_stamp(each).date() for each in ends_ns}) == 1
 
 
 def clock_of(reader: MapReader) -> Clock:
     """The clock of a map."""
-    return Clock(min((each.start_ns for each in reader.traversals), default=0), reader.now_ns)
-
-
-def _datetime(stamp_ns: int) -> datetime:
-    return datetime(1970, 1, 1, tzinfo=UTC) + timedelta(microseconds=stamp_ns // 1000)
-
-
-def _stamp_ns(moment: datetime) -> int:
-    since = moment - datetime(1970, 1, 1, tzinfo=UTC)
-    return (since.days * 86_400 + since.seconds) * 10**9 + since.microseconds * 1000
+    return Clock(stretches_of(reader.traversals))

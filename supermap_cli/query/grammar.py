@@ -4,7 +4,7 @@
     things    := noun phrase [relation things]
     opener    := "how many" | "count" | "where is" | "which" | "is there" | "find" | ...
     relation  := "near" | "next to" | "on" | "on top of" | "under" | "inside" | "above" | "attached to" | ...
-    time      := "now" | "earlier" | "before" | "first" | "last" | "in" TRAVERSAL | "at" TIME
+    time      := "now" | "earlier" | "before" | "first" | "last" | "in" TRAVERSAL | "at" TIME | "at" TIME "in" TRAVERSAL
 
 What the words stand for is decided later, in `resolution`.
 """
@@ -18,6 +18,7 @@ from typing import Literal
 
 from supermap_cli.errors import QueryError
 from supermap_cli.query.relations import RELATION_WORDS, RelationName
+from supermap_cli.query.written_times import OF_TRAVERSAL
 
 Intent = Literal["find", "count", "exists"]
 TimeKind = Literal["now", "earlier", "first", "last", "traversal", "at"]
@@ -26,7 +27,7 @@ Words = tuple[str, ...]
 UNDERSTOOD = (
     "ask for things like 'cup', 'chair-1', 'chair near tv', 'how many chairs', 'cup on the table earlier', "
     "'chairs in monday'; relations are near, beside, on, under, inside, above, attached to; "
-    "times are now, earlier, first, last, in TRAVERSAL, at 10:21"
+    "times are now, earlier, first, last, in TRAVERSAL, at 10:21, at 10:21 in TRAVERSAL"
 )
 
 
@@ -48,7 +49,9 @@ class RelatedTo:
 
 @dataclass(frozen=True)
 class TimePhrase:
-    """When: `argument` is the traversal's name, or the time as it was written; `said`: there were words for it."""
+    """When: `argument` is the traversal's name, or the time as it was written (see `written_times`); `said`: there were
+    words for it.
+    """
 
     kind: TimeKind = "now"
     argument: str | None = None
@@ -165,7 +168,10 @@ def _take_opener(words: Words) -> tuple[Intent, Words]:
 
 def _take_time(words: Words, traversals: Collection[str]) -> tuple[TimePhrase | None, Words]:
     """The time at the question's end, or at its beginning."""
-    taken = _traversal_at_end(words, traversals) or _clock_at_end(words)
+    taken = _traversal_at_end(words, traversals)
+    if taken is not None:
+        return _clock_before(*taken) or taken
+    taken = _clock_at_end(words) or _named_clock_at_end(words, traversals)
     if taken is not None:
         return taken
     for phrase, kind in _TIMES:
@@ -200,6 +206,26 @@ def _clock_at_end(words: Words) -> tuple[TimePhrase, Words] | None:
         words = words[:-1]
     if len(words) >= 2 and words[-2] == "at" and _TIME_OF_DAY.fullmatch(words[-1]):
         return TimePhrase("at", words[-1].upper().rstrip("S")), words[:-2]
+    return None
+
+
+def _clock_before(traversal: TimePhrase, words: Words) -> tuple[TimePhrase, Words] | None:
+    """Take "at 10:21" before "in monday": "monday@10:21"."""
+    taken = _clock_at_end(words)
+    return taken and (TimePhrase("at", f"{traversal.argument}@{taken[0].argument}"), taken[1])
+
+
+def _named_clock_at_end(words: Words, traversals: Collection[str]) -> tuple[TimePhrase, Words] | None:
+    """Take "at monday@10:21", "at monday+12s"."""
+    at = max((index for index, word in enumerate(words[:-1]) if word == "at"), default=None)
+    if at is None:
+        return None
+    written = " ".join(words[at + 1 :])
+    known = {name.casefold(): name for name in traversals}
+    for name in sorted([*known, "first", "last"], key=len, reverse=True):
+        rest = written[len(name) :]
+        if written.startswith(name) and OF_TRAVERSAL.fullmatch(rest):
+            return TimePhrase("at", f"{known.get(name, name)}{rest}"), words[:at]
     return None
 
 

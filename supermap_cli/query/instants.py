@@ -4,29 +4,35 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from supermap_cli.errors import QueryError
 from supermap_cli.memory.reading import MapReader
 from supermap_cli.memory.values import StoredTraversal
 from supermap_cli.query.clock import Clock
+from supermap_cli.query.written_times import names_traversal
 
 _LEADS = ("at ", "in ", "during ", "of ", "as of ")
 _DATE = re.compile(r"\d{4}-\d{2}-\d{2}")
-CURE = "say a traversal ('monday', '2', 'first', 'last'), '10:21', '2026-01-05T10:21:00Z', '12 s', 'earlier' or 'now'"
+CURE = (
+    "say a traversal ('monday', '2', 'first', 'last'), '10:21', '2026-01-05T10:21:00Z', '12 s', 'monday@10:21', "
+    "'monday+12s', 'earlier' or 'now'"
+)
 
 
 @dataclass(frozen=True)
 class Instant:
     """A point in the map's time, and the span before it whose keyframes speak for it.
 
-    A traversal is its end, and [since_ns, at_ns] the whole of it; of a plain time both are that time.
+    A traversal is its end, and [since_ns, at_ns] the whole of it; of a plain time both are that time. `note`: what
+    there is to say about how it was understood.
     """
 
     text: str
     at_ns: int
     since_ns: int
     traversal: StoredTraversal | None = None
+    note: str | None = None
 
 
 def instant_of(written: str, reader: MapReader, clock: Clock) -> Instant:
@@ -41,10 +47,11 @@ def instant_of(written: str, reader: MapReader, clock: Clock) -> Instant:
         return _of_time(reader.now_ns, clock)
     if wanted in {"earlier", "before"}:
         return _of_time(max((each.start_ns for each in reader.traversals), default=0), clock)
-    if not wanted[:1].isdigit():
+    if not wanted[:1].isdigit() and not names_traversal(wanted, clock.stretches):
         known = ", ".join(f"{each.number} {each.name}" for each in reader.traversals) or "none"
         raise QueryError(f"'{written}' is neither a time nor a traversal; there are: {known}", cure=CURE)
-    return _of_time(clock.parse(_bare(wanted)), clock)
+    read = clock.read(wanted if names_traversal(wanted, clock.stretches) else _bare(wanted))
+    return replace(_of_time(read.stamp_ns, clock), note=read.note)
 
 
 def of_traversal(traversal: StoredTraversal) -> Instant:

@@ -22,6 +22,8 @@ class Moment:
     - "now": what is present, as it stands. "last": the newest state, present or not. "first": the oldest.
     - "earlier": states that ended, or held before `high_ns` (the latest traversal's start; with one traversal: now).
     - "traversal": states that `traversal` supported. "at": states that held at `low_ns` = `high_ns`.
+
+    `note`: what there is to say about how a written time was understood.
     """
 
     kind: TimeKind
@@ -29,6 +31,7 @@ class Moment:
     low_ns: float = -math.inf
     high_ns: float = math.inf
     traversal: StoredTraversal | None = None
+    note: str | None = None
 
     def states(self, instance: StoredInstance) -> tuple[StateRecord, ...]:
         """The states of an instance that the moment speaks of, oldest first."""
@@ -100,7 +103,7 @@ def state_end_ns(state: StateRecord, states: Sequence[StateRecord]) -> float:
 
 def moment_at(instant: Instant) -> Moment:
     """The moment at which everything is asked for "as of" a time."""
-    return Moment("at", f"as of {instant.text}", instant.at_ns, instant.at_ns)
+    return Moment("at", f"as of {instant.text}", instant.at_ns, instant.at_ns, note=instant.note)
 
 
 def moment_of(phrase: TimePhrase, reader: MapReader, clock: Clock) -> Moment:
@@ -116,7 +119,7 @@ def moment_of(phrase: TimePhrase, reader: MapReader, clock: Clock) -> Moment:
             text = f"in {traversal.name}"
             return Moment("traversal", text, traversal.start_ns, traversal.end_ns, traversal)
         case "at":
-            stamp_ns = clock.parse(phrase.argument or "")
-            return Moment("at", f"at {clock.text(stamp_ns)}", stamp_ns, stamp_ns)
+            read = clock.read(phrase.argument or "")
+            return Moment("at", f"at {clock.text(read.stamp_ns)}", read.stamp_ns, read.stamp_ns, note=read.note)
         case kind:
             return Moment(kind, kind)

@@ -200,6 +200,8 @@ class Resolver:
         if self.moment.kind == "at":
             if is_time_of_day(written):
                 self.notes.append(f"{written} was taken as {self.clock.text(int(self.moment.low_ns))}")
+            if self.moment.note is not None:
+                self.notes.append(self.moment.note)
             self._note_ends()
             self._note_gaps(found, written)
         self._note_unknown_traversal(question)

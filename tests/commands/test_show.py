@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 import kitchen
+import memories as m
 from cli import document, supermap
 from supermap_cli.errors import QueryError
+from supermap_cli.memory import open_store
+from supermap_cli.types.memory import MapDelta
 
 
 @pytest.fixture(scope="module")
@@ -53,3 +57,19 @@ def test_the_past_is_shown_with_what_nobody_can_say(db: Path) -> None:
     assert "5 objects as of 2026-01-05T09:10:00.0Z" in printed
     assert "4 of which nobody can say" in printed
     assert "left between" in supermap("show", "cup-1", "--at", "09:10", "--db", db).stdout
+
+
+def test_a_shifted_clock_is_told(tmp_path: Path) -> None:
+    path = m.make_memory(tmp_path / "map.db", ("tuesday", (50, 100), MapDelta(keyframes=m.keyframes([60]))))
+    assert "shifted" not in supermap("show", "--db", path).stdout
+    with open_store(str(path), create=True) as store:
+        start = replace(m.start("monday", (180, 280)), clock_shift_ns=180 * 10**9)
+        store.finish_traversal(store.begin_traversal(start))
+    shown = document("show", "show", "--db", path)
+    assert [each["clock_shift_ns"] for each in shown["traversals"]] == [0, 180 * 10**9]
+    for command in (("show",), ("db", "info")):
+        printed = supermap(*command, "--db", path).stdout
+        assert "monday@2026-01-05T09:00:00.0Z" in printed
+        assert "+ 3 min" in printed
+        assert "the order of building is kept" in printed
+    assert document("db_info", "db", "info", "--db", path)["traversals"][1]["clock_shift_ns"] == 180 * 10**9

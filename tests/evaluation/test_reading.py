@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -204,3 +205,46 @@ def test_keyframes_of_all_traversals_are_in_the_order_of_time(in_the_kitchen):
     estimate = read_estimate(in_the_kitchen, BOTH_DAYS)
     assert estimate.keyframes_ns.tolist() == [m.ns(at) for at in (1, 40, 90, 1001, 1040, 1090)]
     assert set(estimate.alignment_rmse_m) == {"monday", "tuesday"}
+
+
+# -- clocks that are behind the map's
+
+
+def add_shifted(path: Path, name: str, own_s: tuple[float, float], shift_s: float, *seconds: float) -> None:
+    """A traversal whose keyframes and whose one chair have the map's time."""
+    start = replace(m.start(name, (own_s[0] + shift_s, own_s[1] + shift_s)), clock_shift_ns=round(shift_s * 1e9))
+    seen = (seconds[0] + shift_s, seconds[-1] + shift_s)
+    delta = MapDelta(
+        keyframes=tuple(keyframe(at + shift_s, motion(0, at)) for at in seconds),
+        instances=(m.instance(1, "chair", seen=seen),),
+        states=(m.state(1, 0, seen),),
+        observations=tuple(m.observation(1, at + shift_s) for at in seconds),
+    )
+    with open_store(str(path), create=True) as store:
+        traversal_id = store.begin_traversal(start)
+        store.commit(traversal_id, delta)
+        store.finish_traversal(traversal_id)
+
+
+def test_times_of_a_shifted_traversal_are_compared_as_recorded(tmp_path):
+    add_shifted(tmp_path / "map.db", "monday", (0, 10), 600, 1.0, 2.0, 3.0)
+    true_way = truth(([0, 1, 2, 3], [motion(0, 0), motion(0, 1), motion(0, 2), motion(0, 3)]))
+    with open_store(str(tmp_path / "map.db"), read_only=True) as store, store.reader() as reader:
+        estimate = read_estimate(reader, true_way)
+    assert estimate.alignment_rmse_m == {"monday": pytest.approx(0, abs=1e-9)}
+    assert estimate.keyframes_ns.tolist() == [m.ns(1), m.ns(2), m.ns(3)]
+    (chair,) = estimate.objects
+    assert (chair.states[0].first_seen_ns, chair.states[0].last_seen_ns) == (m.ns(1), m.ns(3))
+    assert [each.stamp_ns for each in chair.observations] == [m.ns(1), m.ns(2), m.ns(3)]
+
+
+def test_traversals_built_in_another_order_than_recorded_are_not_compared(tmp_path):
+    m.make_memory(tmp_path / "map.db", ("tuesday", (100, 110), MapDelta(keyframes=(keyframe(101, np.eye(4)),))))
+    add_shifted(tmp_path / "map.db", "monday", (0, 10), 600, 1.0)
+    both = truth(([0, 1], [np.eye(4)] * 2), ([100, 101], [np.eye(4)] * 2))
+    with (
+        open_store(str(tmp_path / "map.db"), read_only=True) as store,
+        store.reader() as reader,
+        pytest.raises(EvaluationError, match="monday was recorded before tuesday and built after it"),
+    ):
+        read_estimate(reader, both)

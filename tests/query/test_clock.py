@@ -1,38 +1,127 @@
-"""Times for people."""
+"""Times for people, and times that people write."""
 
 from __future__ import annotations
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 import memories as m
 from supermap_cli.errors import QueryError
 from supermap_cli.query.clock import Clock
+from supermap_cli.query.stretches import Stretch
 
-WALL = Clock(m.ns(0), m.ns(100))
-SENSOR = Clock(5 * 10**9, 90 * 10**9)
+S = 10**9
+DAY_S = 86_400
+ONE_DAY = Clock((Stretch(1, "monday", m.ns(0), m.ns(100)),))
+SENSOR = Clock((Stretch(1, "run", 5 * S, 90 * S),))
+TWO_DAYS = Clock((Stretch(1, "monday", m.ns(0), m.ns(100)), Stretch(2, "tuesday", m.ns(DAY_S), m.ns(DAY_S + 100))))
+FROM_ZERO = Clock((Stretch(1, "monday", 0, 60 * S), Stretch(2, "tuesday", 120 * S, 150 * S, 120 * S)))
+"""Two recordings that both begin at 0."""
+BEHIND = Clock((Stretch(1, "tuesday", m.ns(50), m.ns(100)), Stretch(2, "monday", m.ns(180), m.ns(280), 180 * S)))
+"""The second was recorded from 50 s before the first on."""
+MIXED = Clock((Stretch(1, "sim", 5 * S, 90 * S), Stretch(2, "monday", m.ns(0), m.ns(100))))
 
 
 def test_wall_time_is_printed_as_utc() -> None:
-    assert WALL.text(m.ns(61.27)) == "2026-01-05T09:01:01.2Z"
-    assert WALL.brief(m.ns(61.27)) == "09:01:01.2Z"
-    assert Clock(m.ns(0), m.ns(86_400)).brief(m.ns(61.27)) == "2026-01-05 09:01:01Z"
+    assert ONE_DAY.text(m.ns(61.27)) == "2026-01-05T09:01:01.2Z"
+    assert ONE_DAY.brief(m.ns(61.27)) == "09:01:01.2Z"
+    assert TWO_DAYS.brief(m.ns(61.27)) == "2026-01-05 09:01:01Z"
 
 
-def test_sensor_time_near_zero_is_printed_as_seconds_since_the_start() -> None:
+def test_times_without_a_date_are_seconds_from_the_start_of_their_traversal() -> None:
     assert SENSOR.text(int(7.5e9)) == "2.5 s"
-    assert SENSOR.between(int(6e9), int(7.5e9)) == "between 1.0 s and 2.5 s"
+    assert SENSOR.between(6 * S, int(7.5e9)) == "between 1.0 s and 2.5 s"
+    assert FROM_ZERO.text(int(7.5e9)) == "monday+7.5s"
+    assert FROM_ZERO.brief(int(127.5e9)) == "tuesday+7.5s"
+
+
+def test_times_of_a_shifted_traversal_are_named_after_it_and_as_in_its_recording() -> None:
+    assert BEHIND.text(m.ns(60)) == "tuesday@2026-01-05T09:01:00.0Z"  # monday's clock shows that, too
+
+    assert BEHIND.text(m.ns(190.5)) == "monday@2026-01-05T09:00:10.5Z"
+    assert BEHIND.brief(m.ns(190.5)) == "monday@09:00:10.5Z"
+
+
+def test_a_map_may_mix_recordings_with_and_without_wall_time() -> None:
+    assert MIXED.span(7 * S, m.ns(10)) == "sim+2.0s .. 09:00:10.0Z"
 
 
 def test_no_time_is_a_dash() -> None:
-    assert WALL.text(None) == "-"
+    assert ONE_DAY.text(None) == "-"
 
 
-@pytest.mark.parametrize("text", ["09:01:30", "2026-01-05T09:01:30Z", "2026-01-05T09:01:30", "90", "90.0"])
+@pytest.mark.parametrize("text", ["09:01:30", "2026-01-05T09:01:30Z", "2026-01-05t09:01:30", "90", "90.0", "90 s"])
 def test_times_are_read(text: str) -> None:
-    assert WALL.parse(text) == m.ns(90)
+    assert ONE_DAY.read(text).stamp_ns == m.ns(90)
+    assert ONE_DAY.read(text).note is None
 
 
-@pytest.mark.parametrize("text", ["noon", "25:99:99:99", "10:xx"])
+def test_the_minute_in_which_a_traversal_begins_is_one_that_it_has() -> None:
+    clock = Clock((Stretch(1, "monday", m.ns(30), m.ns(100)),))
+    assert clock.parse("9:00") == m.ns(30)
+    assert clock.parse("9:01") == m.ns(60)
+
+
+def test_of_several_traversals_that_have_a_time_the_newest_is_meant_and_that_is_said() -> None:
+    read = TWO_DAYS.read("09:01")
+    assert read.stamp_ns == m.ns(DAY_S + 60)
+    assert read.note == "09:01 was taken as that of tuesday; say 'monday@09:01' for another"
+    assert TWO_DAYS.parse("monday@09:01") == m.ns(60)
+    assert BEHIND.read("2026-01-05T09:01:00Z").stamp_ns == m.ns(60 + 180)
+    assert "'tuesday@2026-01-05T09:01:00Z'" in (BEHIND.read("2026-01-05T09:01:00Z").note or "")
+
+
+def test_seconds_count_from_the_maps_start() -> None:
+    assert FROM_ZERO.read("12").stamp_ns == 12 * S
+    assert "'tuesday+12s'" in (FROM_ZERO.read("12").note or "")
+    assert FROM_ZERO.read("40").note is None  # tuesday does not last so long
+    assert FROM_ZERO.read("130 s").stamp_ns == 130 * S
+
+
+def test_a_time_between_traversals_is_after_the_one_before_and_not_in_the_next() -> None:
+    assert TWO_DAYS.parse("2026-01-05T12:00:00Z") == m.ns(3 * 3600)
+    assert BEHIND.parse("tuesday@09:04") == m.ns(180) - 1
+    assert TWO_DAYS.parse("10:00") == m.ns(DAY_S + 3600)
+
+
+@pytest.mark.parametrize(
+    ("text", "stamp_ns"),
+    [
+        ("monday@9:01", m.ns(60)),
+        ("Monday@09:01:00", m.ns(60)),
+        ("1@09:01", m.ns(60)),
+        ("last@2026-01-06T09:01:00Z", m.ns(DAY_S + 60)),
+        ("tuesday+12.5s", m.ns(DAY_S + 12.5)),
+        ("first+12", m.ns(12)),
+        ("monday-1s", m.ns(-1)),
+        ("monday@12s", m.ns(12)),
+    ],
+)
+def test_a_time_may_name_its_traversal(text: str, stamp_ns: int) -> None:
+    assert TWO_DAYS.read(text).stamp_ns == stamp_ns
+
+
+def test_the_longest_name_counts() -> None:
+    clock = Clock((Stretch(1, "run", m.ns(0), m.ns(50)), Stretch(2, "run-1", m.ns(60), m.ns(100))))
+    assert clock.parse("run-1+3s") == m.ns(63)
+
+
+@pytest.mark.parametrize("text", ["noon", "25:99:99:99", "10:xx", "friday@10:21", "monday@", "nan", "inf", "1e30", ""])
 def test_what_is_no_time_is_a_query_error(text: str) -> None:
     with pytest.raises(QueryError, match="is no time"):
-        WALL.parse(text)
+        TWO_DAYS.parse(text)
+
+
+def test_a_time_of_day_of_recordings_without_wall_time_is_a_query_error() -> None:
+    with pytest.raises(QueryError, match="no wall time"):
+        FROM_ZERO.parse("10:21")
+    with pytest.raises(QueryError, match="sim has no wall time"):
+        MIXED.parse("sim@10:21")
+
+
+@given(st.sampled_from([ONE_DAY, SENSOR, TWO_DAYS, FROM_ZERO, BEHIND, MIXED]), st.floats(0, 1), st.integers(0, 1))
+def test_what_is_printed_is_read_as_what_it_was(clock: Clock, share: float, which: int) -> None:
+    stretch = clock.stretches[min(which, len(clock.stretches) - 1)]
+    stamp_ns = stretch.start_ns + round(share * (stretch.end_ns - stretch.start_ns) / (S / 10)) * (S // 10)
+    assert abs(clock.parse(clock.text(stamp_ns)) - stamp_ns) <= S // 10

@@ -61,6 +61,10 @@ CUP_ON_TABLE = Things("cup", RelatedTo("on", Things("table")))
         ("cup on the table in monday", "find", CUP_ON_TABLE, TimePhrase("traversal", "monday")),
         ("cup at 10:21", "find", Things("cup"), TimePhrase("at", "10:21")),
         ("cup at 12.5 s", "find", Things("cup"), TimePhrase("at", "12.5")),
+        ("cup at 10:21 in monday", "find", Things("cup"), TimePhrase("at", "monday@10:21")),
+        ("cup at 12 s in the first traversal", "find", Things("cup"), TimePhrase("at", "first@12")),
+        ("cup at Monday@10:21", "find", Things("cup"), TimePhrase("at", "monday@10:21")),
+        ("cup at run 2+12.5s", "find", Things("cup"), TimePhrase("at", "run 2+12.5s")),
         (
             "cup on table near tv",
             "find",

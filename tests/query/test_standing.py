@@ -14,9 +14,10 @@ from lives import lives
 from supermap_cli.memory.values import StoredInstance
 from supermap_cli.query.clock import Clock
 from supermap_cli.query.standing import held_at, in_words, standing_at
+from supermap_cli.query.stretches import Stretch
 from supermap_cli.types.memory import StateRecord
 
-CLOCK = Clock(m.ns(0), m.ns(1000))
+CLOCK = Clock((Stretch(1, "monday", m.ns(0), m.ns(1000)),))
 
 
 def thing(*states: StateRecord, presence: str = "present") -> StoredInstance:

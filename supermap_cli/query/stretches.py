@@ -1,0 +1,78 @@
+"""What of the map's time is which traversal's, and what that traversal's own clock shows meanwhile."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import UTC, date, datetime, timedelta
+
+from supermap_cli.memory.values import StoredTraversal
+
+SECOND_NS = 10**9
+_WALL_TIME_NS = 946_684_800 * SECOND_NS  # 2000-01-01: robots' clocks that were never set start near zero
+_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """A traversal's part of the map's time, [start_ns, end_ns]; its recording's clock shows `shift_ns` less."""
+
+    number: int
+    name: str
+    start_ns: int
+    end_ns: int
+    shift_ns: int = 0
+
+    @property
+    def own_start_ns(self) -> int:
+        """Its start by its own clock."""
+        return self.start_ns - self.shift_ns
+
+    @property
+    def own_end_ns(self) -> int:
+        """Its end by its own clock."""
+        return self.end_ns - self.shift_ns
+
+    @property
+    def has_wall_time(self) -> bool:
+        """Whether its stamps are dates."""
+        return self.own_start_ns >= _WALL_TIME_NS
+
+    def days(self) -> tuple[date, ...]:
+        """The days that it touches, by its own clock."""
+        first, last = moment_of_stamp(self.own_start_ns).date(), moment_of_stamp(self.own_end_ns).date()
+        return tuple(first + timedelta(days=day) for day in range((last - first).days + 1))
+
+    def has(self, own_ns: int, lasting_ns: int = 1) -> bool:
+        """Whether a time by its own clock lies in it, or a part of what lasts from then on."""
+        return own_ns <= self.own_end_ns and own_ns + lasting_ns > self.own_start_ns
+
+
+def stretches_of(traversals: Sequence[StoredTraversal]) -> tuple[Stretch, ...]:
+    """The stretches of a map's traversals, in the order of building."""
+    return tuple(
+        Stretch(each.number, each.name, each.start_ns, max(each.end_ns, each.mapped_ns or 0), each.clock_shift_ns)
+        for each in traversals
+    )
+
+
+def stretch_at(stretches: Sequence[Stretch], stamp_ns: int) -> Stretch:
+    """Whose time a stamp of the map is: the traversal that began last before it."""
+    begun = [each for each in stretches if each.start_ns <= stamp_ns]
+    return (begun[-1:] or stretches[:1] or [Stretch(1, "map", 0, 0)])[0]
+
+
+def own_time(stretches: Sequence[Stretch], stamp_ns: int) -> int:
+    """A stamp of the map by the clock of the recording that it is of."""
+    return stamp_ns - stretch_at(stretches, stamp_ns).shift_ns
+
+
+def moment_of_stamp(stamp_ns: int) -> datetime:
+    """A stamp as a date, to the microsecond."""
+    return _EPOCH + timedelta(microseconds=stamp_ns // 1000)
+
+
+def stamp_of_moment(moment: datetime) -> int:
+    """A date as a stamp."""
+    since = moment - _EPOCH
+    return (since.days * 86_400 + since.seconds) * SECOND_NS + since.microseconds * 1000
