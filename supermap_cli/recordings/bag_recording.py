@@ -13,6 +13,7 @@ from supermap_cli.errors import CalibrationError, RecordingError
 from supermap_cli.geometry.arrays import IntArray
 from supermap_cli.recordings import messages
 from supermap_cli.recordings.camera_frames import CameraFrames
+from supermap_cli.recordings.clock_faults import REORDER_NS
 from supermap_cli.recordings.detection_messages import DetectionArrival, join_masks, read_detections
 from supermap_cli.recordings.fingerprint import content_fingerprint, window_fingerprint
 from supermap_cli.recordings.images import decode_numbers
@@ -25,18 +26,26 @@ from supermap_cli.types.detections import Detections
 from supermap_cli.types.sensing import CameraFrame, ImuSample, StampedPose, Sweep
 
 _LATE_NS = 5_000_000_000
-_REORDER_NS = 500_000_000
 
 Stamped = TypeVar("Stamped", StampedPose, Sweep, ImuSample)
 
 
-def in_order(items: Iterable[Stamped]) -> Iterator[Stamped]:
-    """Items by ascending stamp, though some come up to half a second late; doubles and later ones are dropped."""
+def in_order(items: Iterable[Stamped], dropped: Callable[[int, int], None] | None = None) -> Iterator[Stamped]:
+    """Items by ascending stamp, though some come up to half a second late; doubles and later ones are dropped.
+
+    `dropped` is told how many came too late so far, and the stamp of the last of them.
+    """
     waiting: list[tuple[int, int, Stamped]] = []
     last_ns: int | None = None
+    late = 0
     for index, item in enumerate(items):
+        if last_ns is not None and item.stamp_ns < last_ns:
+            late += 1
+            if dropped is not None:
+                dropped(late, item.stamp_ns)
+            continue
         heapq.heappush(waiting, (item.stamp_ns, index, item))
-        while waiting[0][0] < item.stamp_ns - _REORDER_NS:
+        while waiting[0][0] < item.stamp_ns - REORDER_NS:
             stamp_ns, _, ready = heapq.heappop(waiting)
             if last_ns is None or stamp_ns > last_ns:
                 last_ns = stamp_ns
@@ -111,17 +120,17 @@ class BagRecording:
         """The recorded odometry, `T_odom_base`. Raises `RecordingError` where there is none, or none that is finite."""
         if self._opened.pose_source is None:
             raise no_poses(str(self.path))
-        return in_order(recorded_poses(self._opened, self._opened.pose_source))
+        return in_order(recorded_poses(self._opened, self._opened.pose_source), self._note_late("poses"))
 
     def sweeps(self) -> Iterator[Sweep]:
         """LiDAR sweeps, points finite, in the LiDAR's frame; nothing where there is no LiDAR."""
         lidar = self._opened.plan.topic("lidar")
-        return iter(()) if lidar is None else in_order(self._sweeps(lidar))
+        return iter(()) if lidar is None else in_order(self._sweeps(lidar), self._note_late("sweeps"))
 
     def imu(self) -> Iterator[ImuSample]:
         """IMU samples turned into the base frame; nothing where there is none, or none that TF places."""
         topic = self._imu_topic()
-        return iter(()) if topic is None else in_order(self._imu(topic))
+        return iter(()) if topic is None else in_order(self._imu(topic), self._note_late("IMU samples"))
 
     def detection_stamps_ns(self) -> IntArray:
         """(n,) int64 stamps of the images that recorded detections belong to (`header.stamp`), ascending."""
@@ -135,6 +144,16 @@ class BagRecording:
     def detections(self) -> Iterator[Detections]:
         """Recorded detections with their masks, in the order of their images' stamps."""
         return join_masks(self._detection_arrivals(), _LATE_NS)
+
+    def _note_late(self, what: str) -> Callable[[int, int], None]:
+        def note(count: int, stamp_ns: int) -> None:
+            self._opened.notes.note(
+                f"late {what}",
+                f"{self._opened.place(what, stamp_ns)}: the stamp lies before those of much earlier messages; {count} "
+                f"such {what} left out",
+            )
+
+        return note
 
     def _messages(self, topics: Sequence[str], margin_ns: int) -> Iterator[RawMessage]:
         return self._opened.storage.messages(topics, *self._opened.window.log_range(margin_ns))

@@ -11,6 +11,7 @@ import numpy as np
 from supermap_cli.errors import RecordingError
 from supermap_cli.geometry.arrays import Float32Array, FloatArray, IntArray, UInt8Array
 from supermap_cli.geometry.se3 import inverse
+from supermap_cli.recordings.clock_faults import step_back, strays
 from supermap_cli.recordings.color_depth_fit import fitted_rig
 from supermap_cli.recordings.images import decode_color, decode_depth
 from supermap_cli.recordings.messages import peek_stamp_ns, read_image
@@ -61,12 +62,13 @@ class CameraFrames:
     @cached_property
     def _pairs(self) -> Sequence[tuple[int, int | None]]:
         """(colour stamp, depth stamp) of every usable frame, by one pass over the headers alone."""
-        stamps: dict[str, list[int]] = {self._color: []}
+        times: dict[str, list[tuple[int, int]]] = {self._color: []}
         if self._depth is not None:
-            stamps[self._depth] = []
+            times[self._depth] = []
         for raw in self._messages():
-            stamps[raw.channel.topic].append(peek_stamp_ns(raw, self._opened.decoder.decode))
-        color_ns = np.unique(np.array(stamps[self._color], np.int64))
+            times[raw.channel.topic].append((peek_stamp_ns(raw, self._opened.decoder.decode), raw.log_ns))
+        stamps = {topic: self._going_forward(topic, np.array(each, np.int64)) for topic, each in times.items()}
+        color_ns = np.unique(stamps[self._color])
         color_ns = (
             color_ns[[self._opened.window.holds(int(stamp)) for stamp in color_ns]] if len(color_ns) else color_ns
         )
@@ -76,7 +78,30 @@ class CameraFrames:
             )
         if self._depth is None:
             return [(int(stamp), None) for stamp in color_ns]
-        return self._matched(color_ns, np.unique(np.array(stamps[self._depth], np.int64)), self._depth)
+        return self._matched(color_ns, np.unique(stamps[self._depth]), self._depth)
+
+    def _going_forward(self, topic: str, times_ns: IntArray) -> IntArray:
+        """The stamps among (n, 2) stamps and log times of a topic, without those that cannot be true (noted).
+
+        Raises `RecordingError` where the clock was set back: images of two times would stand in one.
+        """
+        stamps_ns, log_ns = times_ns.reshape(-1, 2).T
+        stray = strays(stamps_ns, log_ns)
+        if stray.any():
+            first = self._opened.place(topic, int(log_ns[stray][0]) + self._opened.window.offset_ns)
+            self._opened.notes.note(
+                f"stray stamps {topic}",
+                f"{first}: {stray.sum()} of {len(stray)} images have a stamp far off all others and are left out",
+            )
+        stamps_ns, log_ns = stamps_ns[~stray], log_ns[~stray]
+        back = step_back(stamps_ns)
+        if back is not None:
+            raise RecordingError(
+                f"its clock is set back by {back.by_ns / 1e9:.1f} s, at image {back.index + 1} of {len(stamps_ns)}",
+                where=self._opened.place(topic, int(log_ns[back.index]) + self._opened.window.offset_ns),
+                cure="cut the recording there and build its parts one after the other; their order is kept",
+            )
+        return stamps_ns
 
     def _matched(self, color_ns: IntArray, depth_ns: IntArray, depth: str) -> Sequence[tuple[int, int | None]]:
         tolerance_s = self._opened.request.sync_tolerance_s

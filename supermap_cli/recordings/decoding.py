@@ -27,7 +27,7 @@ class Decoder:
     """
 
     def __init__(self, where: str) -> None:
-        self._where = where
+        self.where = where
         self._functions: dict[Channel, Callable[[bytes | memoryview], Any]] = {}
 
     def decode(self, raw: RawMessage) -> Any:
@@ -48,7 +48,7 @@ class Decoder:
         ) as error:
             raise RecordingError(
                 f"a {channel.msgtype or 'message'} cannot be decoded: {error}",
-                where=f"{self._where}, {channel.topic}",
+                where=f"{self.where}, {channel.topic}",
                 cure="record with the message definitions embedded, or leave the topic out by naming another",
             ) from error
 

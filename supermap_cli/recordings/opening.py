@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 
+import numpy as np
+
 from supermap_cli.errors import CalibrationError, ConfigError, RecordingError
 from supermap_cli.hookspecs import RecordingRequest
 from supermap_cli.recordings import messages
@@ -25,6 +27,7 @@ MARGIN_NS = 2_000_000_000
 
 _SKEWED_CLOCK_NS = 5_000_000_000
 _FIRST_TRANSFORMS = 2000
+_FIRST_STAMPS = 21
 
 
 @dataclass(frozen=True)
@@ -133,7 +136,7 @@ def open_recording(path: Path, request: RecordingRequest) -> OpenedRecording:
         pose_source=source,
         base_frame=base_frame,
         rig=rig,
-        window=_window(storage, plan, request, where, notes),
+        window=_window(storage, plan, request, decoder, notes),
         problems=tuple(problems),
         motion_problem=no_poses(where) if source is None and not plan.serves("lidar") else None,
     )
@@ -175,10 +178,19 @@ def _first_tree(storage: Storage, decoder: Decoder, topics: tuple[Topic, ...]) -
     return tree
 
 
-def _window(storage: Storage, plan: TopicPlan, request: RecordingRequest, where: str, notes: Notes) -> Window:
+def _usual_offset_ns(storage: Storage, topic: Topic, decoder: Decoder) -> int:
+    """Sensor time minus log time of a topic: the median of its first messages, of which one may be astray."""
+    first = islice(storage.messages([topic.name]), _FIRST_STAMPS)
+    return int(np.median([messages.peek_stamp_ns(raw, decoder.decode) - raw.log_ns for raw in first]))
+
+
+def _window(storage: Storage, plan: TopicPlan, request: RecordingRequest, decoder: Decoder, notes: Notes) -> Window:
     """Seconds of `--start` and `--end` count from the first message, in log time; streams follow the sensors' clock."""
+    where = decoder.where
     leading = next((topic for role in ("color", "lidar", "odometry") if (topic := plan.topic(role))), None)
     offset_ns = leading.clock_offset_ns if leading else 0
+    if leading is not None and abs(offset_ns) >= _SKEWED_CLOCK_NS:
+        offset_ns = _usual_offset_ns(storage, leading, decoder)
     if abs(offset_ns) < _SKEWED_CLOCK_NS:
         offset_ns = 0
     else:
