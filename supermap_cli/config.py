@@ -50,6 +50,9 @@ class KeyframeConfig(Section):
     thumbnail_px: int = Field(default=160, ge=0, description="width of the stored thumbnails, 0 = none")
     depth_step: int = Field(default=8, ge=1, description="pixels between the depths stored with a keyframe")
     batch: int = Field(default=10, ge=1, description="keyframes written in one transaction")
+    checkpoint_s: float = Field(
+        default=5.0, ge=0, description="work, in seconds, that a killed build has to do again when it goes on"
+    )
 
 
 class PerceptionConfig(Section):

@@ -6,8 +6,11 @@ from __future__ import annotations
 class SupermapError(Exception):
     """Something the user can mend: what was wrong, where, and the cure, in one line.
 
-    `main` is the only place that catches it: ``error: <what> (<where>): <cure>`` on stderr, exit code 1.
+    `main` is the only place that catches it: ``error: <what> (<where>): <cure>`` on stderr, exit code 1 (130, as shells
+    have it, where the user stopped it).
     """
+
+    exit_code = 1
 
     def __init__(self, what: str, *, where: str | None = None, cure: str | None = None) -> None:
         self.what = what
@@ -20,6 +23,12 @@ class SupermapError(Exception):
         place = f" ({self.where})" if self.where else ""
         cure = f": {self.cure}" if self.cure else ""
         return " ".join(f"{self.what}{place}{cure}".split())
+
+
+class BuildStoppedError(SupermapError):
+    """A build was asked to stop: what is mapped so far is kept."""
+
+    exit_code = 130
 
 
 class RecordingError(SupermapError):

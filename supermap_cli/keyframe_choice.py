@@ -18,6 +18,13 @@ class KeyframeChoice:
     mapped: frozenset[int]
     perceived: frozenset[int]
 
+    def after(self, stamp_ns: int) -> KeyframeChoice:
+        """Those later than a stamp."""
+        mapped, perceived = (
+            frozenset(each for each in which if each > stamp_ns) for which in (self.mapped, self.perceived)
+        )
+        return KeyframeChoice(mapped, perceived)
+
 
 def choose_keyframes(
     frame_stamps_ns: IntArray, detected_stamps_ns: IntArray | None, rate_hz: float, perception_rate_hz: float | None

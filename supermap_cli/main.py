@@ -75,7 +75,7 @@ def main() -> None:
         make_app()()
     except SupermapError as error:
         typer.echo(f"error: {error}", err=True)
-        sys.exit(1)
+        sys.exit(error.exit_code)
 
 
 if __name__ == "__main__":

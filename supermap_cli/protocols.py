@@ -123,6 +123,24 @@ class Tracker(Protocol):
         ...
 
 
+@runtime_checkable
+class Resumable(Protocol):
+    """What a tracker adds so that a build that was stopped can go on in its midst, and not from its beginning.
+
+    Detectors and segmenters need nothing of the kind: they speak of each image by itself.
+    """
+
+    def state(self) -> object:
+        """All that later updates depend on: None, bool, int, float, str, bytes, numpy arrays, and lists, tuples, sets
+        and dicts of these.
+        """
+        ...
+
+    def resume(self, state: object) -> None:
+        """Go on, just made, from what `state` gave."""
+        ...
+
+
 class TextEncoder(Protocol):
     """Embeds text."""
 

@@ -444,9 +444,23 @@ def test_thumbnails_are_as_wide_as_wanted(tmp_path: Path, width: int, kept: bool
     assert [image is not None for image in images] == [kept] * 6
 
 
-def test_what_a_killed_build_had_written_is_taken_out_first(store: MapStore) -> None:
-    killed = TraversalStart("tuesday.fake", "killed", s.ns(DAY_S), s.ns(DAY_S + 2), np.eye(4), name="tuesday")
-    store.begin_traversal(killed)
-    summary = build(store, monday())
+def stopped_build(store: MapStore) -> None:
+    """What a build leaves that was killed before its first batch."""
+    store.begin_traversal(
+        TraversalStart("tuesday.fake", "killed", s.ns(DAY_S), s.ns(DAY_S + 2), np.eye(4), name="tuesday")
+    )
+
+
+@pytest.mark.parametrize("unfinished", ["refuse", "resume"])
+def test_a_stopped_build_of_another_recording_is_in_the_way(store: MapStore, unfinished: str) -> None:
+    stopped_build(store)
+    with pytest.raises(MemoryStoreError, match=r"'tuesday' was stopped at 0 %.*tuesday.fake --resume.*--restart"):
+        build(store, monday(), unfinished=unfinished)
+    assert [each.name for each in store.traversals()] == ["tuesday"]
+
+
+def test_what_a_stopped_build_had_written_is_taken_out_when_asked(store: MapStore) -> None:
+    stopped_build(store)
+    summary = build(store, monday(), unfinished="restart")
     assert [each.name for each in store.traversals()] == ["monday"]
-    assert any("'tuesday' had been killed" in warning for warning in summary.warnings)
+    assert any("'tuesday' had been stopped" in warning for warning in summary.warnings)

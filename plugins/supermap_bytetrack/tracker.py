@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any, cast
 
 import numpy as np
 
@@ -64,6 +65,18 @@ class ByteTracker:
         for track_id, detection in matches:
             track_ids[order[detection]] = track_id
         return Tracks(track_ids)
+
+    def state(self) -> object:
+        """All that the next update depends on."""
+        tracks = self._tracks
+        table = (tracks.ids, tracks.misses, tracks.states.mean, tracks.states.covariance, tracks.labels)
+        return (self._next_id, self._last_stamp_ns, table)
+
+    def resume(self, state: object) -> None:
+        """Go on from another tracker's state."""
+        self._next_id, self._last_stamp_ns, table = cast("tuple[int, int | None, tuple[Any, ...]]", state)
+        ids, misses, mean, covariance, labels = table
+        self._tracks = _TrackTable(ids, misses, BoxStates(mean, covariance), labels)
 
     def _predict(self, stamp_ns: int, priors: Sequence[TrackPrior], image_width: int) -> None:
         """Move all tracks to the image's time; those of map objects to where the map expects them."""

@@ -97,7 +97,7 @@ def compare(world: Path, folder: Path) -> Ablation:
 
 
 def _row(component: str | None, recordings: list[Path], config: BuildConfig, truth_path: Path, db: Path) -> AblationRow:
-    from supermap_cli.commands.build import build_all, request  # noqa: PLC0415 - keeps start-up light
+    from supermap_cli.commands.build import Follow, build_all, request  # noqa: PLC0415 - keeps start-up light
     from supermap_cli.evaluation.change_recall import score_change_recall  # noqa: PLC0415
     from supermap_cli.evaluation.identity import score_identity  # noqa: PLC0415
     from supermap_cli.evaluation.instances import score_instances  # noqa: PLC0415
@@ -106,7 +106,7 @@ def _row(component: str | None, recordings: list[Path], config: BuildConfig, tru
 
     switched = config.model_copy(update={"ablate": (component,) if component else ()})
     began = time.perf_counter()
-    for summary in build_all(recordings, switched, request(switched, None, None), str(db), name=None, align="auto"):
+    for summary in build_all(recordings, switched, request(switched, None, None), str(db), Follow()):
         what = f"without {component}" if component else "as it is"
         err().print(f"built {summary.traversal} {what}: {summary.total_s:.0f} s", markup=False)
     build_s = time.perf_counter() - began

@@ -162,7 +162,7 @@ def _figures(report: Report) -> Iterator[tuple[str, float | None]]:
 
 def scored(scenario: str, seed: int, folder: Path, config: BuildConfig | None = None) -> Report:
     """Simulate a world, unless it is there, build it anew, by default with the default configuration, and score it."""
-    from supermap_cli.commands.build import build_all, request  # noqa: PLC0415 - keeps start-up light
+    from supermap_cli.commands.build import Follow, build_all, request  # noqa: PLC0415 - keeps start-up light
     from supermap_cli.commands.simulate import detector_errors, simulate_scenario  # noqa: PLC0415
     from supermap_cli.config import BuildConfig  # noqa: PLC0415
     from supermap_cli.evaluation.reading import read_map  # noqa: PLC0415
@@ -181,7 +181,7 @@ def scored(scenario: str, seed: int, folder: Path, config: BuildConfig | None = 
     for old in (db, *folder.glob(f"{MAP}-*"), *folder.glob(f"{MAP}.*")):
         old.unlink(missing_ok=True)
     recordings, config = [folder / each.recording for each in truth.traversals], config or BuildConfig()
-    for summary in build_all(recordings, config, request(config, None, None), str(db), name=None, align="auto"):
+    for summary in build_all(recordings, config, request(config, None, None), str(db), Follow()):
         err().print(f"{scenario}, seed {seed}: built {summary.traversal} in {summary.total_s:.0f} s", markup=False)
     return score(*read_map(str(db), folder / TRUTH_FILE))
 

@@ -7,6 +7,7 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -32,12 +33,13 @@ from supermap_cli.commands.common import (
     out,
     print_json,
 )
-from supermap_cli.errors import ConfigError
+from supermap_cli.errors import BuildStoppedError, ConfigError
 
 if TYPE_CHECKING:
     from supermap_cli.config import BuildConfig
     from supermap_cli.hookspecs import RecordingRequest
-    from supermap_cli.pipeline import BuildSummary, Progress
+    from supermap_cli.memory.store import MapStore
+    from supermap_cli.pipeline import BuildSummary, Progress, TraversalBuild, Unfinished
     from supermap_cli.plugin_manager import Plugins
     from supermap_cli.protocols import Recording
 
@@ -51,6 +53,8 @@ Examples:
     supermap build run.bag --detector onnx --option onnx.model=yolox_nano.onnx
 
     supermap build run.mcap --topic color=/cam/image_raw --topic depth=/cam/depth --start 10 --end 60
+
+    supermap build run.mcap --resume
 """
 
 
@@ -86,13 +90,30 @@ def build(  # noqa: PLR0917 - a command line has many options
         list[str] | None,
         typer.Option(help="Switch a component off: tracker, semantic-fusion or geometric-consistency."),
     ] = None,
+    resume: Annotated[
+        bool,
+        typer.Option("--resume", help="Go on where a stopped build ended; what is in the map already is passed over."),
+    ] = False,
+    restart: Annotated[
+        bool, typer.Option("--restart", help="Take out what a stopped build wrote, and begin anew.")
+    ] = False,
+    again: Annotated[
+        bool, typer.Option("--again", help="Build a recording that is in the map already once more.")
+    ] = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Build recordings into the map database, one traversal each."""
+    """Build recordings into the map database, one traversal each.
+
+    Ctrl-C finishes the keyframes at work and keeps what is mapped; --resume goes on from there, also after a crash, and
+    ends in the same memory.
+    """
     from supermap_cli.config import load_user_config  # noqa: PLC0415 - heavy imports only when a build starts
 
     if name is not None and len(recordings) > 1:
         raise ConfigError("--name names one traversal", cure="build the recordings one by one")
+    if resume and restart:
+        raise ConfigError("a stopped build cannot both go on and begin anew", cure="give --resume or --restart")
+    follow = Follow("resume" if resume else "restart" if restart else "refuse", again=again, name=name, align=align)
     config = override(
         load_user_config(Path.cwd()).build,
         detector=detector,
@@ -110,7 +131,7 @@ def build(  # noqa: PLR0917 - a command line has many options
     wanted = request(config, start, end)
     summaries: list[BuildSummary] = []
     with _told_at_the_end(summaries, as_json=as_json):
-        for summary in build_all(recordings, config, wanted, database_url(db), name=name, align=align):
+        for summary in build_all(recordings, config, wanted, database_url(db), follow):
             for warning in summary.warnings:
                 err().print(f"warning: {warning}", markup=False)
             summaries.append(summary)
@@ -118,8 +139,20 @@ def build(  # noqa: PLR0917 - a command line has many options
                 print_summary(summary, database_url(db))
 
 
+@dataclass(frozen=True)
+class Follow:
+    """How recordings follow what is in the map: what becomes of a build that was stopped (`pipeline.Unfinished`),
+    whether one may be in the map already, its name, and how it is placed.
+    """
+
+    unfinished: Unfinished = "refuse"
+    again: bool = False
+    name: str | None = None
+    align: str = "auto"
+
+
 def build_all(
-    paths: list[Path], config: BuildConfig, wanted: RecordingRequest, url: str, *, name: str | None, align: str
+    paths: list[Path], config: BuildConfig, wanted: RecordingRequest, url: str, follow: Follow
 ) -> Iterator[BuildSummary]:
     """Build one recording after the other into one database."""
     from supermap_cli.allocation import keep_freed_memory  # noqa: PLC0415 - heavy imports only when a build starts
@@ -137,10 +170,41 @@ def build_all(
         for path in paths:
             began = time.perf_counter()
             recording = open_recording(path, wanted, plugins)
-            with progress_bar(path, recording) as progress:
-                traversal = TraversalBuild(recording, plugins, config, store, began)
-                summary = traversal.run(name=name, align=align, progress=progress)
+            if follow.unfinished == "resume" and (known := _complete(store, recording)) is not None:
+                err().print(f"{path} is in the map already, as traversal {known!r}", markup=False)
+                continue
+            traversal = TraversalBuild(recording, plugins, config, store, began)
+            with progress_bar(path, recording) as progress, _told_what_is_kept(traversal):
+                summary = traversal.run(
+                    name=follow.name,
+                    align=follow.align,
+                    progress=progress,
+                    unfinished=follow.unfinished,
+                    again=follow.again,
+                )
             yield summary
+
+
+def _complete(store: MapStore, recording: Recording) -> str | None:
+    """The name of the complete traversal of a recording."""
+    fingerprint = recording.fingerprint()
+    known = (each for each in store.traversals() if each.fingerprint == fingerprint and each.status == "complete")
+    return next((each.name for each in known), None)
+
+
+@contextmanager
+def _told_what_is_kept(traversal: TraversalBuild) -> Iterator[None]:
+    """Where a build fails after some keyframes were committed, say that they are kept, and how to go on."""
+    try:
+        yield
+    except BuildStoppedError:
+        raise
+    except BaseException:
+        if traversal.kept_s is not None:
+            err().print(
+                f"the first {traversal.kept_s:.1f} s are in the map: --resume goes on from there, --restart begins anew"
+            )
+        raise
 
 
 @contextmanager
@@ -148,9 +212,6 @@ def _told_at_the_end(summaries: list[BuildSummary], *, as_json: bool) -> Iterato
     """Print what was built as one document, also when a later recording fails."""
     try:
         yield
-    except KeyboardInterrupt:
-        err().print("interrupted: what was complete stays in the map, the recording at work was taken out")
-        raise
     finally:
         if as_json and summaries:
             print_json({"traversals": [summary_json(each) for each in summaries]})
@@ -266,6 +327,8 @@ def print_summary(summary: BuildSummary, db: str) -> None:
 
     console = out()
     total_s, stages_s = summary.total_s, sum(each.total_s for each in summary.timings)
+    if summary.resumed_s is not None:
+        console.print(f"{summary.traversal}: went on at {summary.resumed_s:.1f} s", markup=False)
     console.print(
         f"{summary.traversal}: {_keyframes(summary)} of {summary.recorded_s:.1f} s mapped in "
         f"{total_s:.1f} s ({summary.recorded_s / max(total_s, 1e-9):.1f} x realtime) into {db}",
@@ -306,6 +369,7 @@ def summary_json(summary: BuildSummary) -> dict[str, object]:
         "objects": summary.instances,
         "labels": summary.tally.labels,
         "recorded_s": summary.recorded_s,
+        "resumed_s": summary.resumed_s,
         "total_s": summary.total_s,
         "clock_shift_ns": summary.clock_shift_ns,
         "placed": summary.placement.method,

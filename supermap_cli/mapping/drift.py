@@ -9,6 +9,7 @@ so found where it stood, not beside it.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Self
 
 import numpy as np
 
@@ -88,6 +89,23 @@ class KnownSurfaces:
         return self.structure.within(center, radius_m)
 
 
+@dataclass(frozen=True)
+class DriftMark:
+    """Where a drift correction is after one keyframe: with the first `known` surfaces, all else follows.
+
+    `near_known` of them had been known when those around `near_at` (3,) were laid out last (-1: never), and `fresh`
+    have come since.
+    """
+
+    T_map_drifted: FloatArray
+    covariance: FloatArray
+    last: FloatArray | None
+    known: int
+    near_at: FloatArray
+    near_known: int
+    fresh: int
+
+
 @dataclass
 class DriftCorrection:
     """Holds the correction, `T_map_drifted`, and the surfaces by which it is found."""
@@ -98,6 +116,7 @@ class DriftCorrection:
     _codes: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
     _near: Surface | None = None
     _near_at: FloatArray = field(default_factory=lambda: np.full(3, np.inf))
+    _near_known: int = -1
     _fresh: int = 0
     _covariance: FloatArray = field(default_factory=lambda: np.zeros((4, 4)))
     _last: FloatArray | None = None
@@ -119,6 +138,31 @@ class DriftCorrection:
                 self.T_map_drifted, self._covariance = found.T_map_drifted, found.covariance
         self._learn(seen.within(view.T_frame_camera[:3, 3], REMEMBER_M).moved(self.T_map_drifted))
         return self.T_map_drifted @ T_drifted_base
+
+    def mark(self) -> DriftMark:
+        """Where it is now."""
+        return DriftMark(
+            self.T_map_drifted,
+            self._covariance,
+            self._last,
+            len(self.known),
+            self._near_at,
+            self._near_known,
+            self._fresh,
+        )
+
+    @classmethod
+    def at_mark(cls, mark: DriftMark, points: FloatArray, normals: FloatArray) -> Self:
+        """One that goes on from a mark, with the surfaces (n, 3) known then."""
+        resumed = cls(T_map_drifted=mark.T_map_drifted)
+        if mark.near_known >= 0:
+            resumed.known.add(Structure(points[: mark.near_known], normals[: mark.near_known]))
+            resumed._lay_out(mark.near_at)
+        so_far = len(resumed.known)
+        resumed.known.add(Structure(points[so_far:], normals[so_far:]))
+        resumed._codes = np.unique(pack_keys(voxel_keys(points, SURFACE_M)))
+        resumed._covariance, resumed._last, resumed._fresh = mark.covariance, mark.last, mark.fresh
+        return resumed
 
     def _step_covariance(self, T_drifted_base: FloatArray) -> FloatArray:
         """(4, 4) how far, in x, y, z and heading, the correction may have changed since the last keyframe."""
@@ -144,10 +188,13 @@ class DriftCorrection:
         """The known surfaces around a place; made anew when it has been left, or much has been seen since."""
         moved_m = float(np.linalg.norm(center - self._near_at))
         if self._near is None or moved_m > 1.0 or self._fresh > MUCH_SEEN * len(self._near.structure):
-            near = self.known.within(center, LOOK_M + 2.0)
-            self._near = Surface(near) if len(near) >= LEAST_POINTS else None
-            self._near_at, self._fresh = center, 0
+            self._lay_out(center)
         return self._near
+
+    def _lay_out(self, center: FloatArray) -> None:
+        near = self.known.within(center, LOOK_M + 2.0)
+        self._near = Surface(near) if len(near) >= LEAST_POINTS else None
+        self._near_at, self._near_known, self._fresh = center, len(self.known), 0
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Self
 
-from sqlalchemy import Connection, Engine, Row, Select, func, insert, select, update
+from sqlalchemy import Connection, Engine, Row, Select, delete, func, insert, select, update
 from sqlalchemy.exc import DatabaseError, IntegrityError
 
 from supermap_cli.errors import MemoryStoreError
@@ -15,8 +15,8 @@ from supermap_cli.memory.databases import Database, Lock, dialect_of
 from supermap_cli.memory.names import traversal_name
 from supermap_cli.memory.reading import MapReader, select_traversals
 from supermap_cli.memory.undo import drop_before_images, take_out
-from supermap_cli.memory.values import StoredTraversal, TraversalStart
-from supermap_cli.memory.writing import write_delta
+from supermap_cli.memory.values import Checkpoint, StoredTraversal, TraversalStart
+from supermap_cli.memory.writing import write_checkpoint, write_delta
 from supermap_cli.types.memory import InstanceRecord, KeyframeRecord, MapDelta, SpatialEdge, StateRecord
 from supermap_schema import models
 
@@ -28,7 +28,8 @@ class MapStore:
     """An open map database; `opening.open_store` makes one, `close` (or `with`) ends it.
 
     A build calls `begin_traversal`, then `commit` for every batch of keyframes, then `finish_traversal`, or
-    `discard_traversal` when it fails. Questions use `reader`.
+    `discard_traversal` when it comes to nothing. One that was stopped has left an `unfinished` traversal: it goes on
+    from its `checkpoint`, or is taken out. Questions use `reader`.
     """
 
     def __init__(self, database: Database, engine: Engine | None, lock: Lock | None) -> None:
@@ -58,43 +59,48 @@ class MapStore:
 
     # Building
 
-    def take_out_unfinished(self) -> tuple[str, ...]:
-        """Take out what killed builds left, and return their names. Whatever is not complete was killed: the build lock
-        is ours.
-        """
-        if self._engine is None:
-            return ()
-        with self._writing() as connection:
-            building = models.Traversal.status == "building"
-            unfinished = connection.execute(select(models.Traversal.id, models.Traversal.name).where(building)).all()
-            for row in unfinished:
-                take_out(connection, row.id)
-        return tuple(row.name for row in unfinished)
+    def unfinished(self) -> StoredTraversal | None:
+        """The traversal whose build was stopped or killed: whatever is not complete, for the build lock is ours."""
+        return next((each for each in self.traversals() if each.status == "building"), None)
 
-    def check_is_new(self, recording: str, fingerprint: str, name: str | None) -> None:
-        """Raise `MemoryStoreError` if a recording is in the map already, or the name is taken."""
+    def take_out_unfinished(self) -> tuple[str, ...]:
+        """Take out what stopped builds left, and return their names."""
+        unfinished = [each for each in self.traversals() if each.status == "building"]
+        if unfinished:
+            with self._writing() as connection:
+                for each in unfinished:
+                    take_out(connection, each.id)
+        return tuple(each.name for each in unfinished)
+
+    def check_is_new(self, recording: str, fingerprint: str, name: str | None, *, again: bool = False) -> None:
+        """Raise `MemoryStoreError` if a recording is in the map already, unless `again`, or the name is taken."""
         known = self.traversals()
         same = next((each.name for each in known if each.fingerprint == fingerprint), None)
-        if same is not None:
+        if same is not None and not again:
             raise MemoryStoreError(
                 f"this recording is in the map already, as traversal {same!r}",
                 where=recording,
-                cure="build another recording, or this one into a database of its own (--db)",
+                cure="build another recording, or this one into a database of its own (--db), or once more (--again)",
             )
         if name is not None and name in {each.name for each in known}:
             raise MemoryStoreError(
                 f"there is a traversal named {name!r} already", where=self.where, cure="choose another name"
             )
 
-    def begin_traversal(self, start: TraversalStart) -> int:
+    def begin_traversal(self, start: TraversalStart, *, again: bool = False) -> int:
         """Enter a new traversal and return its id; a missing map is made now.
 
-        What killed builds left is taken out first.
-        Raises `MemoryStoreError` if the recording is in the map already or its name is taken.
+        Raises `MemoryStoreError` if the recording is in the map already, unless `again`, if its name is taken, or if
+        the build of another traversal has not come to its end.
         """
         self._create_if_missing()
-        self.take_out_unfinished()
-        self.check_is_new(start.recording, start.fingerprint, start.name)
+        if (unfinished := self.unfinished()) is not None:
+            raise MemoryStoreError(
+                f"the build of {unfinished.name!r} has not come to its end",
+                where=self.where,
+                cure="let it go on, or take out what it wrote",
+            )
+        self.check_is_new(start.recording, start.fingerprint, start.name, again=again)
         names = {each.name for each in self.traversals()}
         with self._writing() as connection:
             dialect_of(connection).align_row_ids(connection)
@@ -107,10 +113,18 @@ class MapStore:
         with self._writing() as connection:
             _update_traversal(connection, traversal_id, T_map_odom=rows.to_json(T_map_odom.tolist()))
 
-    def commit(self, traversal_id: int, delta: MapDelta) -> None:
-        """Write all that a batch of whole keyframes changed, in one transaction."""
+    def commit(self, traversal_id: int, delta: MapDelta, checkpoint: Checkpoint | None = None) -> None:
+        """Write all that a batch of whole keyframes changed, in one transaction; a checkpoint replaces the last one."""
         with self._writing() as connection:
             write_delta(connection, traversal_id, delta)
+            if checkpoint is not None:
+                write_checkpoint(connection, traversal_id, checkpoint)
+
+    def checkpoint(self, traversal_id: int) -> Checkpoint | None:
+        """The last checkpoint of a traversal that is not complete; `None` if none was written yet."""
+        table = models.Checkpoint
+        found = self._rows(select(table.part, table.stamp_ns, table.content).where(table.traversal_id == traversal_id))
+        return Checkpoint(found[0].stamp_ns, {row.part: row.content for row in found}) if found else None
 
     def finish_traversal(
         self, traversal_id: int, timings: Mapping[str, float] | None = None, *, end_ns: int | None = None
@@ -118,6 +132,7 @@ class MapStore:
         """The build is complete. `timings` is seconds per stage; `end_ns` corrects the span's end."""
         with self._writing() as connection:
             drop_before_images(connection, traversal_id)
+            connection.execute(delete(models.Checkpoint).where(models.Checkpoint.traversal_id == traversal_id))
             changes: dict[str, Any] = {"status": "complete", "timings": rows.to_json(dict(timings or {}))}
             if end_ns is not None:
                 changes["end_ns"] = int(end_ns)
@@ -202,14 +217,20 @@ class MapStore:
             statement = statement.where(models.SpatialEdge.until_ns.is_(None))
         return tuple(map(rows.spatial_edge, self._rows(statement)))
 
-    def keyframe_depths(self, traversal_ids: Collection[int] | None = None) -> Iterator[KeyframeRecord]:
-        """The keyframes of all (or the given) traversals in the order of time, one by one, without thumbnails."""
+    def keyframe_depths(
+        self, traversal_ids: Collection[int] | None = None, *, until_ns: int | None = None
+    ) -> Iterator[KeyframeRecord]:
+        """The keyframes of all (or the given) traversals in the order of time, one by one, without thumbnails; those
+        after `until_ns` are left out.
+        """
         if self._engine is None:
             return
         columns = [column for column in models.Keyframe.__table__.columns if column.name != "thumbnail_jpeg"]
         statement = select(*columns).order_by(models.Keyframe.stamp_ns, models.Keyframe.id)
         if traversal_ids is not None:
             statement = statement.where(models.Keyframe.traversal_id.in_(traversal_ids))
+        if until_ns is not None:
+            statement = statement.where(models.Keyframe.stamp_ns <= until_ns)
         with self._reading() as connection:
             for row in connection.execute(statement.execution_options(yield_per=50)):
                 yield rows.keyframe_record(row)

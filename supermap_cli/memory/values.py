@@ -69,6 +69,14 @@ class StoredTraversal:
 
 
 @dataclass(frozen=True)
+class Checkpoint:
+    """What a build needs to go on after the keyframe at `stamp_ns`: parts by name, as `types.packing` packs them."""
+
+    stamp_ns: int
+    parts: Mapping[str, bytes]
+
+
+@dataclass(frozen=True)
 class StoredVisit:
     """How often one traversal looked at one instance's place (see `types.memory.Visit`)."""
 

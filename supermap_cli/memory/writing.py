@@ -10,6 +10,7 @@ from supermap_cli.memory import rows
 from supermap_cli.memory.databases import dialect_of
 from supermap_cli.memory.names import InstanceIds
 from supermap_cli.memory.undo import keep_before_images
+from supermap_cli.memory.values import Checkpoint
 from supermap_cli.types.memory import (
     InstanceRecord,
     KeyframeRecord,
@@ -32,6 +33,16 @@ def write_delta(connection: Connection, traversal_id: int, delta: MapDelta) -> N
     _replace_visits(connection, traversal_id, delta.visits)
     _replace_spatial_edges(connection, traversal_id, delta.spatial_edges)
     _add_temporal_edges(connection, traversal_id, delta.temporal_edges)
+
+
+def write_checkpoint(connection: Connection, traversal_id: int, checkpoint: Checkpoint) -> None:
+    """Keep what the traversal's build can go on from, in place of the last."""
+    table = models.Checkpoint
+    connection.execute(delete(table).where(table.traversal_id == traversal_id))
+    common = {"traversal_id": traversal_id, "stamp_ns": int(checkpoint.stamp_ns)}
+    connection.execute(
+        insert(table), [{**common, "part": part, "content": content} for part, content in checkpoint.parts.items()]
+    )
 
 
 def _add_keyframes(connection: Connection, traversal_id: int, keyframes: Sequence[KeyframeRecord]) -> None:

@@ -14,6 +14,7 @@ from sqlalchemy.exc import IntegrityError
 import memories as m
 from supermap_cli.errors import MemoryStoreError
 from supermap_cli.memory import open_store
+from supermap_cli.memory.values import Checkpoint
 from supermap_cli.types.memory import MapDelta
 
 CHAIR = MapDelta(
@@ -163,14 +164,36 @@ def test_a_finished_traversal_is_not_discarded(tmp_path: Path) -> None:
         store.discard_traversal(1)
 
 
-def test_a_killed_build_is_replaced_by_the_next_one_of_the_same_recording(tmp_path: Path) -> None:
+@pytest.mark.parametrize("name", ["monday", "tuesday"])
+def test_nothing_is_begun_beside_a_build_that_was_stopped(tmp_path: Path, name: str) -> None:
     path = tmp_path / "map.db"
     with open_store(str(path), create=True) as store:
         store.commit(store.begin_traversal(m.start("monday", (0, 10))), CHAIR)
     with open_store(str(path)) as store:
-        m.add_traversal(store, "monday", (0, 10), CHAIR)
-        assert [(each.name, each.status) for each in store.traversals()] == [("monday", "complete")]
-        assert len(list(store.keyframe_depths())) == 2
+        stopped = store.unfinished()
+        assert stopped is not None
+        assert stopped.mapped_ns == m.ns(2)
+        with pytest.raises(MemoryStoreError, match="'monday' has not come to its end"):
+            store.begin_traversal(m.start(name, (20, 30)))
+
+
+def test_a_checkpoint_replaces_the_last_one_and_goes_with_the_build(tmp_path: Path) -> None:
+    with open_store(str(tmp_path / "map.db"), create=True) as store:
+        traversal_id = store.begin_traversal(m.start("monday", (0, 10)))
+        assert store.checkpoint(traversal_id) is None
+        store.commit(traversal_id, CHAIR, Checkpoint(m.ns(1), {"engine": b"one", "tracker": b"two"}))
+        store.commit(traversal_id, MapDelta(keyframes=(m.keyframe(3),)), Checkpoint(m.ns(3), {"engine": b"three"}))
+        assert store.checkpoint(traversal_id) == Checkpoint(m.ns(3), {"engine": b"three"})
+        store.finish_traversal(traversal_id)
+        assert store.checkpoint(traversal_id) is None
+        assert store.unfinished() is None
+
+
+def test_a_recording_may_be_built_once_more(tmp_path: Path) -> None:
+    path = m.make_memory(tmp_path / "map.db", ("monday", (0, 10), CHAIR))
+    with open_store(str(path)) as store:
+        store.finish_traversal(store.begin_traversal(m.start("monday", (20, 30)), again=True))
+        assert [each.name for each in store.traversals()] == ["monday", "monday-2"]
 
 
 def test_a_killed_build_is_taken_out_when_another_recording_follows(tmp_path: Path) -> None:

@@ -80,6 +80,18 @@ def test_a_missing_database_says_how_to_make_one(tmp_path: Path, read_only: bool
     assert list(tmp_path.iterdir()) == []
 
 
+def test_a_database_without_any_table_is_filled(tmp_path: Path) -> None:
+    """A build that is killed right after it made the file leaves such a one."""
+    path = tmp_path / "map.db"
+    m.run_sql(path, "PRAGMA journal_mode = WAL")
+    assert path.stat().st_size > 0
+    with pytest.raises(MemoryStoreError, match="no map database"):
+        open_store(str(path), read_only=True)
+    m.make_memory(path, ("monday", (0, 10), MapDelta()))
+    with open_store(str(path), read_only=True) as store:
+        assert [each.name for each in store.traversals()] == ["monday"]
+
+
 def test_a_missing_folder_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(MemoryStoreError, match="folder of the map database does not exist"):
         open_store(str(tmp_path / "no" / "map.db"), create=True)

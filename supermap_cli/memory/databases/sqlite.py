@@ -41,7 +41,9 @@ class SqliteFile:
         return str(self.path)
 
     def stored_version(self) -> int | None:
-        """`PRAGMA user_version` of a file that is a map."""
+        """`PRAGMA user_version` of a file that is a map; none of one without any table, which a build is about to fill,
+        or was killed before it did.
+        """
         if self._is_missing():
             return None
         self._check_is_sqlite()
@@ -51,10 +53,13 @@ class SqliteFile:
                     int(connection.execute(f"PRAGMA {name}").fetchone()[0])
                     for name in ("application_id", "user_version")
                 )
+                is_empty = connection.execute("SELECT NOT EXISTS (SELECT 1 FROM sqlite_master)").fetchone()[0]
         except sqlite3.Error as error:
             raise MemoryStoreError(
                 f"the map database cannot be read: {error}", where=self.where, cure="restore it from a copy"
             ) from error
+        if application_id == 0 and is_empty:
+            return None
         if application_id != sqlite.APPLICATION_ID:
             raise MemoryStoreError(
                 "a SQLite database, but no SuperMap map", where=self.where, cure="choose another file with --db"

@@ -1,0 +1,81 @@
+"""All that the engine and the drift correction know, as bytes: a build that was stopped goes on as if it had not been.
+
+What a memory keeps of an object (`changes.instance_record`) is enough for another traversal, which counts anew what it
+sees. Within one traversal every count matters, and so do objects that are tentative still. Left out is what the memory
+holds anyway: the free space comes from its keyframes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from supermap_cli.geometry.boxes import Box3D
+from supermap_cli.mapping.absence import EmptyRun
+from supermap_cli.mapping.belief import Cell, LabelBelief, Spell, Viewpoints
+from supermap_cli.mapping.drift import DriftCorrection, DriftMark
+from supermap_cli.mapping.engine import MappingEngine
+from supermap_cli.mapping.motion import Course, MotionState
+from supermap_cli.mapping.objects import MapObject, ObjectMap, ObjectShape, OpenState, VisitCount
+from supermap_cli.mapping.pair_evidence import PairEvidence
+from supermap_cli.mapping.recall import RecallModel, ScoreModel
+from supermap_cli.mapping.splitting import Halves, SplitEvidence
+from supermap_cli.mapping.voxel_map import VoxelMap
+from supermap_cli.types.detections import Hypothesis
+from supermap_cli.types.memory import Observation
+from supermap_cli.types.packing import pack, unpack
+
+CLASSES: Mapping[type, tuple[str, ...]] = {
+    MapObject: ("_changed",),
+    VoxelMap: ("_keys", "_centers", "_sphere"),
+    LabelBelief: ("_known",),
+    **dict.fromkeys((ObjectShape, OpenState, VisitCount, EmptyRun, Cell, Spell, Viewpoints, Course, MotionState), ()),
+    **dict.fromkeys((PairEvidence, RecallModel, ScoreModel, Halves, SplitEvidence), ()),
+    **dict.fromkeys((Observation, Hypothesis, Box3D, DriftMark), ()),
+}
+"""What a snapshot consists of -> what is left out: what is worked out anew when it is asked for."""
+
+
+def engine_snapshot(engine: MappingEngine) -> bytes:
+    """The engine between two batches: nothing is waiting to be written."""
+    objects = engine.objects
+    return pack(
+        {
+            "objects": list(objects),
+            "next_number": objects.next_number,
+            "floor_z": engine.floor_z,
+            "recall": engine.recall,
+            "scores": engine.scores,
+            "pairs": engine.pairs,
+            "splits": engine.splits,
+            "linked": engine.linked,
+            "merged": engine.merged,
+        },
+        CLASSES,
+    )
+
+
+def restore_engine(engine: MappingEngine, snapshot: bytes) -> None:
+    """Bring a new engine to where another one was. Raises `packing.PackingError` for bytes that are no snapshot."""
+    kept = unpack(snapshot, CLASSES)
+    objects: ObjectMap = engine.objects
+    objects.next_number = kept["next_number"]
+    for each in kept["objects"]:
+        objects.add(each)
+    engine.floor_z = kept["floor_z"]
+    engine.recall, engine.scores = kept["recall"], kept["scores"]
+    engine.pairs, engine.splits = kept["pairs"], kept["splits"]
+    engine.linked, engine.merged = kept["linked"], kept["merged"]
+
+
+def drift_snapshot(drift: DriftCorrection, mark: DriftMark) -> bytes:
+    """The drift correction as it was at a mark; it may have gone on since."""
+    known = drift.known.structure
+    kept: dict[str, Any] = {"points": known.points[: mark.known], "normals": known.normals[: mark.known], "mark": mark}
+    return pack(kept, CLASSES)
+
+
+def restore_drift(snapshot: bytes) -> DriftCorrection:
+    """The drift correction as it was. Raises `packing.PackingError` for bytes that are no snapshot."""
+    kept = unpack(snapshot, CLASSES)
+    return DriftCorrection.at_mark(kept["mark"], kept["points"], kept["normals"])

@@ -1,0 +1,167 @@
+"""Values as bytes and back, exactly: what a stopped build goes on from.
+
+**Format**: the four bytes ``SMC1``, then a zlib stream of a uint32 n (little-endian), n bytes of JSON (UTF-8), and the
+bytes of the arrays that the JSON speaks of, one after the other. What JSON knows stands for itself, but for
+
+    {"array": [start, length], "dtype": "<f8", "shape": [3, 2], "order": "C"}   an array, or a scalar of numpy's
+    {"bytes": [start, length]}
+    {"tuple": [...]}, {"set": [...]}, {"dict": [[key, value], ...]}
+    {"float": "inf"}                                                            what JSON has no number for
+    {"is": "Course", "has": {"stamp_ns": ...}}                                  a dataclass, field by field
+
+Only dataclasses of a given list are read, and no code of theirs runs: such bytes can do no harm.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import struct
+import zlib
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field, fields
+from typing import Any, Literal
+
+import numpy as np
+
+MAGIC = b"SMC1"
+_LENGTH = struct.Struct("<I")
+_FAST = 1
+
+LeftOut = Mapping[type, Collection[str]]
+"""The dataclasses that are packed -> their fields that are not: these have their default afterwards."""
+
+
+class PackingError(ValueError):
+    """The bytes are no packed value, or speak of classes that are not expected."""
+
+
+def pack(value: object, classes: LeftOut) -> bytes:
+    """A value of plain types, numpy arrays and `classes` as bytes. Raises `TypeError` for any other."""
+    packer = _Packer(classes)
+    text = json.dumps(packer.packed(value), ensure_ascii=False, allow_nan=False, separators=(",", ":")).encode()
+    return MAGIC + zlib.compress(b"".join((_LENGTH.pack(len(text)), text, *packer.chunks)), _FAST)
+
+
+def unpack(blob: bytes, classes: LeftOut) -> Any:
+    """The value that was packed. Raises `PackingError` for anything else."""
+    if not blob.startswith(MAGIC):
+        raise PackingError("a packed value does not start with SMC1")
+    try:
+        content = zlib.decompress(blob[len(MAGIC) :])
+        (length,) = _LENGTH.unpack_from(content)
+        tree = json.loads(content[_LENGTH.size : _LENGTH.size + length])
+        return _Unpacker(memoryview(content)[_LENGTH.size + length :], {each.__name__: each for each in classes}).value(
+            tree
+        )
+    except (zlib.error, struct.error, ValueError, KeyError, TypeError, AttributeError) as error:
+        raise PackingError(f"a packed value is damaged: {error}") from error
+
+
+@dataclass
+class _Packer:
+    classes: LeftOut
+    chunks: list[bytes] = field(default_factory=list)
+    _end: int = 0
+
+    def packed(self, value: object) -> object:
+        if value is None or type(value) in {bool, int, str} or (type(value) is float and math.isfinite(value)):
+            return value
+        return [self.packed(each) for each in value] if isinstance(value, list) else self._marked(value)
+
+    def _marked(self, value: object) -> dict[str, object]:
+        match value:
+            case np.ndarray() | np.generic():
+                marked = self._array(value)
+            case float():
+                marked = {"float": repr(value)}
+            case bytes():
+                marked = {"bytes": self._chunk(value)}
+            case tuple():
+                marked = {"tuple": [self.packed(each) for each in value]}
+            case set() | frozenset():
+                marked = {"set": [self.packed(each) for each in value]}
+            case Mapping():
+                marked = {"dict": [[self.packed(key), self.packed(each)] for key, each in value.items()]}
+            case _:
+                marked = self._instance(value)
+        return marked
+
+    def _instance(self, value: object) -> dict[str, object]:
+        left_out = self.classes.get(type(value))
+        if left_out is None:
+            raise TypeError(f"a {type(value).__qualname__} cannot be packed")
+        kept = [each.name for each in fields(value) if each.name not in left_out]  # type: ignore[arg-type]
+        return {"is": type(value).__name__, "has": {name: self.packed(getattr(value, name)) for name in kept}}
+
+    def _array(self, value: np.ndarray[Any, Any] | np.generic) -> dict[str, object]:
+        """The order of the numbers in memory is kept, too: sums over them are the same to the last bit."""
+        array = np.asarray(value)
+        if array.dtype.hasobject:
+            raise TypeError("an array of objects cannot be packed")
+        order = "F" if array.flags.f_contiguous and not array.flags.c_contiguous else "C"
+        packed: dict[str, object] = {
+            "array": self._chunk(array.tobytes(order)),  # type: ignore[arg-type]
+            "dtype": array.dtype.newbyteorder("<").str,
+            "shape": None if isinstance(value, np.generic) else list(array.shape),
+        }
+        return packed if order == "C" else {**packed, "order": order}
+
+    def _chunk(self, content: bytes) -> list[int]:
+        self.chunks.append(content)
+        self._end += len(content)
+        return [self._end - len(content), len(content)]
+
+
+@dataclass(frozen=True)
+class _Unpacker:
+    chunks: memoryview
+    classes: Mapping[str, type]
+
+    def value(self, tree: Any) -> Any:
+        if isinstance(tree, list):
+            return [self.value(each) for each in tree]
+        return self._marked(tree) if isinstance(tree, dict) else tree
+
+    def _marked(self, tree: dict[str, Any]) -> Any:
+        value: Any
+        match tree:
+            case {"array": at, "dtype": dtype, "shape": shape}:
+                value = self._array(np.frombuffer(self._chunk(at), np.dtype(dtype)), shape, tree.get("order", "C"))
+            case {"is": name, "has": has}:
+                value = self._instance(self.classes[name], has)
+            case {"float": text}:
+                value = float(text)
+            case {"bytes": at}:
+                value = bytes(self._chunk(at))
+            case {"tuple": items}:
+                value = tuple(self.value(each) for each in items)
+            case {"set": items}:
+                value = {self.value(each) for each in items}
+            case {"dict": pairs}:
+                value = {self.value(key): self.value(each) for key, each in pairs}
+            case _:
+                raise PackingError(f"a packed value is not understood: {sorted(tree)}")
+        return value
+
+    @staticmethod
+    def _array(flat: np.ndarray[Any, Any], shape: list[int] | None, order: Literal["C", "F"]) -> Any:
+        return flat[0] if shape is None else flat.reshape(shape, order=order).copy(order="K")
+
+    def _chunk(self, at: list[int]) -> memoryview:
+        start, length = at
+        if start < 0 or length < 0 or start + length > len(self.chunks):
+            raise PackingError("a packed value ends before its arrays do")
+        return self.chunks[start : start + length]
+
+    def _instance(self, kind: type, has: dict[str, Any]) -> Any:
+        made: Any = object.__new__(kind)
+        for each in fields(kind):
+            if each.name in has:
+                value = self.value(has[each.name])
+            elif callable(each.default_factory):
+                value = each.default_factory()
+            else:
+                value = each.default
+            object.__setattr__(made, each.name, value)
+        return made

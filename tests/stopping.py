@@ -1,0 +1,156 @@
+"""Builds in processes of their own, which are killed, stopped or starved at a chosen moment."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import resource
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from multiprocessing.context import ForkServerProcess
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from sqlalchemy import Engine, event, select
+
+import simulated
+import simulated_visits
+from supermap_cli.main import main
+from supermap_cli.memory import open_store
+from supermap_cli.simulation.detection.detector_errors import DetectorErrors
+from supermap_cli.simulation.recording.recorder import record
+from supermap_cli.simulation.rigs import DepthSensor, OdometryDrift
+from supermap_cli.simulation.route import Route
+from supermap_cli.simulation.scenario import Scenario, SimulatedVisit
+from supermap_schema.models import Base
+
+SETTINGS = "[build.keyframes]\nrate_hz = 5\nbatch = 3\ncheckpoint_s = 0.05\n"
+"""Small batches and frequent checkpoints: many moments to be killed at."""
+
+
+def long_route(start_ns: int, seconds: float) -> Route:
+    """Along the wall and back, looking at the middle of the room."""
+    share = np.sin(np.linspace(0, np.pi, 24))
+    xy = np.column_stack([np.full(24, 2.4), -1.9 + 3.2 * share])
+    yaw = np.arctan2(-xy[:, 1], -xy[:, 0] - 0.4)
+    return Route(start_ns, np.linspace(0, 1, 24) * seconds, xy, np.unwrap(yaw))
+
+
+def record_two_visits(folder: Path) -> tuple[Path, ...]:
+    """Two visits of a few seconds with noise, drift and a detector that errs."""
+    noisy = replace(simulated_visits.small_rig(), depth=DepthSensor(), drift=OdometryDrift())
+    short = simulated_visits.two_visits(noisy)
+    later_ns = short.visits[1].route.start_ns
+    visits = (
+        SimulatedVisit("monday", long_route(simulated.START_NS, 9.0), simulated_visits.T_WORLD_ODOM),
+        SimulatedVisit("tuesday", long_route(later_ns, 7.0), simulated_visits.T_WORLD_ODOM),
+    )
+    scenario: Scenario = replace(short, visits=visits)
+    return record(scenario, folder, errors=DetectorErrors()).recordings
+
+
+@dataclass(frozen=True)
+class Moment:
+    """When a build's process is to be killed: `seconds` after it began, at its n-th `statement`, or `seconds` after its
+    n-th `commit` began.
+    """
+
+    seconds: float = 0.0
+    statement: int | None = None
+    commit: int | None = None
+
+
+def _die(seconds: float) -> None:
+    def wait() -> None:
+        time.sleep(seconds)
+        os.kill(os.getpid(), signal.SIGKILL)
+
+    threading.Thread(target=wait, daemon=True).start()
+
+
+def _count_down(name: str, n: int, then: Callable[[], None]) -> None:
+    """Do something at the n-th event of SQLAlchemy's engine."""
+    left = n
+
+    def happened(*_: object) -> None:
+        nonlocal left
+        left -= 1
+        if left == 0:
+            then()
+
+    event.listen(Engine, name, happened)
+
+
+def kill(moment: Moment) -> None:
+    """A `prepare`: the process is killed at the given moment."""
+    if moment.statement is not None:
+        _count_down("before_cursor_execute", moment.statement, lambda: _die(0.0))
+    elif moment.commit is not None:
+        _count_down("commit", moment.commit, lambda: _die(moment.seconds))
+    else:
+        _die(moment.seconds)
+
+
+def _run(arguments: Sequence[str], folder: str, prepare: Callable[[Any], None] | None, given: Any) -> None:
+    os.chdir(folder)
+    if prepare is not None:
+        prepare(given)
+    sys.argv = ["supermap", *arguments]
+    with Path("stderr.txt").open("w") as file, Path(os.devnull).open("w") as nothing:
+        os.dup2(file.fileno(), 2)
+        os.dup2(nothing.fileno(), 1)
+    main()
+
+
+_CONTEXT = multiprocessing.get_context("forkserver")
+_CONTEXT.set_forkserver_preload(["supermap_cli.pipeline", "supermap_cli.recordings", "scipy.optimize", "scipy.spatial"])
+
+
+def start(
+    folder: Path, *arguments: str | Path, prepare: Callable[[Any], None] | None = None, given: Any = None
+) -> ForkServerProcess:
+    """Start `supermap ARGUMENTS` in a folder; `prepare(given)` is called there first; its stderr is `stderr.txt`."""
+    process = _CONTEXT.Process(target=_run, args=([str(each) for each in arguments], str(folder), prepare, given))
+    process.start()
+    return process
+
+
+def run(
+    folder: Path, *arguments: str | Path, prepare: Callable[[Any], None] | None = None, given: Any = None
+) -> tuple[int, str]:
+    """Run `supermap ARGUMENTS` in a folder to its end; returns the exit code, negative for a signal, and its stderr."""
+    process = start(folder, *arguments, prepare=prepare, given=given)
+    process.join()
+    assert process.exitcode is not None
+    return process.exitcode, (folder / "stderr.txt").read_text()
+
+
+def limit_files(size_bytes: int) -> None:
+    """A `prepare`: no file may grow beyond this, as on a disk that is full."""
+    signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size_bytes, size_bytes))
+
+
+def wait_after_commits(seconds: float) -> None:
+    """A `prepare`: a slow build."""
+
+    def wait(*_: object) -> None:
+        time.sleep(seconds)
+
+    event.listen(Engine, "commit", wait)
+
+
+def rows(url: str | Path) -> dict[str, list[tuple[object, ...]]]:
+    """All rows of a memory by table, but for how long stages took."""
+    with open_store(str(url), read_only=True) as store, store.reader() as reader:
+        found = {}
+        for table in Base.metadata.sorted_tables:
+            columns = [column for column in table.columns if column.name != "timings"]
+            statement = select(*columns).order_by(*table.primary_key.columns)
+            found[table.name] = [tuple(row) for row in reader.connection.execute(statement)]
+        return found
