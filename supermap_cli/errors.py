@@ -67,6 +67,10 @@ class QueryError(SupermapError):
     """A question is not understood."""
 
 
+class ExportError(SupermapError):
+    """An export cannot be written as asked."""
+
+
 class EvaluationError(SupermapError):
     """A map and a ground truth do not belong together, or cannot be compared."""
 

@@ -15,6 +15,7 @@ from supermap_cli.commands import (
     demo,
     diff,
     evaluate,
+    export,
     history,
     inspect,
     plugins,
@@ -62,7 +63,7 @@ def make_app() -> typer.Typer:
     ) -> None:
         """Turn a robot's recording into a 4D memory, and ask it."""
 
-    for command in (build, inspect, query, show, history, diff, simulate, evaluate, bench, demo, plugins, db):
+    for command in (build, inspect, query, show, history, diff, export, simulate, evaluate, bench, demo, plugins, db):
         command.register(app)
     return app
 

@@ -11,7 +11,7 @@ from jsonschema import Draft202012Validator
 from supermap_schema.json_schemas import load_schema, schema_names
 
 NAMES = (
-    *("answer", "show", "object", "history", "diff"),
+    *("answer", "show", "object", "history", "diff", "export"),
     *("inspect", "build", "plugins"),
     *("truth", "simulate", "simulate_list", "eval", "ablation", "benchmark", "bench", "perception"),
     *("db_info", "db_check", "db_upgrade", "db_sql"),

@@ -1,0 +1,223 @@
+"""`supermap export`."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, TextIO
+
+import typer
+
+from supermap_cli.commands.common import DbOption, database_url, err
+
+if TYPE_CHECKING:
+    from supermap_cli.exporting.selection import Source
+
+EXAMPLES = """
+Examples:
+
+    supermap export --out office.json
+
+    supermap export --out plan.geojson --traversal monday
+
+    supermap export --out cloud.ply --label chair --label "dining table"
+
+    supermap export --format csv --out tables
+
+    supermap export --format geojson --out - --at 10:21
+"""
+STDOUT = Path("-")
+
+
+@dataclass(frozen=True)
+class Target:
+    """Where an export goes, and how."""
+
+    path: Path
+    force: bool
+    observations: bool
+    ascii_text: bool
+
+
+class Format(StrEnum):
+    """What can be written."""
+
+    JSON = "json"
+    GEOJSON = "geojson"
+    PLY = "ply"
+    CSV = "csv"
+    PARQUET = "parquet"
+
+
+_SUFFIXES = {".json": Format.JSON, ".geojson": Format.GEOJSON, ".ply": Format.PLY}
+_OF_WHAT_STANDS = frozenset({Format.GEOJSON, Format.PLY})
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command to the app."""
+    app.command(epilog=EXAMPLES)(export)
+
+
+def export(  # noqa: PLR0917 - the options of the command
+    out: Annotated[
+        Path,
+        typer.Option(
+            metavar="PATH", help="The file, or the folder for tables; - is stdout (json, geojson).", show_default=False
+        ),
+    ],
+    db: DbOption = None,
+    format_: Annotated[
+        Format | None,
+        typer.Option(
+            "--format", help="json, geojson, ply, csv or parquet. [default: by the file's suffix]", show_default=False
+        ),
+    ] = None,
+    label: Annotated[list[str] | None, typer.Option(help="Only what has this label; may be repeated.")] = None,
+    present: Annotated[
+        bool | None,
+        typer.Option(
+            "--present/--all",
+            help="What stands now, or all that ever did. [default: --present for geojson and ply, else --all]",
+            show_default=False,
+        ),
+    ] = None,
+    traversal: Annotated[str | None, typer.Option(help="What this traversal saw, where it saw it.")] = None,
+    at: Annotated[str | None, typer.Option(metavar="TIME", help="What stood where at a time, e.g. 10:21.")] = None,
+    observations: Annotated[
+        bool, typer.Option("--observations", help="json: every observation, too, without its crop.")
+    ] = False,
+    ascii_text: Annotated[bool, typer.Option("--ascii", help="ply: as text instead of binary.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Replace what is there.")] = False,
+) -> None:
+    """Write the memory for other programs: a JSON document, a plan, a point cloud, or tables.
+
+    `json`: everything, by the schema `export`. `geojson`: footprints and the robot's ways from above, in metres.
+    `ply`: the objects' voxels with colour, instance and label. `csv`, `parquet`: a folder with a file for each table.
+    An export that is stopped leaves nothing half.
+    """
+    from supermap_cli.exporting.selection import Source, select_part  # noqa: PLC0415 - keeps start-up light
+    from supermap_cli.memory import open_store  # noqa: PLC0415
+
+    chosen = format_ or _SUFFIXES.get(out.suffix.lower())
+    _check_usage(chosen, out, observations=observations, ascii_text=ascii_text)
+    assert chosen is not None  # noqa: S101 - `_check_usage` holds that
+    as_of = traversal is not None or at is not None
+    if present is None:
+        present = chosen in _OF_WHAT_STANDS and not as_of
+    with open_store(database_url(db), read_only=True) as store, store.reader() as reader:
+        selection = select_part(
+            reader, label or (), presences=_presences(present, as_of=as_of), traversal=traversal, at=at
+        )
+        source = Source(reader, selection)
+        with _working(f"writing {chosen}"):
+            said = _WRITERS[chosen](source, Target(out, force, observations, ascii_text))
+    if out != STDOUT:
+        err().print(f"{out}: {said}", markup=False)
+
+
+def _presences(present: bool, *, as_of: bool) -> frozenset[str]:
+    """What is doubted today was, as far as anybody knows, never there: only the whole memory has it."""
+    from supermap_cli.exporting.selection import BELIEVED, EVERYTHING, PRESENT  # noqa: PLC0415 - keeps start-up light
+
+    if present:
+        return PRESENT
+    return BELIEVED if as_of else EVERYTHING
+
+
+def _check_usage(chosen: Format | None, out: Path, *, observations: bool, ascii_text: bool) -> None:
+    if chosen is None:
+        raise typer.BadParameter("say --format json, geojson, ply, csv or parquet", param_hint="--out")
+    if out == STDOUT and chosen not in {Format.JSON, Format.GEOJSON}:
+        raise typer.BadParameter(f"{chosen} needs a path", param_hint="--out")
+    if observations and chosen is not Format.JSON:
+        raise typer.BadParameter("is for json; tables have them always", param_hint="--observations")
+    if ascii_text and chosen is not Format.PLY:
+        raise typer.BadParameter("is for ply", param_hint="--ascii")
+
+
+def _json(source: Source, target: Target) -> str:
+    from supermap_cli.exporting.document import write_document  # noqa: PLC0415 - keeps start-up light
+
+    with _text_file(target) as file:
+        write_document(source, file, observations=target.observations)
+    return _size(target.path)
+
+
+def _geojson(source: Source, target: Target) -> str:
+    from supermap_cli.exporting.plan import write_plan  # noqa: PLC0415 - keeps start-up light
+
+    with _text_file(target) as file:
+        write_plan(source, file)
+    return _size(target.path)
+
+
+def _ply(source: Source, target: Target) -> str:
+    from supermap_cli.exporting.cloud import write_cloud  # noqa: PLC0415 - keeps start-up light
+    from supermap_cli.exporting.destination import whole_file  # noqa: PLC0415
+
+    with whole_file(target.path, force=target.force) as partial:
+        count = write_cloud(source, partial, ascii_text=target.ascii_text)
+    return f"{count} points, {_size(target.path)}"
+
+
+def _csv(source: Source, target: Target) -> str:
+    from supermap_cli.exporting.csv_tables import FILES, write_csv_tables  # noqa: PLC0415 - keeps start-up light
+    from supermap_cli.exporting.destination import whole_folder  # noqa: PLC0415
+
+    with whole_folder(target.path, FILES, force=target.force) as partial:
+        return _rows(write_csv_tables(source, partial))
+
+
+def _parquet(source: Source, target: Target) -> str:
+    from supermap_cli.exporting.destination import whole_folder  # noqa: PLC0415 - keeps start-up light
+    from supermap_cli.exporting.parquet_tables import FILES, write_parquet_tables  # noqa: PLC0415
+
+    with whole_folder(target.path, FILES, force=target.force) as partial:
+        return _rows(write_parquet_tables(source, partial))
+
+
+_WRITERS: dict[Format, Callable[[Source, Target], str]] = {
+    Format.JSON: _json,
+    Format.GEOJSON: _geojson,
+    Format.PLY: _ply,
+    Format.CSV: _csv,
+    Format.PARQUET: _parquet,
+}
+
+
+@contextmanager
+def _text_file(target: Target) -> Iterator[TextIO]:
+    """The file to write text to, under its name only when it is whole; or stdout."""
+    from supermap_cli.exporting.destination import whole_file  # noqa: PLC0415 - keeps start-up light
+
+    if target.path == STDOUT:
+        yield sys.stdout
+        return
+    with whole_file(target.path, force=target.force) as partial, partial.open("w", encoding="utf-8") as file:
+        yield file
+
+
+@contextmanager
+def _working(what: str) -> Iterator[None]:
+    """A spinner on stderr, where somebody looks."""
+    console = err()
+    if not console.is_terminal:
+        yield
+        return
+    with console.status(what):
+        yield
+
+
+def _rows(counts: dict[str, int]) -> str:
+    return ", ".join(f"{count} {name.replace('_', ' ')}" for name, count in counts.items())
+
+
+def _size(out: Path) -> str:
+    if out == STDOUT:
+        return ""
+    size = out.stat().st_size
+    return f"{size / 1e6:.1f} MB" if size >= 1e6 else f"{size / 1e3:.1f} kB"

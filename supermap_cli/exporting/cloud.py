@@ -1,0 +1,117 @@
+"""The memory as a point cloud (PLY): the solid voxels of objects, each with the instance and label it is of.
+
+A header comment for every instance and label says what the numbers stand for:
+
+    comment instance 7 chair-7 label 0
+    comment label 0 chair
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from supermap_cli.exporting.selection import Source
+from supermap_cli.geometry.arrays import FloatArray
+from supermap_cli.mapping.voxel_map import voxel_map_from_cloud
+from supermap_cli.memory.streaming import stream_geometry
+from supermap_cli.memory.values import StoredInstance
+from supermap_cli.types.memory import StateRecord, VoxelCloud
+
+VERTEX = np.dtype(
+    [
+        *((axis, "<f4") for axis in "xyz"),
+        *((channel, "u1") for channel in ("red", "green", "blue")),
+        *(("instance", "<i4"), ("label", "<i4"), ("voxel_size", "<f4")),
+    ]
+)
+_PLY_TYPES = {"<f4": "float", "|u1": "uchar", "<i4": "int"}
+_COUNT_DIGITS = 12
+"""The number of vertices is known last and written into the room kept for it."""
+
+
+def write_cloud(source: Source, path: Path, *, ascii_text: bool = False) -> int:
+    """Write the cloud and return its number of points.
+
+    A memory keeps the shape of an instance in its newest place. In an earlier state's place it stands shifted by the
+    distance of the two centroids, which a comment says.
+    """
+    with path.open("wb") as file:
+        file.write(b"ply\nformat %s 1.0\n" % (b"ascii" if ascii_text else b"binary_little_endian"))
+        _comment(file, "SuperMap memory, frame map: metres, z up; a point is the centre of a cube of voxel_size")
+        labels = _write_catalogue(source, file)
+        file.write(b"element vertex ")
+        count_at = file.tell()
+        file.write(b"0" * _COUNT_DIGITS + b"\n")
+        for name in VERTEX.names or ():
+            file.write(f"property {_PLY_TYPES[VERTEX[name].str]} {name}\n".encode())
+        file.write(b"end_header\n")
+        count = 0
+        for vertices in _vertices(source, labels):
+            file.write(_as_text(vertices) if ascii_text else vertices.tobytes())
+            count += len(vertices)
+        file.seek(count_at)
+        file.write(f"{count:0{_COUNT_DIGITS}d}".encode())
+    return count
+
+
+def _write_catalogue(source: Source, file: BinaryIO) -> dict[str, int]:
+    """The comments; returns the index of every label."""
+    labels: dict[str, int] = {}
+    for instance, states in source.instances():
+        label = labels.setdefault(instance.label, len(labels))
+        _comment(file, f"instance {instance.number} {instance.id} label {label}")
+        for state, shift_m in zip(states, _shifts_m(instance, states), strict=True):
+            if shift_m.any():
+                moved = " ".join(f"{value:.4f}" for value in shift_m)
+                _comment(file, f"instance {instance.number} state {state.index} is its newest shape shifted by {moved}")
+    for name, label in labels.items():
+        _comment(file, f"label {label} {name}")
+    return labels
+
+
+def _shifts_m(instance: StoredInstance, states: tuple[StateRecord, ...]) -> list[FloatArray]:
+    """How far (3,) the place of each state lies from that of the newest."""
+    return [state.centroid_map - instance.states[-1].centroid_map for state in states]
+
+
+def _vertices(source: Source, labels: dict[str, int]) -> Iterator[NDArray[np.void]]:
+    geometry = stream_geometry(source.reader)
+    for instance, states in source.instances():  # both come in the order of numbers
+        cloud = next(cloud for number, cloud in geometry if number == instance.number)
+        points, rgb = _solid(cloud)
+        for shift_m in _shifts_m(instance, states):
+            vertices = np.empty(len(points), VERTEX)
+            for axis, values in zip("xyz", (points + shift_m).T, strict=True):
+                vertices[axis] = values
+            for channel, values in zip(("red", "green", "blue"), rgb.T, strict=True):
+                vertices[channel] = values
+            vertices["instance"], vertices["label"] = instance.number, labels[instance.label]
+            vertices["voxel_size"] = cloud.voxel_m
+            yield vertices
+
+
+def _solid(cloud: VoxelCloud) -> tuple[FloatArray, NDArray[np.uint8]]:
+    """(n, 3) centres and colours of the voxels that the map takes for the object's; all where it is sure of none."""
+    voxels = voxel_map_from_cloud(cloud)
+    solid = voxels.solid()
+    kept = solid if solid.any() else np.ones(len(voxels), dtype=bool)
+    return voxels.centers()[kept], np.clip(np.round(voxels.rgb[kept]), 0, 255).astype(np.uint8)
+
+
+def _as_text(vertices: NDArray[np.void]) -> bytes:
+    lines = (
+        f"{x:.4f} {y:.4f} {z:.4f} {red} {green} {blue} {instance} {label} {voxel_m:.6g}\n"
+        for x, y, z, red, green, blue, instance, label, voxel_m in vertices.tolist()
+    )
+    return "".join(lines).encode()
+
+
+def _comment(file: BinaryIO, text: str) -> None:
+    """One line of comment; a label may hold any text."""
+    line = " ".join(text.split())
+    file.write(b"comment " + line.encode("ascii", "backslashreplace") + b"\n")

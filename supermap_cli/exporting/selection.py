@@ -1,0 +1,141 @@
+"""Which part of the memory leaves: by label, by presence, and as of a traversal or a time."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+from sqlalchemy import select
+
+from supermap_cli.errors import QueryError
+from supermap_cli.memory.reading import MapReader
+from supermap_cli.memory.streaming import stream_instances, survivors_of_merged
+from supermap_cli.memory.values import StoredInstance, StoredTraversal
+from supermap_cli.query.clock import Clock, clock_of
+from supermap_cli.query.moments import Moment, find_traversal
+from supermap_cli.types.memory import StateRecord
+from supermap_schema.models import PRESENCES, Instance
+
+PRESENT = frozenset({"present"})
+BELIEVED = frozenset({"present", "absent"})
+EVERYTHING = frozenset(PRESENCES)
+
+
+@dataclass(frozen=True)
+class Selection:
+    """What is asked for, as it was understood.
+
+    `labels` empty: all. `traversal`: the states that it supported. `at_ns`: the states that held then, as far as is
+    known today. Neither: the newest state of what is present, all states of all where not only that is asked for.
+    """
+
+    labels: frozenset[str] = frozenset()
+    presences: frozenset[str] = EVERYTHING
+    traversal: StoredTraversal | None = None
+    at_ns: int | None = None
+
+    def states(self, instance: StoredInstance) -> tuple[StateRecord, ...]:
+        """The states of an instance that leave, oldest first; none where the instance stays."""
+        if self.labels and instance.label.casefold() not in self.labels:
+            return ()
+        if instance.presence not in self.presences:
+            return ()
+        moment = self._moment
+        if moment is not None:
+            return moment.states(instance)
+        return instance.states[-1:] if self.presences == PRESENT else instance.states
+
+    def has_keyframe(self, traversal_id: int, stamp_ns: int) -> bool:
+        """Whether what was seen in a keyframe leaves."""
+        if self.traversal is not None:
+            return traversal_id == self.traversal.id
+        return self.at_ns is None or stamp_ns <= self.at_ns
+
+    def has_traversal(self, traversal: StoredTraversal) -> bool:
+        """Whether a traversal leaves: the one asked for, or those that had begun by the time."""
+        if self.traversal is not None:
+            return traversal.id == self.traversal.id
+        return self.at_ns is None or traversal.start_ns <= self.at_ns
+
+    def has_interval(self, since_ns: int, until_ns: int | None) -> bool:
+        """Whether what held in [since_ns, until_ns) leaves."""
+        if self.traversal is not None:
+            return since_ns <= self.traversal.end_ns and (until_ns is None or until_ns > self.traversal.start_ns)
+        if self.at_ns is not None:
+            return since_ns <= self.at_ns and (until_ns is None or until_ns > self.at_ns)
+        return until_ns is None or self.presences != PRESENT
+
+    def has_event(self, traversal_id: int, not_after_ns: int) -> bool:
+        """Whether something that happened leaves."""
+        if self.traversal is not None:
+            return traversal_id == self.traversal.id
+        return self.at_ns is None or not_after_ns <= self.at_ns
+
+    @cached_property
+    def _moment(self) -> Moment | None:
+        if self.traversal is not None:
+            span = (self.traversal.start_ns, self.traversal.end_ns)
+            return Moment("traversal", f"in {self.traversal.name}", *span, self.traversal)
+        if self.at_ns is not None:
+            return Moment("at", "at", self.at_ns, self.at_ns)
+        return None
+
+
+def select_part(
+    reader: MapReader,
+    labels: Collection[str] = (),
+    *,
+    presences: frozenset[str] = EVERYTHING,
+    traversal: str | None = None,
+    at: str | None = None,
+) -> Selection:
+    """A selection from words. Raises `QueryError` for a label, traversal or time that the map does not know."""
+    if traversal is not None and at is not None:
+        raise QueryError("a traversal and a time cannot be asked for at once", cure="give --traversal or --at")
+    found = None if traversal is None else find_traversal(reader.traversals, traversal)
+    at_ns = None if at is None else clock_of(reader).parse(at)
+    return Selection(_known_labels(reader, labels), presences, found, at_ns)
+
+
+def _known_labels(reader: MapReader, labels: Collection[str]) -> frozenset[str]:
+    wanted = frozenset(label.casefold() for label in labels)
+    known = {label.casefold() for label in reader.connection.execute(select(Instance.label).distinct()).scalars()}
+    for label in sorted(wanted - known):
+        there_are = ", ".join(sorted(known)) or "none"
+        raise QueryError(f"there is nothing labelled {label!r} in the map", cure=f"the labels are: {there_are}")
+    return wanted
+
+
+class Source:
+    """A map and the part of it that leaves; what it holds at once is a number for each instance at most."""
+
+    def __init__(self, reader: MapReader, selection: Selection) -> None:
+        self.reader = reader
+        self.selection = selection
+        self.clock: Clock = clock_of(reader)
+        self.traversals = tuple(filter(selection.has_traversal, reader.traversals))
+        self.traversal_names = {each.id: each.name for each in reader.traversals}
+
+    def instances(self) -> Iterator[tuple[StoredInstance, tuple[StateRecord, ...]]]:
+        """Every instance that leaves, with those of its states that do."""
+        for instance in stream_instances(self.reader):
+            states = self.selection.states(instance)
+            if states:
+                yield instance, states
+
+    def id_today(self, number: int, own_id: str) -> str | None:
+        """The id under which an instance leaves: that of what it was merged into; `None` if it stays."""
+        number, text_id = self._merged.get(number, (number, own_id))
+        return None if self._chosen is not None and number not in self._chosen else text_id
+
+    @cached_property
+    def _merged(self) -> dict[int, tuple[int, str]]:
+        return survivors_of_merged(self.reader)
+
+    @cached_property
+    def _chosen(self) -> frozenset[int] | None:
+        """The numbers of what leaves; `None`: everything."""
+        if self.selection == Selection():
+            return None
+        return frozenset(instance.number for instance, _ in self.instances())

@@ -1,0 +1,237 @@
+"""The memory as flat tables: what each holds, once for all formats of tables.
+
+Names stand instead of numbers; a time is nanoseconds, with its text beside it where the map's clock is wall time.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from supermap_cli.exporting.selection import Source
+from supermap_cli.geometry.boxes import Box3D
+from supermap_cli.memory import streaming
+from supermap_cli.memory.values import StoredInstance
+from supermap_cli.types.memory import StateRecord
+
+ColumnKind = Literal["text", "integer", "real", "time"]
+Cell = int | float | str | None
+Cells = tuple[Cell, ...]
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column; one of kind "time" holds nanoseconds, its name ends in `_ns`."""
+
+    name: str
+    kind: ColumnKind = "text"
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table and where its rows come from; they are read while they are taken."""
+
+    name: str
+    columns: tuple[Column, ...]
+    rows: Callable[[Source], Iterator[Cells]]
+
+    @property
+    def written_columns(self) -> tuple[Column, ...]:
+        """The columns with the text of every time beside it."""
+        return tuple(
+            each
+            for column in self.columns
+            for each in ((column, Column(column.name.removesuffix("_ns"))) if column.kind == "time" else (column,))
+        )
+
+    def written_rows(self, source: Source) -> Iterator[Cells]:
+        """The rows for `written_columns`."""
+        times = [column.kind == "time" for column in self.columns]
+        told = source.clock.text if source.clock.has_wall_time else _nothing
+        for row in self.rows(source):
+            cells: list[Cell] = []
+            for cell, is_time in zip(row, times, strict=True):
+                cells.append(cell)
+                if is_time:
+                    cells.append(None if cell is None else told(int(cell)))
+            yield tuple(cells)
+
+
+def _columns(*names: str) -> tuple[Column, ...]:
+    """Columns from "name" (text), "name:integer", "name:real", and "name_ns" (a time)."""
+    kinds: dict[str, ColumnKind] = {"integer": "integer", "real": "real"}
+    parts = (name.partition(":") for name in names)
+    return tuple(Column(name, kinds.get(kind, "time" if name.endswith("_ns") else "text")) for name, _, kind in parts)
+
+
+_PLACE = tuple(
+    f"{name}:real"
+    for name in (*"xyz", "center_x", "center_y", "center_z", "size_x", "size_y", "size_z", "yaw")
+)  # fmt: skip
+
+
+def _place(centroid: Any, box: Box3D) -> Cells:
+    return (*centroid.tolist(), *box.center.tolist(), *box.size.tolist(), float(box.yaw))
+
+
+def _traversals(source: Source) -> Iterator[Cells]:
+    for each in source.traversals:
+        yield (
+            *(each.name, each.number, each.recording, each.fingerprint, each.status, each.start_ns, each.end_ns),
+            *(each.keyframes, each.clock_shift_ns, each.crops_kept_from_ns, each.observations_kept_from_ns),
+            *(json.dumps(each.T_map_odom.tolist()), _json(each.config), _json(each.versions)),
+        )
+
+
+def _keyframes(source: Source) -> Iterator[Cells]:
+    for row in streaming.stream_keyframes(source.reader):
+        if source.selection.has_keyframe(row.traversal_id, row.stamp_ns):
+            x, y, z = (line[3] for line in json.loads(row.T_map_base)[:3])
+            traversal = source.traversal_names[row.traversal_id]
+            yield (row.id, traversal, row.stamp_ns, x, y, z, row.detected, row.T_map_base, row.T_map_camera, row.camera)
+
+
+def _instances(source: Source) -> Iterator[Cells]:
+    for each, _ in source.instances():
+        yield (
+            *(each.id, each.number, each.label, each.presence, each.existence_log_odds, each.first_seen_ns),
+            *(each.last_seen_ns, *_place(each.centroid_map, each.box), each.observations),
+            *(source.traversal_names[each.traversal_id], _json(each.label_belief)),
+        )
+
+
+def _states(source: Source) -> Iterator[Cells]:
+    for instance, states in source.instances():
+        for each in states:
+            yield (
+                *(instance.id, each.index, each.label, presence_in(instance, each), float(each.confidence)),
+                *(each.empty_before_ns, each.first_seen_ns, each.last_seen_ns, each.gone_ns),
+                *_place(each.centroid_map, each.box),
+            )
+
+
+def presence_in(instance: StoredInstance, state: StateRecord) -> str:
+    """The presence of an instance as far as a state says: "ended" in all but its newest."""
+    return instance.presence if state.index == instance.states[-1].index else "ended"
+
+
+def _observations(source: Source) -> Iterator[Cells]:
+    for row in streaming.stream_observations(source.reader):
+        text_id = source.id_today(row.instance_number, row.instance_id)
+        if text_id is not None and source.selection.has_keyframe(row.traversal_id, row.stamp_ns):
+            yield (
+                *(row.id, text_id, row.keyframe_id, source.traversal_names[row.traversal_id], row.stamp_ns),
+                *(row.label, row.score, row.u_min, row.v_min, row.u_max, row.v_max, row.x, row.y, row.z),
+                *(row.evidence_for, row.evidence_against, row.track_id, row.hypotheses, int(row.has_crop)),
+            )
+
+
+def _visits(source: Source) -> Iterator[Cells]:
+    shown = {each.id for each in source.traversals}
+    for instance, _ in source.instances():
+        for each in instance.visits:
+            if each.traversal_id in shown:
+                yield (
+                    *(instance.id, source.traversal_names[each.traversal_id], each.supported, each.in_view),
+                    *(each.contradicted, each.first_support_ns, each.last_support_ns),
+                )
+
+
+def _spatial_edges(source: Source) -> Iterator[Cells]:
+    for row in streaming.stream_spatial_edges(source.reader):
+        subject = source.id_today(row.subject_number, row.subject_id)
+        other = source.id_today(row.object_number, row.object_id)
+        ends_leave = subject is not None and other is not None and subject != other
+        if ends_leave and source.selection.has_interval(row.since_ns, row.until_ns):
+            traversal = source.traversal_names[row.traversal_id]
+            yield (subject, row.relation, other, row.since_ns, row.until_ns, row.confidence, traversal)
+
+
+def _temporal_edges(source: Source) -> Iterator[Cells]:
+    for row in streaming.stream_temporal_edges(source.reader):
+        ends = (
+            source.id_today(row.from_number, row.from_id),
+            source.id_today(row.to_number, row.to_id),
+        )
+        if any(ends) and source.selection.has_event(row.traversal_id, row.not_after_ns):
+            yield (
+                *(row.kind, row.from_id, row.from_state, row.to_id, row.to_state),
+                *(row.not_before_ns, row.not_after_ns, row.distance_m, row.probability),
+                source.traversal_names[row.traversal_id],
+            )
+
+
+def _json(value: object) -> str:
+    return json.dumps(value, ensure_ascii=False, allow_nan=False)
+
+
+def _nothing(_: int | None) -> str:
+    return ""
+
+
+TRAVERSALS = Table(
+    "traversals",
+    _columns(
+        *("name", "number:integer", "recording", "fingerprint", "status", "start_ns", "end_ns", "keyframes:integer"),
+        *("clock_shift_ns:integer", "crops_kept_from_ns", "observations_kept_from_ns"),
+        *("T_map_odom", "config", "versions"),
+    ),
+    _traversals,
+)
+KEYFRAMES = Table(
+    "keyframes",
+    _columns(
+        *("keyframe:integer", "traversal", "stamp_ns", "x:real", "y:real", "z:real", "detected:integer"),
+        *("T_map_base", "T_map_camera", "camera"),
+    ),
+    _keyframes,
+)
+INSTANCES = Table(
+    "instances",
+    _columns(
+        *("id", "number:integer", "label", "presence", "existence_log_odds:real", "first_seen_ns", "last_seen_ns"),
+        *(*_PLACE, "observations:integer", "first_traversal", "label_belief"),
+    ),
+    _instances,
+)
+STATES = Table(
+    "states",
+    _columns(
+        *("id", "state:integer", "label", "presence", "confidence:real", "empty_before_ns", "first_seen_ns"),
+        *("last_seen_ns", "gone_ns", *_PLACE),
+    ),
+    _states,
+)
+OBSERVATIONS = Table(
+    "observations",
+    _columns(
+        *("observation:integer", "id", "keyframe:integer", "traversal", "stamp_ns", "label", "score:real"),
+        *("u_min:real", "v_min:real", "u_max:real", "v_max:real", "x:real", "y:real", "z:real"),
+        *("evidence_for:integer", "evidence_against:integer", "track:integer", "hypotheses", "has_crop:integer"),
+    ),
+    _observations,
+)
+VISITS = Table(
+    "visits",
+    _columns(
+        *("id", "traversal", "supported:integer", "in_view:integer", "contradicted:integer"),
+        *("first_support_ns", "last_support_ns"),
+    ),
+    _visits,
+)
+SPATIAL_EDGES = Table(
+    "spatial_edges",
+    _columns("subject", "relation", "object", "since_ns", "until_ns", "confidence:real", "traversal"),
+    _spatial_edges,
+)
+TEMPORAL_EDGES = Table(
+    "temporal_edges",
+    _columns(
+        *("kind", "from_id", "from_state:integer", "to_id", "to_state:integer", "not_before_ns", "not_after_ns"),
+        *("distance_m:real", "probability:real", "traversal"),
+    ),
+    _temporal_edges,
+)
+TABLES = (TRAVERSALS, KEYFRAMES, INSTANCES, STATES, OBSERVATIONS, VISITS, SPATIAL_EDGES, TEMPORAL_EDGES)
