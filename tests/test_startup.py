@@ -75,6 +75,7 @@ def test_help_and_plugins_import_nothing_heavy(arguments):
         ("history", "chair-1"),
         ("diff",),
         ("db", "info"),
+        ("export", "--out", "-", "--format", "json"),
         ("db", "sql", "SELECT id FROM current_objects"),
     ],
     ids=" ".join,

@@ -1,9 +1,10 @@
 """The views for people, in SQL that every database understands; the few words that differ are given by each.
 
-Times stand twice: as nanoseconds (`*_ns`) to reckon with, and under the same name without `_ns` as the program prints
-them: UTC, or seconds since the start of the map where its clocks were never set. Numbers of instances and traversals
-are their names. Metres, radians and shares are rounded to thousandths; the tables hold them whole. What a version made
-is never edited once released (the first version's views stand in `sqlite`).
+Times stand twice: as nanoseconds (`*_ns`) to reckon with, and under the same name without `_ns` in words: UTC, or
+seconds since the start of the map where its clocks were never set. Both are the map's time; a recording's own differs
+from it by `traversal.clock_shift_ns`, which is 0 nearly always. Numbers of instances and traversals are their names.
+Metres, radians and shares are rounded to thousandths; the tables hold them whole. What a version made is never edited
+once released (the first version's views stand in `sqlite`).
 """
 
 from __future__ import annotations

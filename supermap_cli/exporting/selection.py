@@ -10,10 +10,11 @@ from sqlalchemy import select
 
 from supermap_cli.errors import QueryError
 from supermap_cli.memory.reading import MapReader
-from supermap_cli.memory.streaming import stream_instances, survivors_of_merged
+from supermap_cli.memory.streaming import survivors_of_merged
 from supermap_cli.memory.values import StoredInstance, StoredTraversal
 from supermap_cli.query.clock import Clock, clock_of
-from supermap_cli.query.moments import Moment, find_traversal
+from supermap_cli.query.instants import find_traversal, instant_of
+from supermap_cli.query.moments import Moment
 from supermap_cli.types.memory import StateRecord
 from supermap_schema.models import PRESENCES, Instance
 
@@ -94,7 +95,7 @@ def select_part(
     if traversal is not None and at is not None:
         raise QueryError("a traversal and a time cannot be asked for at once", cure="give --traversal or --at")
     found = None if traversal is None else find_traversal(reader.traversals, traversal)
-    at_ns = None if at is None else clock_of(reader).parse(at)
+    at_ns = None if at is None else instant_of(at, reader, clock_of(reader)).at_ns
     return Selection(_known_labels(reader, labels), presences, found, at_ns)
 
 
@@ -119,7 +120,7 @@ class Source:
 
     def instances(self) -> Iterator[tuple[StoredInstance, tuple[StateRecord, ...]]]:
         """Every instance that leaves, with those of its states that do."""
-        for instance in stream_instances(self.reader):
+        for instance in self.reader.each_instance():
             states = self.selection.states(instance)
             if states:
                 yield instance, states

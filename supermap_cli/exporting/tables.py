@@ -14,6 +14,7 @@ from supermap_cli.exporting.selection import Source
 from supermap_cli.geometry.boxes import Box3D
 from supermap_cli.memory import streaming
 from supermap_cli.memory.values import StoredInstance
+from supermap_cli.query.stretches import moment_of_stamp
 from supermap_cli.types.memory import StateRecord
 
 ColumnKind = Literal["text", "integer", "real", "time"]
@@ -49,7 +50,7 @@ class Table:
     def written_rows(self, source: Source) -> Iterator[Cells]:
         """The rows for `written_columns`."""
         times = [column.kind == "time" for column in self.columns]
-        told = source.clock.text if source.clock.has_wall_time else _nothing
+        told = _utc if all(each.has_wall_time for each in source.clock.stretches) else _nothing
         for row in self.rows(source):
             cells: list[Cell] = []
             for cell, is_time in zip(row, times, strict=True):
@@ -167,8 +168,13 @@ def _json(value: object) -> str:
     return json.dumps(value, ensure_ascii=False, allow_nan=False)
 
 
-def _nothing(_: int | None) -> str:
-    return ""
+def _utc(stamp_ns: int) -> str:
+    """A time of the map, to a tenth of a second, by ISO 8601."""
+    return f"{moment_of_stamp(stamp_ns):%Y-%m-%dT%H:%M:%S}.{stamp_ns % 10**9 // 10**8}Z"
+
+
+def _nothing(_: int) -> None:
+    return None
 
 
 TRAVERSALS = Table(

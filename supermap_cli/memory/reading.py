@@ -123,6 +123,21 @@ class MapReader:
         """All instances in the order of their numbers, those merged into others as part of them."""
         return self.instances_of(self.connection.execute(select(models.Instance.number)).scalars().all())
 
+    def each_instance(self) -> Iterator[StoredInstance]:
+        """As `instances`, but read while they are taken and not kept: for what must hold a map of any size."""
+        instance = models.Instance
+        statement = select(instance.number).where(instance.merged_into.is_(None)).order_by(instance.number)
+        last = None
+        while (
+            numbers := self.connection.execute(
+                (statement if last is None else statement.where(instance.number > last)).limit(BATCH)
+            )
+            .scalars()
+            .all()
+        ):
+            yield from self._whole(numbers)
+            last = numbers[-1]
+
     @property
     def believed(self) -> tuple[StoredInstance, ...]:
         """All instances but those that the evidence no longer says were ever real."""
