@@ -46,6 +46,9 @@ AtOption = Annotated[
         help="As of a time ('10:21', '2026-01-05T10:21:00Z', '12 s', 'earlier') or a traversal's end ('monday').",
     ),
 ]
+LimitOption = Annotated[
+    int, typer.Option(min=1, metavar="N", help="How many objects are listed, those seen last; counts are of all.")
+]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON by the published schema instead of a table.")]
 
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from supermap_cli.commands.common import AtOption, DbOption, JsonOption, database_url, out, print_json
+from supermap_cli.commands.common import AtOption, DbOption, JsonOption, LimitOption, database_url, out, print_json
 from supermap_cli.commands.tables import evidence_text, position_text, print_table, size_text
 
 if TYPE_CHECKING:
@@ -36,6 +36,7 @@ def register(app: typer.Typer) -> None:
 def query(
     text: Annotated[list[str], typer.Argument(metavar="TEXT", help="e.g. 'cup on the table', 'how many chairs'")],
     at: AtOption = None,
+    limit: LimitOption = 50,
     db: DbOption = None,
     json: JsonOption = False,
 ) -> None:
@@ -51,7 +52,7 @@ def query(
     from supermap_cli.query.views import to_document  # noqa: PLC0415
 
     with open_store(database_url(db), read_only=True) as store, store.reader() as reader:
-        found = answer(" ".join(text), reader, at)
+        found = answer(" ".join(text), reader, at, limit)
         clock = clock_of(reader)
     if json:
         print_json(to_document(found))
@@ -67,6 +68,9 @@ def _print(found: Answer, clock: Clock) -> None:
     if found.instances:
         columns = ("id", "label", "position (m)", "size (m)", "presence", "seen", "left", "relation", "observations")
         print_table(console, "", columns, (_row(each, clock) for each in found.instances))
+    if found.more != 0:
+        more = "more fit" if found.more is None else f"{found.more} more fit"
+        console.print(f"{more} than are listed: see --limit, or ask 'how many'", markup=False)
 
 
 def _row(found: InstanceView, clock: Clock) -> tuple[str, ...]:

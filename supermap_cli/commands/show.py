@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from supermap_cli.commands.common import AtOption, DbOption, JsonOption, database_url, out, print_json
+from supermap_cli.commands.common import AtOption, DbOption, JsonOption, LimitOption, database_url, out, print_json
 from supermap_cli.commands.tables import evidence_text, position_text, print_table, size_text
 
 if TYPE_CHECKING:
@@ -37,6 +37,7 @@ def register(app: typer.Typer) -> None:
 def show(
     text_id: Annotated[str | None, typer.Argument(metavar="ID", help="an object's id, e.g. chair-7")] = None,
     at: AtOption = None,
+    limit: LimitOption = 50,
     db: DbOption = None,
     json: JsonOption = False,
 ) -> None:
@@ -55,12 +56,13 @@ def show(
         clock = clock_of(reader)
         shown: Overview | ObjectDetails
         if at is None:
-            shown = overview(reader) if text_id is None else details(reader, text_id)
+            shown = overview(reader, limit) if text_id is None else details(reader, text_id)
         else:
             instant = instant_of(at, reader, clock)
-            shown = (
-                overview_at(reader, instant, clock) if text_id is None else details_at(reader, text_id, instant, clock)
-            )
+            if text_id is None:
+                shown = overview_at(reader, instant, clock, limit)
+            else:
+                shown = details_at(reader, text_id, instant, clock)
     if json:
         print_json(to_document(shown))
     elif isinstance(shown, Overview):
@@ -85,12 +87,14 @@ def _print_overview(shown: Overview, clock: Clock) -> None:
     ]
     columns = ("id", "label", "position (m)", "size (m)", "confidence#", "last seen", "observations#")
     when = "" if shown.as_of is None else f" as of {shown.as_of}"
-    print_table(console, f"{len(shown.instances)} objects{when}", columns, rows)
+    listed = f", the {len(rows)} seen last" if shown.more else ""
+    print_table(console, f"{len(rows) + shown.more} objects{when}{listed}", columns, rows)
     if shown.counts:
         console.print(", ".join(f"{count} {label}" for label, count in shown.counts.items()), markup=False)
     if shown.unknown:
         told = [(each.id, position_text(each.position), each.standing.words) for each in shown.unknown if each.standing]
-        print_table(console, f"{len(told)} of which nobody can say", ("id", "position (m)", "why"), told)
+        of = f"{len(told) + shown.more_unknown} of which nobody can say"
+        print_table(console, of, ("id", "position (m)", "why"), told)
     if shown.absent and shown.as_of is not None:
         console.print(f"{shown.absent} more had left by then, or came later", markup=False)
     elif shown.absent:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
@@ -26,8 +27,9 @@ from supermap_cli.mapping.voxel_map import voxel_map_from_cloud
 from supermap_cli.memory import open_store
 from supermap_cli.memory.reading import MapReader
 from supermap_cli.memory.values import StoredInstance
+from supermap_cli.query.candidates import label_in
 from supermap_cli.query.diff import diff
-from supermap_cli.query.resolution import answer, label_in
+from supermap_cli.query.resolution import answer
 from supermap_cli.query.stretches import Stretch, own_time, stretches_of
 from supermap_cli.query.views import Vector
 from supermap_cli.truth_file import read_truth
@@ -183,7 +185,7 @@ def _changes(reader: MapReader, to_world: ToWorld) -> tuple[EstimatedChange, ...
 
 def _answer(reader: MapReader, text: str) -> EstimatedAnswer:
     try:
-        found = answer(text, reader)
+        found = answer(text, reader, limit=sys.maxsize)
     except QueryError as error:
         return EstimatedAnswer(text, (), str(error))
     return EstimatedAnswer(text, tuple(each.id for each in found.instances))

@@ -16,6 +16,14 @@ Outline = list[tuple[float, float]]
 
 
 @dataclass(frozen=True)
+class Reach:
+    """How far from a box another may lie: along the floor, and upwards or downwards; in metres."""
+
+    floor_m: float
+    height_m: float
+
+
+@dataclass(frozen=True)
 class Box3D:
     """An upright box in the map frame.
 

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
+from itertools import islice
 
 from supermap_cli.memory.reading import MapReader
 from supermap_cli.memory.values import ObservationRef, StoredInstance
+from supermap_cli.query.candidates import PART, label_in
 from supermap_cli.query.clock import Clock
 from supermap_cli.query.instants import Instant
 from supermap_cli.query.naming import name_by
-from supermap_cli.query.standing import Standing, standing_at, standing_view
+from supermap_cli.query.standing import Known, Standing, standing_at, standing_view
 from supermap_cli.query.views import (
+    LISTED,
     InstanceView,
     TraversalView,
     box_view,
@@ -28,46 +32,78 @@ from supermap_cli.query.views import (
 class Overview:
     """What stands now, how much of what, and from where that is known; `absent` counts what stood once.
 
-    As of a time, `instances` are those that stood then, `unknown` those of which nobody can say, and `absent` counts
-    those that had left, or came later.
+    Of `instances` those seen last are listed, `more` stand besides; `counts` are of all.
+
+    As of a time, `instances` are those that stood then, `unknown` those of which nobody can say (and `more_unknown`
+    that are not listed), and `absent` counts those that had left, or came later. What is not listed is counted by what
+    it is called in the state that it was in.
     """
 
     instances: tuple[InstanceView, ...]
     counts: dict[str, int]
     absent: int
     traversals: tuple[TraversalView, ...]
+    more: int = 0
     as_of: str | None = field(default=None, metadata={"optional": True})
     as_of_ns: int | None = field(default=None, metadata={"optional": True})
     unknown: tuple[InstanceView, ...] | None = field(default=None, metadata={"optional": True})
+    more_unknown: int = 0
 
 
-def overview(reader: MapReader) -> Overview:
-    """All current objects."""
-    present = [each for each in reader.instances if each.presence == "present"]
-    counts = Counter(each.label for each in present)
+def overview(reader: MapReader, limit: int = LISTED) -> Overview:
+    """All current objects, so many of them listed."""
+    finder = reader.finder
+    listed = reader.instances_of(list(islice(finder.called(None, ["present"]), limit)))
+    counts = finder.counts()
     return Overview(
-        instances=tuple(_summary(reader, each) for each in present),
-        counts=dict(sorted(counts.items())),
-        absent=sum(each.presence == "absent" for each in reader.instances),
+        instances=tuple(_summary(reader, each) for each in listed),
+        counts=counts,
+        absent=finder.count(None, ["absent"]),
         traversals=tuple(map(traversal_view, reader.traversals)),
+        more=sum(counts.values()) - len(listed),
     )
 
 
-def overview_at(reader: MapReader, instant: Instant, clock: Clock) -> Overview:
-    """All that stood at a time, and all of which nobody can say whether it did."""
-    known = [(each, standing) for each in reader.believed if (standing := standing_at(each, instant.at_ns)) is not None]
-    told = [_summary_at(reader, *each, instant, clock) for each in known if each[1].presence != "absent"]
-    there = tuple(each for each in told if each.presence == "present")
-    counts = Counter(each.label for each in there)
+def overview_at(reader: MapReader, instant: Instant, clock: Clock, limit: int = LISTED) -> Overview:
+    """All that stood at a time, and all of which nobody can say whether it did, so many of each listed."""
+    listed: dict[Known, list[int]] = {"present": [], "unknown": [], "absent": []}
+    totals: Counter[Known] = Counter()
+    counts: Counter[str] = Counter()
+    for each in _everything(reader):
+        standing = standing_at(each, instant.at_ns)
+        if standing is None:
+            continue
+        totals[standing.presence] += 1
+        if totals[standing.presence] <= limit:
+            listed[standing.presence].append(each.number)
+        elif standing.presence == "present":
+            counts[label_in(each, standing.state)] += 1
+    there, unknown = (_told_at(reader, listed[known], instant, clock) for known in ("present", "unknown"))
+    counts.update(each.label for each in there)
     return Overview(
         instances=there,
         counts=dict(sorted(counts.items())),
-        absent=sum(standing.presence == "absent" for _, standing in known),
+        absent=totals["absent"],
         traversals=tuple(traversal_view(each) for each in reader.traversals if each.start_ns <= instant.at_ns),
+        more=totals["present"] - len(there),
         as_of=instant.text,
         as_of_ns=instant.at_ns,
-        unknown=tuple(each for each in told if each.presence == "unknown"),
+        unknown=unknown,
+        more_unknown=totals["unknown"] - len(unknown),
     )
+
+
+def _everything(reader: MapReader) -> Iterator[StoredInstance]:
+    """All instances that are believed, those seen last first, a part at a time."""
+    numbers = reader.finder.called(None)
+    while part := list(islice(numbers, PART)):
+        lives = reader.lives_of(part)
+        yield from (lives[number] for number in part)
+
+
+def _told_at(reader: MapReader, numbers: Collection[int], instant: Instant, clock: Clock) -> tuple[InstanceView, ...]:
+    known = ((each, standing_at(each, instant.at_ns)) for each in reader.instances_of(numbers))
+    return tuple(_summary_at(reader, each, standing, instant, clock) for each, standing in known if standing)
 
 
 def seen_by(reader: MapReader, instance: StoredInstance, instant: Instant) -> list[ObservationRef]:

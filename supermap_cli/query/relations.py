@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
-from supermap_cli.geometry.boxes import Box3D, footprint_gap_m, footprint_overlap_m2
+from supermap_cli.geometry.boxes import Box3D, Reach, footprint_gap_m, footprint_overlap_m2
 
 RelationName = Literal["near", "beside", "on", "under", "inside", "above", "attached to"]
 
@@ -53,6 +54,18 @@ STORED_FORMS: dict[RelationName, tuple[EdgeForm, ...]] = {
     "above": (EdgeForm("above"), EdgeForm("on"), EdgeForm("under", turned=True)),
     "attached to": (EdgeForm("attached to"),),
 }
+
+
+REACH: dict[RelationName, Reach] = {
+    "near": Reach(1.5, 1.5),
+    "beside": Reach(0.6, 0.0),
+    "on": Reach(0.0, 0.1),
+    "under": Reach(0.0, math.inf),
+    "inside": Reach(0.0, 0.0),
+    "above": Reach(0.0, math.inf),
+    "attached to": Reach(0.05, 0.05),
+}
+"""How far apart two boxes that stand in a relation can be at most."""
 
 
 def box_distance_m(a: Box3D, b: Box3D) -> float:

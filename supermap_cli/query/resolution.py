@@ -2,24 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
-from difflib import get_close_matches
+from functools import cache
+from itertools import chain
 
 from supermap_cli.errors import QueryError
+from supermap_cli.memory.finding import BELIEVED
 from supermap_cli.memory.reading import MapReader
 from supermap_cli.memory.values import StoredInstance
 from supermap_cli.query import wording
+from supermap_cli.query.candidates import Called, Candidate, Pool, label_in
 from supermap_cli.query.clock import Clock, clock_of, is_time_of_day
 from supermap_cli.query.grammar import Question, RelatedTo, Things, parse
 from supermap_cli.query.instants import instant_of
-from supermap_cli.query.moments import Moment, Span, moment_at, moment_of
-from supermap_cli.query.relations import STORED_FORMS, RelationName, box_distance_m, holds
+from supermap_cli.query.misses import NEAREST, closest, perhaps_called
+from supermap_cli.query.moments import Moment, moment_at, moment_of
+from supermap_cli.query.relating import Basis, Relating
+from supermap_cli.query.relations import RelationName
 from supermap_cli.query.standing import Known, Standing, in_words, standing_at, standing_view
 from supermap_cli.query.views import (
+    LISTED,
     BoxView,
     InstanceView,
-    RelationView,
     Vector,
     box_view,
     evidence_view,
@@ -27,17 +32,14 @@ from supermap_cli.query.views import (
     support_spans,
     vector,
 )
-from supermap_cli.query.vocabulary import LabelMatch, load_vocabulary, match_labels
+from supermap_cli.query.vocabulary import LabelMatch, match_labels
 from supermap_cli.types.memory import Presence, StateRecord
-
-NEAREST = 3
-"""How many near misses an empty answer names."""
 
 NOTED = 5
 """Of how many things an answer says that nobody can tell."""
 
-LABEL_DOUBT = 0.1
-"""A label that an object may have with this probability makes it a near miss."""
+LOOKED_AT = 400
+"""Among how many it looks for those of which nobody can tell, where it need not count."""
 
 
 @dataclass(frozen=True)
@@ -55,18 +57,21 @@ class NearMiss:
 
 @dataclass(frozen=True)
 class AskedRelation:
-    """The relation of the question and the instances it was measured against."""
+    """The relation of the question and the instances it was measured against; `more` if there are more than listed."""
 
     name: RelationName
     reference: str
     references: tuple[str, ...]
+    more: bool = False
 
 
 @dataclass(frozen=True)
 class Answer:
     """An answer; an empty one is an answer, too.
 
-    `count` is there for "how many" only, and `count_at_most` where of some nobody can say whether they stood there.
+    `more` is how many fit that are not among `instances`: those seen last are. It is `None` where they were not
+    counted; "how many" counts them. `count` is there for that only, and `count_at_most` where of some nobody can say
+    whether they stood there.
     """
 
     query: str
@@ -77,21 +82,35 @@ class Answer:
     instances: tuple[InstanceView, ...]
     relation: AskedRelation | None
     nearest: tuple[NearMiss, ...]
+    more: int | None = 0
     count: int | None = field(default=None, metadata={"optional": True})
     count_at_most: int | None = field(default=None, metadata={"optional": True})
 
 
 @dataclass(frozen=True)
-class Candidate:
-    """An instance in one of its states, and the relations by which it fits."""
+class Found:
+    """What fits: the candidates listed, with all their relations; how many instances fit besides (`None`: not counted),
+    and how many of all surely stood there.
+    """
 
-    instance: StoredInstance
-    state: StateRecord
-    relations: tuple[RelationView, ...] = ()
+    candidates: list[Candidate]
+    more: int | None
+    sure: int
 
 
-def answer(text: str, reader: MapReader, at: str | None = None) -> Answer:
-    """Answer a question; `at` asks it as of a time or a traversal.
+@dataclass(frozen=True)
+class Perhaps:
+    """Those of which nobody can say whether they stood there: the first few, and how many there are of `looked_at`
+    (`None`: of all).
+    """
+
+    told: list[StoredInstance]
+    count: int
+    looked_at: int | None
+
+
+def answer(text: str, reader: MapReader, at: str | None = None, limit: int = LISTED) -> Answer:
+    """Answer a question, and list so many instances at most; `at` asks it as of a time or a traversal.
 
     Raises `QueryError` if it is not understood, or speaks of another time itself.
     """
@@ -100,25 +119,28 @@ def answer(text: str, reader: MapReader, at: str | None = None) -> Answer:
     if at is not None and question.time.said:
         raise QueryError("the question names a time of its own", where=text, cure="leave out --at, or the words")
     moment = moment_of(question.time, reader, clock) if at is None else moment_at(instant_of(at, reader, clock))
-    resolver = Resolver(reader, moment, clock)
-    found = resolver.find(question.things)
-    instances = resolver.views(found)
-    perhaps = resolver.perhaps(question.things, instances)
+    resolver = Resolver(reader, moment, clock, limit)
+    counting = question.intent == "count"
+    found = resolver.find(question.things, counting=counting)
+    instances = resolver.views(found.candidates)
+    perhaps = resolver.perhaps(question.things, instances, counting=counting)
     nearest = () if instances else resolver.nearest(question.things)
-    resolver.note_time(question, found, at)
-    count = sum(each.presence != "unknown" for each in instances) if question.intent == "count" else None
-    at_most = len(instances) + len(perhaps)
+    resolver.note_time(question, found.candidates, at)
+    count = found.sure if counting else None
+    at_most = len(instances) + (found.more or 0) + perhaps.count
+    when = moment.text if at else None
     return Answer(
         query=text,
         intent=question.intent,
         time=moment.text,
-        message=wording.found(question, instances, moment.text if at else None)
+        message=wording.found(question, instances, found, when)
         if instances
-        else wording.nothing(question, nearest, resolver.missing(question.things), moment.text if at else None),
+        else wording.nothing(question, nearest, resolver.missing(question.things), when),
         notes=tuple(dict.fromkeys([*resolver.notes, *resolver.notes_of(perhaps)])),
         instances=instances,
         relation=resolver.asked(question.things.relation),
         nearest=nearest,
+        more=found.more,
         count=count,
         count_at_most=at_most if count is not None and at_most > count else None,
     )
@@ -127,68 +149,107 @@ def answer(text: str, reader: MapReader, at: str | None = None) -> Answer:
 class Resolver:
     """Resolves noun phrases and relations at one moment of one map."""
 
-    def __init__(self, reader: MapReader, moment: Moment, clock: Clock) -> None:
+    def __init__(self, reader: MapReader, moment: Moment, clock: Clock, limit: int = LISTED) -> None:
         self.reader = reader
         self.moment = moment
         self.clock = clock
+        self.limit = limit
         self.notes: list[str] = []
+        self._by_id = cache(self._find_id)
+        self._labels = cache(self._find_labels)
 
-    def find(self, things: Things, *, as_reference: bool = False) -> list[Candidate]:
-        """Every state that fits a phrase; as a reference, states of any time (see `Moment.reference_states`)."""
-        labels = self._wanted_labels(things.noun)
-        states_of = self.moment.reference_states if as_reference else self.moment.states
-        candidates = [
-            Candidate(instance, state)
-            for instance in self._called(things)
-            for state in states_of(instance)
-            if labels is None or label_in(instance, state) in labels
-        ]
-        return candidates if things.relation is None else self._related(candidates, things.relation)
+    def find(self, things: Things, *, counting: bool) -> Found:
+        """The instances that fit a phrase, as many as are listed; all of them are counted if that is asked for, or
+        if the labels' index knows their number.
+        """
+        pool = self._called(things)
+        relating = None if things.relation is None else self._relating(things.relation)
+        known = self._counted(pool) if relating is None else None
+        numbers: set[int] = set()
+        listed: dict[int, Basis] = {}
+        sure, complete = 0, True
+        for basis, each in _matches(pool, relating):
+            number = each.instance.number
+            if number in numbers:
+                continue
+            if len(listed) == self.limit and (known is not None or not counting):
+                complete = False
+                break
+            numbers.add(number)
+            standing = self.standing(each.instance)
+            sure += standing is None or standing.presence != "unknown"
+            if len(listed) < self.limit:
+                listed[number] = basis
+        if known is not None and not complete:
+            return Found(self._complete(pool, relating, listed), known - len(listed), known)
+        more = len(numbers) - len(listed) if complete else None
+        return Found(self._complete(pool, relating, listed), more, sure)
 
     def views(self, found: Iterable[Candidate]) -> tuple[InstanceView, ...]:
         """The candidates by instance, the newest state that fits first in charge of where it is."""
         by_instance: dict[int, list[Candidate]] = {}
         for candidate in found:
             by_instance.setdefault(candidate.instance.number, []).append(candidate)
-        return tuple(self._view(candidates) for _, candidates in sorted(by_instance.items()))
+        whole = {each.number: each for each in self.reader.instances_of(list(by_instance))}
+        return tuple(self._view(whole[number], candidates) for number, candidates in sorted(by_instance.items()))
 
     def asked(self, related: RelatedTo | None) -> AskedRelation | None:
         """The question's relation, and what it was measured against."""
         if related is None:
             return None
-        references = dict.fromkeys(each.instance.id for each in self.find(related.reference, as_reference=True))
-        return AskedRelation(related.name, related.reference.noun or "anything", tuple(references))
+        references: dict[int, str] = {}
+        pool = self._pool(related.reference, as_reference=True)
+        for each in chain.from_iterable(pool.parts()):
+            if len(references) == self.limit and each.instance.number not in references:
+                break
+            references[each.instance.number] = each.instance.id
+        else:
+            return AskedRelation(related.name, related.reference.noun or "anything", _in_order(references))
+        return AskedRelation(related.name, related.reference.noun or "anything", _in_order(references), more=True)
 
     def nearest(self, things: Things) -> tuple[NearMiss, ...]:
         """What nearly fits: out of the relation's reach, at another time, or perhaps of that label."""
         if (missing := self.missing(things)) is not None:
-            return self._perhaps_called(missing)
-        called = self._called(things)
-        if things.relation is not None and (misses := self._too_far(called, things.relation)):
+            doubtful = perhaps_called(self.reader, missing)
+            return tuple(self._miss(each, each.states[-1], reason) for each, reason in doubtful)
+        if things.relation is not None and (misses := self._too_far(things, things.relation)):
             return misses
-        known = [each for each in called if each.states]
+        known = self._first_called(things)
         return tuple(self._miss(each, each.states[-1], self.whereabouts(each)) for each in known[:NEAREST])
 
     def missing(self, things: Things) -> str | None:
         """The first noun of a phrase that nothing in the map was ever called."""
-        if things.noun is not None and not self._called(things):
+        if things.noun is not None and self._by_id(things.noun) is None and not self._labels(things.noun).labels:
             return things.noun
         return None if things.relation is None else self.missing(things.relation.reference)
 
-    def perhaps(self, things: Things, found: Iterable[InstanceView]) -> list[StoredInstance]:
+    def perhaps(self, things: Things, found: Iterable[InstanceView], *, counting: bool) -> Perhaps:
         """Those of a name of which nobody can say whether they stood there at the time: they were seen later, and their
         place had not been seen empty before; or they were on their way. Of relations nothing is guessed.
         """
         if self.moment.kind != "at" or things.relation is not None:
-            return []
+            return Perhaps([], 0, None)
         told = {each.id for each in found}
-        unsure = [each for each in self._called(things) if each.id not in told]
-        return [each for each in unsure if (known := self.standing(each)) is not None and known.presence == "unknown"]
+        unsure: dict[int, StoredInstance] = {}
+        count = 0
+        for looked_at, each in enumerate(self._lives(things)):
+            if looked_at == LOOKED_AT and not counting:
+                return Perhaps(_by_number(unsure), count, LOOKED_AT)
+            standing = self.standing(each)
+            if each.id not in told and standing is not None and standing.presence == "unknown":
+                count += 1
+                unsure[each.number] = each
+                if len(unsure) > LOOKED_AT:
+                    unsure.pop(max(unsure))
+        return Perhaps(_by_number(unsure), count, None)
 
-    def notes_of(self, perhaps: Sequence[StoredInstance]) -> list[str]:
+    def notes_of(self, perhaps: Perhaps) -> list[str]:
         """What is known of those that perhaps stood there."""
-        told = [f"{each.id}: {self.whereabouts(each)}" for each in perhaps[:NOTED]]
-        return told + ([f"the same of {len(perhaps) - NOTED} more"] if len(perhaps) > NOTED else [])
+        told = [f"{each.id}: {self.whereabouts(each)}" for each in perhaps.told[:NOTED]]
+        if perhaps.count > NOTED:
+            of = "" if perhaps.looked_at is None else f", of the {perhaps.looked_at} seen last"
+            told.append(f"the same of {perhaps.count - NOTED} more{of}")
+        return told
 
     def standing(self, instance: StoredInstance) -> Standing | None:
         """What is known of an instance at the moment, if that is one time."""
@@ -243,7 +304,7 @@ class Resolver:
             known = ", ".join(f"{each.number} {each.name}" for each in self.reader.traversals) or "none"
             self.notes.append(f"no traversal is called '{name}' either; there are: {known}")
 
-    def _by_id(self, noun: str) -> StoredInstance | None:
+    def _find_id(self, noun: str) -> StoredInstance | None:
         """The instance that a noun names by its id."""
         instance = self.reader.instance(noun)
         if instance is None or instance.presence == "doubted":
@@ -252,105 +313,75 @@ class Resolver:
             self.notes.append(f"{noun} is part of {instance.id} today")
         return instance
 
-    def _wanted_labels(self, noun: str | None) -> frozenset[str] | None:
-        """The labels a noun stands for; `None` where any will do: without a noun, or if it is an id."""
-        return None if noun is None or self._by_id(noun) is not None else self._labels(noun).labels
-
-    def _called(self, things: Things) -> list[StoredInstance]:
-        if things.noun is None:
-            return list(self.reader.believed)
-        if (named := self._by_id(things.noun)) is not None:
-            return [named]
-        match = self._labels(things.noun)
-        return [
-            each
-            for each in self.reader.believed
-            if each.label in match.labels or any(state.label in match.labels for state in each.states)
-        ]
-
-    def _labels(self, noun: str) -> LabelMatch:
-        labels = {each.label for each in self.reader.believed}
-        labels |= {state.label for each in self.reader.believed for state in each.states}
-        match = match_labels(noun, labels)
+    def _find_labels(self, noun: str) -> LabelMatch:
+        match = match_labels(noun, self.reader.finder.labels())
         if match.note:
             self.notes.append(match.note)
         return match
 
-    def _related(self, candidates: list[Candidate], related: RelatedTo) -> list[Candidate]:
-        """Those that stand in the relation by stored edges; only if none does, by their boxes."""
-        references = self.find(related.reference, as_reference=True)
-        for find_relation in (self._stored_relation, self._boxes_relation):
-            found = []
-            for candidate in candidates:
-                views = [
-                    view
-                    for reference in references
-                    if reference.instance.number != candidate.instance.number
-                    and (span := self._together(candidate, reference)) is not None
-                    and (view := find_relation(related.name, candidate, reference, span)) is not None
-                ]
-                if views:
-                    found.append(Candidate(candidate.instance, candidate.state, tuple(views)))
-            if found:
-                return found
-        return []
+    def _called(self, things: Things, *, as_reference: bool = False, ever: bool = False) -> Called:
+        """All that a noun may mean; its relation is not looked at."""
+        if things.noun is None:
+            return Called(self.reader, self.moment, None, None, as_reference, ever)
+        if (named := self._by_id(things.noun)) is not None:
+            return Called(self.reader, self.moment, None, named.number, as_reference, ever)
+        return Called(self.reader, self.moment, self._labels(things.noun).labels, None, as_reference, ever)
 
-    def _together(self, candidate: Candidate, reference: Candidate) -> Span | None:
-        return self.moment.span_of((candidate.state, candidate.instance), (reference.state, reference.instance))
+    def _pool(self, things: Things, *, as_reference: bool = False) -> Pool:
+        """All that fit a phrase."""
+        called = self._called(things, as_reference=as_reference)
+        return called if things.relation is None else self._relating(things.relation).among(called)
 
-    def _stored_relation(
-        self, name: RelationName, candidate: Candidate, reference: Candidate, span: Span
-    ) -> RelationView | None:
-        for form in STORED_FORMS[name]:
-            ends = (candidate.instance.number, reference.instance.number)
-            subject, obj = ends[::-1] if form.turned else ends
-            for edge in self.reader.edges_of([subject]):
-                if (edge.subject, edge.relation, edge.object) != (subject, form.relation, obj):
-                    continue
-                if not span.touches(edge.since_ns, edge.until_ns):
-                    continue
-                if form.checked and not holds(name, candidate.state.box, reference.state.box):
-                    continue
-                return RelationView(
-                    name=name,
-                    subject=candidate.instance.id,
-                    object=reference.instance.id,
-                    basis="stored",
-                    stored_as=f"{edge.relation}({self.reader.text_ids[subject]}, {self.reader.text_ids[obj]})",
-                    since_ns=edge.since_ns,
-                    until_ns=edge.until_ns,
-                    distance_m=_distance_m(candidate.state, reference.state),
-                    confidence=round(edge.confidence, 4),
-                )
-        return None
+    def _relating(self, related: RelatedTo) -> Relating:
+        return Relating(self.reader, self.moment, related.name, self._pool(related.reference, as_reference=True))
 
-    def _boxes_relation(
-        self, name: RelationName, candidate: Candidate, reference: Candidate, span: Span
-    ) -> RelationView | None:
-        if not holds(name, candidate.state.box, reference.state.box):
+    def _counted(self, pool: Called) -> int | None:
+        """How many fit, where the labels' index knows it."""
+        if pool.number is not None or self.moment.kind not in {"now", "last"}:
             return None
-        since_ns = max(candidate.state.first_seen_ns, reference.state.first_seen_ns)
-        return RelationView(
-            name=name,
-            subject=candidate.instance.id,
-            object=reference.instance.id,
-            basis="boxes",
-            stored_as=None,
-            since_ns=since_ns,
-            until_ns=None if span.high_ns == float("inf") else int(span.high_ns),
-            distance_m=_distance_m(candidate.state, reference.state),
-            confidence=round(candidate.state.confidence * reference.state.confidence, 4),
+        return self.reader.finder.count(pool.labels, ["present"] if self.moment.kind == "now" else BELIEVED)
+
+    def _complete(self, pool: Called, relating: Relating | None, listed: dict[int, Basis]) -> list[Candidate]:
+        candidates = pool.among(listed)
+        return (
+            candidates if relating is None or not listed else relating.complete(candidates, next(iter(listed.values())))
         )
 
-    def _view(self, candidates: list[Candidate]) -> InstanceView:
+    def _lives(self, things: Things) -> Iterator[StoredInstance]:
+        """All that were ever called so."""
+        return self._called(things, ever=True).lives()
+
+    def _first_called(self, things: Things) -> list[StoredInstance]:
+        """The first few that were ever called so, and stood somewhere."""
+        if things.noun is not None and (named := self._by_id(things.noun)) is not None:
+            return [named] if named.states else []
+        labels = None if things.noun is None else self._labels(things.noun).labels
+        numbers = self.reader.finder.first_called(labels, NEAREST)
+        numbers += [] if labels is None else self.reader.finder.once_called(labels)
+        return _by_number(self.reader.lives_of(sorted(numbers)[:NEAREST]))
+
+    def _too_far(self, things: Things, related: RelatedTo) -> tuple[NearMiss, ...]:
+        """The pairs that come closest to the relation, by their boxes' distance."""
+        apart = closest(self.reader, self._called(things, ever=True), self._pool(related.reference))
+        return tuple(
+            self._miss(
+                each.candidate.instance,
+                each.candidate.state,
+                f"{each.distance_m:.2f} m from {each.reference.instance.id}, not {related.name} it",
+                each.distance_m,
+            )
+            for each in apart
+        )
+
+    def _view(self, instance: StoredInstance, candidates: list[Candidate]) -> InstanceView:
         newest = max(candidates, key=lambda each: each.state.index)
-        instance, states = newest.instance, tuple(each.state for each in candidates)
+        states = tuple(each.state for each in candidates)
         spans = support_spans(states)
         of_traversal = None if self.moment.traversal is None else {self.moment.traversal.id}
         standing = self.standing(instance)
         return InstanceView(
             id=instance.id,
-            label=label_in(instance, newest.state),
+            label=label_in(newest.instance, newest.state),
             presence=instance.presence if standing is None else standing.presence,
             position=vector(newest.state.centroid_map),
             box=box_view(newest.state.box),
@@ -360,44 +391,6 @@ class Resolver:
             evidence=evidence_view(self.reader, instance, spans, of_traversal),
             standing=None if standing is None else standing_view(standing, int(self.moment.low_ns), self.clock),
         )
-
-    def _too_far(self, called: list[StoredInstance], related: RelatedTo) -> tuple[NearMiss, ...]:
-        """The pairs that come closest to the relation, by their boxes' distance."""
-        references = self.find(related.reference)
-        pairs = [
-            (box_distance_m(state.box, other.state.box), instance, state, other)
-            for instance in called
-            for state in self.moment.states(instance)[-1:]
-            for other in references
-            if other.instance.number != instance.number
-        ]
-        closest: dict[int, NearMiss] = {}
-        for distance_m, instance, state, other in sorted(pairs, key=lambda pair: (pair[0], pair[1].number)):
-            reason = f"{distance_m:.2f} m from {other.instance.id}, not {related.name} it"
-            closest.setdefault(instance.number, self._miss(instance, state, reason, distance_m))
-        return tuple(closest.values())[:NEAREST]
-
-    def _perhaps_called(self, noun: str) -> tuple[NearMiss, ...]:
-        """Objects that may have that label after all, and labels that are spelt nearly so."""
-        vocabulary = load_vocabulary()
-        names = vocabulary.names_of(vocabulary.normalise(noun))
-        doubtful = [
-            (share, label, each)
-            for each in self.reader.believed
-            for label, share in each.label_belief.items()
-            if share >= LABEL_DOUBT and vocabulary.normalise(label) in names and each.states
-        ]
-        doubtful.sort(key=lambda entry: -entry[0])
-        misses = [
-            self._miss(each, each.states[-1], f"may be a {label} ({share:.0%})") for share, label, each in doubtful
-        ]
-        close = get_close_matches(vocabulary.normalise(noun), {each.label for each in self.reader.believed}, 1, 0.75)
-        misses += [
-            self._miss(each, each.states[-1], f"did you mean '{each.label}'?")
-            for each in self.reader.believed
-            if each.label in close and each.states
-        ]
-        return tuple(misses[:NEAREST])
 
     def _miss(
         self, instance: StoredInstance, state: StateRecord, reason: str, distance_m: float | None = None
@@ -409,10 +402,15 @@ class Resolver:
         return NearMiss(instance.id, instance.label, presence, position, box, reason, rounded)
 
 
-def label_in(instance: StoredInstance, state: StateRecord) -> str:
-    """What an instance is called in one of its states: in the newest, what it is called today."""
-    return instance.label if state is instance.states[-1] else state.label
+def _matches(pool: Pool, relating: Relating | None) -> Iterator[tuple[Basis, Candidate]]:
+    if relating is not None:
+        return relating.matches(pool)
+    return (("stored", each) for each in chain.from_iterable(pool.parts()))
 
 
-def _distance_m(first: StateRecord, second: StateRecord) -> float:
-    return round(box_distance_m(first.box, second.box), 4)
+def _by_number(instances: dict[int, StoredInstance]) -> list[StoredInstance]:
+    return [instance for _, instance in sorted(instances.items())]
+
+
+def _in_order(references: dict[int, str]) -> tuple[str, ...]:
+    return tuple(text_id for _, text_id in sorted(references.items()))

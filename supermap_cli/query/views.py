@@ -19,6 +19,9 @@ from supermap_cli.query.standing import Known, StandingView
 from supermap_cli.types.memory import Presence, StateRecord, TemporalEdge
 
 Vector = tuple[float, float, float]
+LISTED = 50
+"""How many instances an answer lists, if it is not told otherwise."""
+
 SAMPLE = 8
 """How many observations stand for all of them in an answer: the first, the last, and the best between."""
 

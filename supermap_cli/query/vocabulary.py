@@ -35,6 +35,15 @@ class Vocabulary:
                 return word[: len(word) - len(ending)] + replacement
         return word
 
+    def forms_of(self, names: Iterable[str]) -> frozenset[str]:
+        """Names as they may be written: as they are, and in plurals that no rule makes."""
+        irregular = {(singular, plural) for plural, singular in self.irregular.items()}
+        forms = set(names)
+        for name in names:
+            words = name.split()
+            forms |= {" ".join([*words[:-1], plural]) for singular, plural in irregular if words[-1:] == [singular]}
+        return frozenset(forms)
+
     def names_of(self, name: str) -> frozenset[str]:
         """A normalised name with all its synonyms."""
         return self.same.get(name, frozenset((name,)))

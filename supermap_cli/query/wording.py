@@ -24,15 +24,31 @@ class Miss(Protocol):
         ...
 
 
-def found(question: Question, instances: Sequence[InstanceView], when: str | None = None) -> str:
+class All(Protocol):
+    """How many fit."""
+
+    @property
+    def more(self) -> int | None:
+        """Besides those listed; `None` where they were not counted."""
+        ...
+
+    @property
+    def sure(self) -> int:
+        """Of those that surely stood there."""
+        ...
+
+
+def found(question: Question, instances: Sequence[InstanceView], counted: All, when: str | None = None) -> str:
     """The sentence where something fits; `when` is its time, where the question does not say it."""
     sure = ", ".join(each.id for each in instances if each.presence != "unknown")
     unsure = ", ".join(each.id for each in instances if each.presence == "unknown")
     ids = "; perhaps ".join(each for each in (sure, unsure) if each) if sure else f"perhaps {unsure}"
+    if counted.more != 0:
+        ids += " and more" if counted.more is None else f" and {counted.more} more"
     basis = _basis(instances)
     match question.intent:
         case "count":
-            return f"{sum(each.presence != 'unknown' for each in instances)} ({ids}){basis}"
+            return f"{counted.sure} ({ids}){basis}"
         case "exists":
             return f"{'yes: ' if sure else ''}{ids}{basis}"
         case "find":

@@ -1,0 +1,157 @@
+"""Which candidates stand in a relation to which references: by stored edges, and only if none does, by their boxes."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass, replace
+from typing import Literal
+
+from supermap_cli.memory.reading import MapReader
+from supermap_cli.query.candidates import Candidate, Listed, Pool
+from supermap_cli.query.moments import Moment, Span
+from supermap_cli.query.relations import REACH, STORED_FORMS, RelationName, box_distance_m, holds
+from supermap_cli.query.views import RelationView
+from supermap_cli.types.memory import SpatialEdge, StateRecord
+
+Basis = Literal["stored", "boxes"]
+BASES: tuple[Basis, ...] = ("stored", "boxes")
+
+
+class Links:
+    """Which pairs of instances are worth a look, and the stored edges between each of them, in the order of writing."""
+
+    def __init__(self) -> None:
+        self.partners: dict[int, set[int]] = defaultdict(set)
+        self._edges: dict[tuple[int, str, int], list[SpatialEdge]] = defaultdict(list)
+
+    def add_pair(self, one: int, other: int) -> None:
+        """Both ways."""
+        self.partners[one].add(other)
+        self.partners[other].add(one)
+
+    def add_edge(self, edge: SpatialEdge) -> None:
+        """With its two ends as a pair."""
+        self._edges[edge.subject, edge.relation, edge.object].append(edge)
+        self.add_pair(edge.subject, edge.object)
+
+    def edges(self, subject: int, relation: str, obj: int) -> list[SpatialEdge]:
+        """Those between two instances."""
+        return self._edges.get((subject, relation, obj), [])
+
+
+@dataclass(frozen=True)
+class Relating:
+    """One relation of a question, at one moment of a map."""
+
+    reader: MapReader
+    moment: Moment
+    name: RelationName
+    references: Pool
+
+    def matches(self, candidates: Pool) -> Iterator[tuple[Basis, Candidate]]:
+        """All that fit, some more than once, with some of their relations: whichever pool is smaller is gone through,
+        and the other is asked for its neighbours only.
+        """
+        from_references = self.references.size() < candidates.size()
+        for basis in BASES:
+            found = False
+            for part in (self.references if from_references else candidates).parts():
+                numbers = {each.instance.number for each in part}
+                links = self._links(numbers, basis)
+                partners = {partner for number in numbers for partner in links.partners.get(number, ())}
+                if from_references:
+                    related = self._related(candidates.among(partners), part, links, basis)
+                else:
+                    related = self._related(part, self.references.among(partners), links, basis)
+                for each in related:
+                    found = True
+                    yield basis, each
+            if found:
+                return
+
+    def complete(self, candidates: list[Candidate], basis: Basis) -> list[Candidate]:
+        """Those of the candidates that fit, with all their relations."""
+        numbers = {each.instance.number for each in candidates}
+        links = self._links(numbers, basis)
+        partners = {partner for number in numbers for partner in links.partners.get(number, ())}
+        return self._related(candidates, self.references.among(partners), links, basis)
+
+    def among(self, candidates: Pool) -> Listed:
+        """All that fit, as a pool of its own."""
+        found = {each.key: replace(each, relations=()) for _, each in self.matches(candidates)}
+        return Listed([each for _, each in sorted(found.items())])
+
+    def _links(self, numbers: Collection[int], basis: Basis) -> Links:
+        links = Links()
+        if basis == "boxes":
+            for pair in self.reader.finder.near(numbers, REACH[self.name]):
+                links.add_pair(*pair)
+        else:
+            for edge in self.reader.edges_of(numbers, {form.relation for form in STORED_FORMS[self.name]}):
+                links.add_edge(edge)
+        return links
+
+    def _related(
+        self, candidates: list[Candidate], references: list[Candidate], links: Links, basis: Basis
+    ) -> list[Candidate]:
+        by_number: dict[int, list[Candidate]] = defaultdict(list)
+        for each in sorted(references, key=lambda each: each.key):
+            by_number[each.instance.number].append(each)
+        found = []
+        for candidate in candidates:
+            linked = sorted(links.partners.get(candidate.instance.number, set()) - {candidate.instance.number})
+            pairs = ((candidate, reference) for number in linked for reference in by_number.get(number, ()))
+            views = [view for pair in pairs if (view := self._view(*pair, links, basis)) is not None]
+            if views:
+                found.append(replace(candidate, relations=tuple(views)))
+        return found
+
+    def _view(self, candidate: Candidate, reference: Candidate, links: Links, basis: Basis) -> RelationView | None:
+        """The relation of two states that hold together at some time of the moment."""
+        span = self.moment.span_of((candidate.state, candidate.instance), (reference.state, reference.instance))
+        if span is None:
+            return None
+        if basis == "boxes":
+            return self._by_boxes(candidate, reference, span)
+        return self._by_edges(candidate, reference, span, links)
+
+    def _by_edges(self, candidate: Candidate, reference: Candidate, span: Span, links: Links) -> RelationView | None:
+        for form in STORED_FORMS[self.name]:
+            subject, obj = (reference, candidate) if form.turned else (candidate, reference)
+            for edge in links.edges(subject.instance.number, form.relation, obj.instance.number):
+                if not span.touches(edge.since_ns, edge.until_ns):
+                    continue
+                if form.checked and not holds(self.name, candidate.state.box, reference.state.box):
+                    continue
+                return RelationView(
+                    name=self.name,
+                    subject=candidate.instance.id,
+                    object=reference.instance.id,
+                    basis="stored",
+                    stored_as=f"{edge.relation}({subject.instance.id}, {obj.instance.id})",
+                    since_ns=edge.since_ns,
+                    until_ns=edge.until_ns,
+                    distance_m=_distance_m(candidate.state, reference.state),
+                    confidence=round(edge.confidence, 4),
+                )
+        return None
+
+    def _by_boxes(self, candidate: Candidate, reference: Candidate, span: Span) -> RelationView | None:
+        if not holds(self.name, candidate.state.box, reference.state.box):
+            return None
+        return RelationView(
+            name=self.name,
+            subject=candidate.instance.id,
+            object=reference.instance.id,
+            basis="boxes",
+            stored_as=None,
+            since_ns=max(candidate.state.first_seen_ns, reference.state.first_seen_ns),
+            until_ns=None if span.high_ns == float("inf") else int(span.high_ns),
+            distance_m=_distance_m(candidate.state, reference.state),
+            confidence=round(candidate.state.confidence * reference.state.confidence, 4),
+        )
+
+
+def _distance_m(first: StateRecord, second: StateRecord) -> float:
+    return round(box_distance_m(first.box, second.box), 4)
