@@ -1,0 +1,170 @@
+"""A building of any size: rooms in rows, each furnished by a plan, so that things stand as densely in all of them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from supermap_cli.geometry.boxes import Box3D
+
+ROOM_M = 6.0
+"""A room's edge: 18 things on 36 square metres, one for every two."""
+
+Point = tuple[float, float, float]
+
+SIZES: dict[str, Point] = {
+    "chair": (0.5, 0.5, 0.9),
+    "desk": (1.6, 0.8, 0.75),
+    "dining table": (1.8, 0.9, 0.75),
+    "monitor": (0.6, 0.2, 0.45),
+    "laptop": (0.35, 0.25, 0.03),
+    "keyboard": (0.45, 0.15, 0.03),
+    "cup": (0.08, 0.08, 0.1),
+    "book": (0.2, 0.15, 0.03),
+    "lamp": (0.2, 0.2, 0.45),
+    "vase": (0.15, 0.15, 0.3),
+    "globe": (0.3, 0.3, 0.4),
+    "printer": (0.5, 0.4, 0.4),
+    "cabinet": (0.9, 0.45, 1.8),
+    "bookshelf": (1.0, 0.35, 2.0),
+    "potted plant": (0.4, 0.4, 0.9),
+    "trash can": (0.3, 0.3, 0.4),
+    "whiteboard": (1.8, 0.05, 1.2),
+    "tv": (1.2, 0.08, 0.7),
+    "couch": (1.9, 0.9, 0.8),
+    "backpack": (0.35, 0.25, 0.5),
+    "refrigerator": (0.7, 0.7, 1.8),
+    "microwave": (0.5, 0.35, 0.3),
+    "bottle": (0.08, 0.08, 0.25),
+    "sink": (0.6, 0.5, 0.2),
+    "clock": (0.3, 0.05, 0.3),
+    "piano": (1.5, 0.6, 1.2),
+    "aquarium": (1.2, 0.5, 0.6),
+}
+"""How large a thing of a class is, in metres."""
+
+RARE = ("piano", "aquarium", "globe", "vase")
+"""Classes of which a building has `RARE_OF_EACH`, however large it is."""
+RARE_OF_EACH = 4
+
+Spot = tuple[str, float, float, float]
+"""A class, and where its box's middle lies on the floor and how high its underside, in a room."""
+
+
+def _office(x: float, y: float) -> tuple[Spot, ...]:
+    """A desk with what belongs to it."""
+    on_top = SIZES["desk"][2]
+    return (
+        ("desk", x, y, 0.0),
+        ("chair", x, y - 0.75, 0.0),
+        ("monitor", x, y + 0.2, on_top),
+        ("keyboard", x - 0.1, y - 0.15, on_top),
+        ("cup", x + 0.6, y - 0.1, on_top),
+    )
+
+
+def _around(x: float, y: float) -> tuple[Spot, ...]:
+    """A table with six chairs."""
+    sides = [(dx, dy) for dx in (-0.6, 0.0, 0.6) for dy in (-0.8, 0.8)]
+    return (("dining table", x, y, 0.0), *(("chair", x + dx, y + dy, 0.0) for dx, dy in sides))
+
+
+PLANS: tuple[tuple[Spot, ...], ...] = (
+    (
+        *(*_office(1.3, 1.6), *_office(4.5, 1.6), *_office(1.3, 4.6)),
+        ("cabinet", 5.4, 5.6, 0.0),
+        ("potted plant", 4.0, 5.0, 0.0),
+        ("lamp", 1.9, 4.7, SIZES["desk"][2]),
+    ),
+    (
+        *(*_around(1.8, 1.8), *_around(4.2, 4.2)),
+        ("tv", 3.0, 5.9, 1.0),
+        ("whiteboard", 5.0, 5.9, 0.8),
+        ("laptop", 4.2, 4.2, SIZES["dining table"][2]),
+        ("potted plant", 0.5, 5.4, 0.0),
+    ),
+    (
+        *_around(2.0, 2.0),
+        *(("bottle", 1.6, 2.0, 0.75), ("cup", 2.0, 2.2, 0.75), ("cup", 2.4, 1.9, 0.75)),
+        *(("refrigerator", 5.5, 0.6, 0.0), ("cabinet", 5.5, 1.6, 0.0), ("microwave", 5.5, 1.6, 1.8)),
+        *(("sink", 5.5, 2.6, 0.8), ("trash can", 5.6, 3.4, 0.0), ("couch", 2.0, 5.2, 0.0)),
+        *(("potted plant", 3.6, 5.2, 0.0), ("clock", 3.0, 5.95, 2.0)),
+    ),
+    (
+        *_office(1.3, 1.6),
+        *(("bookshelf", 0.7 + 1.1 * i, 5.7, 0.0) for i in range(4)),
+        *(("book", 0.7 + 1.1 * i, 5.6, 2.0) for i in range(4)),
+        *(("printer", 4.5, 2.0, 0.0), ("trash can", 4.5, 2.6, 0.0), ("backpack", 1.9, 2.3, 0.0)),
+        *(("lamp", 1.9, 1.9, 0.75), ("potted plant", 5.4, 5.4, 0.0)),
+    ),
+)
+"""Offices, a meeting room, a kitchen, a library: 18 things each."""
+
+IN_A_ROOM = len(PLANS[0])
+
+
+@dataclass(frozen=True)
+class Thing:
+    """A thing where it stands at first; `room` counts the rooms from 0."""
+
+    number: int
+    label: str
+    room: int
+    box: Box3D
+
+
+def rooms_for(things: int) -> int:
+    """How many rooms so many things need."""
+    return max(math.ceil(things / IN_A_ROOM), 1)
+
+
+def furnish(things: int, rng: np.random.Generator) -> Iterator[Thing]:
+    """That many things, room by room."""
+    rooms = rooms_for(things)
+    columns = math.ceil(math.sqrt(rooms))
+    rare = _rare_rooms(rooms)
+    for room in range(rooms):
+        corner = ROOM_M * np.array([room % columns, room // columns, 0.0])
+        spots = _with_rare(_plan_of(room), rare.get(room, ()))
+        for place in range(min(IN_A_ROOM, things - room * IN_A_ROOM)):
+            label, x, y, bottom = spots[place]
+            size = np.array(SIZES[label]) * rng.uniform(0.95, 1.05)
+            shift = (*rng.uniform(-0.04, 0.04, 2), size[2] / 2)
+            center = corner + np.array([x, y, bottom]) + shift
+            yield Thing(room * IN_A_ROOM + place + 1, label, room, Box3D(center, size, float(rng.uniform(-0.1, 0.1))))
+
+
+def moved(thing: Thing, box: Box3D, rng: np.random.Generator) -> Thing:
+    """A thing that was put somewhere else in its room."""
+    step = np.array([*rng.uniform(0.3, 1.2, 2) * rng.choice([-1, 1], 2), 0.0])
+    return replace(thing, box=Box3D(box.center + step, box.size, float(rng.uniform(-np.pi, np.pi))))
+
+
+def _plan_of(room: int) -> tuple[Spot, ...]:
+    return PLANS[room % len(PLANS)]
+
+
+def _rare_rooms(rooms: int) -> dict[int, tuple[str, ...]]:
+    """The rooms that hold a rare thing: offices, spread over the building."""
+    offices = [room for room in range(rooms) if room % len(PLANS) == 0]
+    chosen: dict[int, tuple[str, ...]] = {}
+    for at, label in enumerate(RARE):
+        for i in range(RARE_OF_EACH):
+            room = offices[(len(offices) * (i * len(RARE) + at)) // (RARE_OF_EACH * len(RARE)) % len(offices)]
+            chosen[room] = (*chosen.get(room, ()), label)
+    return chosen
+
+
+def _with_rare(spots: tuple[Spot, ...], rare: tuple[str, ...]) -> tuple[Spot, ...]:
+    """Rare things take the places of others: small ones a cup's, large ones the plant's or the cabinet's."""
+    free = {"cup": [at for at, spot in enumerate(spots) if spot[0] == "cup"], "potted plant": [16, 15]}
+    changed = list(spots)
+    for label in rare:
+        place = "cup" if SIZES[label][0] < 0.5 else "potted plant"
+        if free[place]:
+            at = free[place].pop(0)
+            changed[at] = (label, *spots[at][1:])
+    return tuple(changed)
