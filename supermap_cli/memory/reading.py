@@ -19,7 +19,7 @@ from supermap_cli.geometry.arrays import FloatArray, IntArray
 from supermap_cli.memory import blobs, rows
 from supermap_cli.memory.databases import Database
 from supermap_cli.memory.finding import Finder
-from supermap_cli.memory.numbers import batches
+from supermap_cli.memory.numbers import BATCH, batches
 from supermap_cli.memory.values import ObservationRef, Sighting, StoredInstance, StoredTraversal, StoredVisit
 from supermap_cli.types.memory import SpatialEdge, StateRecord, TemporalEdge, VoxelCloud
 from supermap_schema import models
