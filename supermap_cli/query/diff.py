@@ -1,53 +1,35 @@
-"""What changed between two traversals, and what nobody can say.
-
-Only a contradiction makes a disappearance, and only a place seen empty before makes an appearance: what was merely not
-seen is "not observed again" or "first observed".
-"""
+"""What changed between two traversals or times, and what nobody can say (the judgement itself: `verdicts`)."""
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Literal
-
-import numpy as np
+from collections import Counter, defaultdict
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 
 from supermap_cli.errors import QueryError
+from supermap_cli.memory.pictures import Crop, crops_of
 from supermap_cli.memory.reading import MapReader
-from supermap_cli.memory.values import ObservationRef, StoredInstance, StoredTraversal
-from supermap_cli.query.instants import find_traversal
+from supermap_cli.memory.values import ObservationRef, StoredInstance
+from supermap_cli.query.clock import clock_of
+from supermap_cli.query.instants import Instant, instant_of, of_traversal
+from supermap_cli.query.naming import Name, by_traversal, name_by, sure_name
+from supermap_cli.query.verdicts import KINDS, Case, ChangeKind, Ends, Verdict, distance, ends_of
 from supermap_cli.query.views import (
     EvidenceView,
+    IntervalView,
     TraversalView,
     Vector,
-    evidence_view,
+    evidence_of,
+    interval_view,
     traversal_view,
     vector,
 )
 from supermap_cli.types.labels import ANIMATE
 from supermap_cli.types.memory import StateRecord, TemporalEdge
 
-ChangeKind = Literal[
-    "appeared", "disappeared", "moved", "relabelled", "unchanged", "not observed again", "first observed"
-]
-KINDS: tuple[ChangeKind, ...] = (
-    "appeared",
-    "disappeared",
-    "moved",
-    "relabelled",
-    "unchanged",
-    "not observed again",
-    "first observed",
-)
-"""In the order of reports: changes, what stayed, and what cannot be told."""
-
-MOVE_M = 0.1
-"""Two states whose centroids lie closer than this are one place."""
-
-RELABEL_SHARE = 0.6
-RELABEL_OBSERVATIONS = 3
-"""A label changed only where each traversal by itself was that sure, over that many observations."""
+HAPPENED: frozenset[ChangeKind] = frozenset({"appeared", "disappeared", "moved", "relabelled"})
+NAMED = 12
+"""How many ids a note names."""
 
 
 @dataclass(frozen=True)
@@ -59,11 +41,22 @@ class CandidateView:
 
 
 @dataclass(frozen=True)
-class Change:
-    """What became of one instance from traversal `before` to traversal `after`.
+class EndView:
+    """One side of a diff: `name` is a traversal's, or a time in words; what is said holds at `at_ns`."""
 
-    It happened within [not_before_ns, not_after_ns] (both `None` where nothing happened). `reason` says in words what
-    the verdict rests on.
+    name: str
+    at_ns: int
+    since_ns: int
+    traversal: TraversalView | None
+
+
+@dataclass(frozen=True)
+class Change:
+    """What became of one instance between the two sides.
+
+    It happened within [not_before_ns, not_after_ns] (both `None` where nothing happened); `perhaps_before` where these
+    reach back behind the earlier side, so that it may have happened before that. `reason` says in words what the
+    verdict rests on, the crops are ids of observations.
     """
 
     kind: ChangeKind
@@ -73,261 +66,227 @@ class Change:
     confidence: float
     not_before_ns: int | None
     not_after_ns: int | None
+    perhaps_before: bool
     position_before: Vector | None
     position_after: Vector | None
     distance_m: float | None
     label_before: str | None
     label_after: str | None
+    interval_before: IntervalView | None
+    interval_after: IntervalView | None
     may_be: tuple[CandidateView, ...]
     evidence_before: EvidenceView
     evidence_after: EvidenceView
+    crop_before: int | None
+    crop_after: int | None
 
 
 @dataclass(frozen=True)
 class Diff:
-    """All changes between two traversals, in the order of `KINDS` and of instances."""
+    """All changes between two sides, in the order of `KINDS` and of instances."""
 
-    before: TraversalView
-    after: TraversalView
+    before: EndView
+    after: EndView
     counts: dict[str, int]
     changes: tuple[Change, ...]
-
-
-@dataclass(frozen=True)
-class Verdict:
-    """What happened to an instance, before evidence is gathered."""
-
-    kind: ChangeKind
-    reason: str
-    confidence: float
-    not_before_ns: int | None = None
-    not_after_ns: int | None = None
-    before: StateRecord | None = None
-    after: StateRecord | None = None
-    labels: tuple[str, str] | None = None
+    notes: tuple[str, ...]
 
 
 def diff(reader: MapReader, first: str | None = None, second: str | None = None) -> Diff:
-    """Compare two traversals by name or number, in the order of time; without names the two newest.
+    """Compare two traversals or times, in the order of time; without names the two newest traversals.
 
-    With one name: the newest traversal against it. Who walked by has not changed the place. Raises `QueryError` where
-    there are not two, or for unknown names.
+    With one: the newest traversal against it. Who walked by has not changed the place. Raises `QueryError` where there
+    are not two, or for what is neither a time nor a traversal.
     """
-    before, after = _choose(reader, first, second)
-    comparison = Comparison(reader, before, after)
-    seen = reader.instances_of(reader.supported_in([before.id, after.id]))
-    things = (each for each in seen if each.presence != "doubted" and each.label not in ANIMATE)
+    given = _choose(reader, first, second)
+    before, after = sorted(given, key=lambda each: each.at_ns)
+    ends = ends_of(before, after, reader.traversals)
+    things = [each for each in _spoken_of(reader, ends) if each.presence != "doubted" and each.label not in ANIMATE]
+    comparison = Comparison(reader, ends, things)
     found = [change for each in things if (change := comparison.change(each)) is not None]
     found.sort(key=lambda change: KINDS.index(change.kind))
     tally = Counter(change.kind for change in found)
-    return Diff(traversal_view(before), traversal_view(after), {kind: tally[kind] for kind in KINDS}, tuple(found))
+    notes = ["the two were put in the order of time"] if given[0] is not before else []
+    return Diff(
+        before=_end_view(before),
+        after=_end_view(after),
+        counts={kind: tally[kind] for kind in KINDS},
+        changes=tuple(found),
+        notes=(*notes, *comparison.asides()),
+    )
 
 
 class Comparison:
-    """Two traversals of one map, the earlier first."""
+    """Two ends in one map, and all instances that may be spoken of, with what was read of them together."""
 
-    def __init__(self, reader: MapReader, before: StoredTraversal, after: StoredTraversal) -> None:
+    def __init__(self, reader: MapReader, ends: Ends, things: Sequence[StoredInstance]) -> None:
         self.reader = reader
-        self.before = before
-        self.after = after
+        self.ends = ends
+        self._aside: dict[str, list[str]] = defaultdict(list)
+        self._edges: dict[int, list[TemporalEdge]] = defaultdict(list)
+        numbers = {number for each in things for number in each.numbers}
+        reader.text_ids.of(numbers)
+        for edge in reader.temporal_edges(numbers):
+            for number in {edge.from_number, edge.to_number}:
+                self._edges[number].append(edge)
+        self._crops = crops_of(reader, [each.number for each in things])
 
     def change(self, instance: StoredInstance) -> Change | None:
-        """What became of an instance; `None` if neither traversal saw it."""
-        verdict = self._verdict(instance)
+        """What became of an instance; `None` if neither end speaks of it."""
+        edges = self._edges_of(instance)
+        case = Case(instance, self.ends, edges, self.reader.text_ids)
+        verdict = case.verdict()
         if verdict is None:
+            if (aside := case.aside()) is not None:
+                self._aside[aside].append(instance.id)
             return None
+        seen = self.reader.observations(instance)
+        names = self._names(seen)
+        verdict = _relabelled(verdict, names, seen, self.ends)
         before, after = verdict.before, verdict.after
-        distance_m = None if before is None or after is None else round(_distance_m(before, after), 4)
-        labels = verdict.labels or (None if before is None else before.label, None if after is None else after.label)
+        sides = self._side(self.ends.before, seen, before), self._side(self.ends.after, seen, after)
+        labels = [
+            None if state is None else state.label if name is None else name.label
+            for state, name in zip((before, after), names, strict=True)
+        ]
+        low_ns = verdict.not_before_ns
         return Change(
             kind=verdict.kind,
             id=instance.id,
             label=instance.label,
             reason=verdict.reason,
             confidence=round(verdict.confidence, 4),
-            not_before_ns=verdict.not_before_ns,
+            not_before_ns=low_ns,
             not_after_ns=verdict.not_after_ns,
+            perhaps_before=verdict.kind in HAPPENED and low_ns is not None and low_ns < self.ends.before.since_ns,
             position_before=None if before is None else vector(before.centroid_map),
             position_after=None if after is None else vector(after.centroid_map),
-            distance_m=distance_m,
+            distance_m=None if before is None or after is None else round(distance(before, after), 4),
             label_before=labels[0],
             label_after=labels[1],
-            may_be=self._candidates(instance),
-            evidence_before=self._evidence(instance, self.before),
-            evidence_after=self._evidence(instance, self.after),
+            interval_before=None if before is None else interval_view(before),
+            interval_after=None if after is None else interval_view(after),
+            may_be=self._candidates(instance, edges),
+            evidence_before=self._evidence(instance, sides[0], self.ends.looked_before),
+            evidence_after=self._evidence(instance, sides[1], self.ends.looked_after),
+            crop_before=_best_crop(self._crops.get(instance.number, []), sides[0]),
+            crop_after=_best_crop(self._crops.get(instance.number, []), sides[1]),
         )
 
-    def _verdict(self, instance: StoredInstance) -> Verdict | None:
-        before, after = self._state_in(instance, self.before), self._state_in(instance, self.after)
-        if before is not None and after is not None:
-            return self._seen_in_both(instance, before, after)
-        if before is not None:
-            return self._seen_before_only(instance, before)
-        if after is not None:
-            return self._seen_after_only(instance, after)
-        return None
+    def asides(self) -> list[str]:
+        """What is no difference between the two ends, and yet happened."""
+        before, after = self.ends.before.text, self.ends.after.text
+        words = {
+            "came and went": f"came and went between {before} and {after}",
+            "left": f"seen by {before}, and gone again before its end",
+        }
+        return [f"{words[aside]}: {_named(ids)}" for aside, ids in sorted(self._aside.items())]
 
-    def _seen_in_both(self, instance: StoredInstance, before: StateRecord, after: StateRecord) -> Verdict:
-        if _gone_by(after, self.after.end_ns) and not self._comes_back(instance, after):
-            return self._disappeared(instance, before, after)
-        if before.index != after.index:
-            edge = self._edge(instance, "moved", after)
-            distance_m = _distance_m(before, after)
-            bounds = (before.last_seen_ns, after.first_seen_ns)
-            if edge is not None or distance_m >= MOVE_M:
-                confidence = edge.probability if edge is not None else min(before.confidence, after.confidence)
-                return Verdict("moved", f"seen {distance_m:.2f} m away", confidence, *bounds, before, after)
-            if before.gone_ns is not None and before.gone_ns <= self.before.end_ns:
-                reason = f"had gone from its place in {self.before.name}, stands there again"
-                return Verdict("appeared", reason, after.confidence, before.gone_ns, after.first_seen_ns, before, after)
-        if (relabelled := self._relabelled(instance, before, after)) is not None:
-            return relabelled
-        reason = "seen in its place in both" + (", gone in between" if before.gone_ns is not None else "")
-        return Verdict("unchanged", reason, after.confidence, None, None, before, after)
+    def _edges_of(self, instance: StoredInstance) -> list[TemporalEdge]:
+        return [edge for number in instance.numbers for edge in self._edges.get(number, ())]
 
-    def _seen_before_only(self, instance: StoredInstance, before: StateRecord) -> Verdict:
-        if _gone_by(before, self.after.end_ns):
-            return self._disappeared(instance, before, before)
-        visit = instance.visit(self.after.id)
-        if visit.in_view == 0:
-            reason = f"its place was never in view in {self.after.name}"
-        elif visit.contradicted == 0:
-            reason = f"its place was in view in {visit.in_view} keyframes and never seen empty"
-        else:
-            reason = (
-                f"its place was in view in {visit.in_view} keyframes and looked empty in {visit.contradicted}, "
-                "too few to be sure"
-            )
-        return Verdict("not observed again", reason, before.confidence, None, None, before, None)
+    def _names(self, seen: Sequence[ObservationRef]) -> tuple[Name | None, Name | None]:
+        """What it was surely called at either end."""
+        own = by_traversal(seen)
 
-    def _seen_after_only(self, instance: StoredInstance, after: StateRecord) -> Verdict:
-        earlier = [state for state in instance.states if state.index < after.index]
-        if _gone_by(after, self.after.end_ns) and not self._comes_back(instance, after):
-            return self._disappeared(instance, None, after)
-        if earlier and _distance_m(earlier[-1], after) >= MOVE_M:
-            reason = f"seen {_distance_m(earlier[-1], after):.2f} m from where it stood before {self.before.name}"
-            edge = self._edge(instance, "moved", after)
-            confidence = edge.probability if edge is not None else after.confidence
-            return Verdict(
-                "moved", reason, confidence, earlier[-1].last_seen_ns, after.first_seen_ns, earlier[-1], after
-            )
-        if after.empty_before_ns is not None and after.empty_before_ns >= self.before.start_ns:
-            edge = self._edge(instance, "appeared", after)
-            confidence = edge.probability if edge is not None else after.confidence
-            return Verdict(
-                "appeared",
-                "its place had been seen empty",
-                confidence,
-                after.empty_before_ns,
-                after.first_seen_ns,
-                None,
-                after,
-            )
-        split = self._edge(instance, "split", after)
-        reason = (
-            f"was one with {self.reader.text_ids[split.from_number]} until the two were told apart"
-            if split is not None and split.to_number == instance.number
-            else f"known from before {self.before.name}, which did not see it"
-            if earlier or after.first_seen_ns < self.before.start_ns
-            else f"its place had not been looked at in {self.before.name}"
-            if instance.visit(self.before.id).in_view == 0
-            else f"its place was in view in {self.before.name}, but never seen empty"
-        )
-        return Verdict("first observed", reason, after.confidence, None, None, None, after)
+        def name(end: Instant) -> Name | None:
+            return name_by(seen, end.at_ns) if end.traversal is None else sure_name(own.get(end.traversal.id, []))
 
-    def _disappeared(self, instance: StoredInstance, before: StateRecord | None, last: StateRecord) -> Verdict:
-        edge = self._edge(instance, "disappeared", last)
-        confidence = edge.probability if edge is not None else last.confidence
-        reason = "its place was seen empty"
-        return Verdict("disappeared", reason, confidence, last.last_seen_ns, last.gone_ns, before, None)
+        return name(self.ends.before), name(self.ends.after)
 
-    def _relabelled(self, instance: StoredInstance, before: StateRecord, after: StateRecord) -> Verdict | None:
-        """Only where each traversal by itself is sure of its label, and they differ."""
-        seen = self.reader.observations(instance)
-        old = _sure_label([each for each in seen if each.traversal_id == self.before.id])
-        new = _sure_label([each for each in seen if each.traversal_id == self.after.id])
-        if old is None or new is None or old[0] == new[0]:
-            return None
-        reason = f"called {old[0]} in {self.before.name} and {new[0]} in {self.after.name}"
-        bounds = (min(before.last_seen_ns, self.before.end_ns), max(after.first_seen_ns, self.after.start_ns))
-        return Verdict("relabelled", reason, min(old[1], new[1]), *bounds, before, after, (old[0], new[0]))
+    def _side(
+        self, end: Instant, seen: Sequence[ObservationRef], state: StateRecord | None
+    ) -> Sequence[ObservationRef]:
+        """The observations that speak for an end: a traversal's own; of a plain time those of the state until then, or
+        for the later end those since the earlier one.
+        """
+        if end.traversal is not None:
+            return [each for each in seen if each.traversal_id == end.traversal.id]
+        if state is None:
+            return []
+        low_ns = self.ends.before.at_ns + 1 if end is self.ends.after else state.first_seen_ns
+        return [each for each in seen if max(low_ns, state.first_seen_ns) <= each.stamp_ns <= end.at_ns]
 
-    def _state_in(self, instance: StoredInstance, traversal: StoredTraversal) -> StateRecord | None:
-        """The last state that a traversal supported."""
-        if instance.visit(traversal.id).supported == 0:
-            return None
-        supported = [
-            state
-            for state in instance.states
-            if state.first_seen_ns <= traversal.end_ns and state.last_seen_ns >= traversal.start_ns
-        ]
-        return supported[-1] if supported else None
+    @staticmethod
+    def _evidence(
+        instance: StoredInstance, seen: Sequence[ObservationRef], traversal_ids: frozenset[int]
+    ) -> EvidenceView:
+        return evidence_of(seen, [each for each in instance.visits if each.traversal_id in traversal_ids])
 
-    def _comes_back(self, instance: StoredInstance, state: StateRecord) -> bool:
-        """Whether a later state was seen before the later traversal's end."""
-        return any(other.index > state.index and other.first_seen_ns <= self.after.end_ns for other in instance.states)
-
-    def _edge(self, instance: StoredInstance, kind: str, state: StateRecord) -> TemporalEdge | None:
-        """The temporal edge of a kind that touches a state."""
-        touched = (instance.number, state.index)
-        for edge in self.reader.temporal_edges(instance.numbers):
-            if edge.kind == kind and touched in {(edge.from_number, edge.from_state), (edge.to_number, edge.to_state)}:
-                return edge
-        return None
-
-    def _candidates(self, instance: StoredInstance) -> tuple[CandidateView, ...]:
+    def _candidates(self, instance: StoredInstance, edges: Iterable[TemporalEdge]) -> tuple[CandidateView, ...]:
         found = {}
-        for edge in self.reader.temporal_edges(instance.numbers):
+        for edge in edges:
             if edge.kind == "candidate":
                 ends = {self.reader.survivors[edge.from_number], self.reader.survivors[edge.to_number]}
                 for other in ends - {instance.number}:
                     found[self.reader.text_ids[other]] = round(edge.probability, 4)
         return tuple(CandidateView(text_id, probability) for text_id, probability in sorted(found.items()))
 
-    def _evidence(self, instance: StoredInstance, traversal: StoredTraversal) -> EvidenceView:
-        return evidence_view(self.reader, instance, ((traversal.start_ns, traversal.end_ns),), {traversal.id})
+
+def _relabelled(
+    verdict: Verdict, names: tuple[Name | None, Name | None], seen: Sequence[ObservationRef], ends: Ends
+) -> Verdict:
+    """Only where each end by itself is sure of its label, and they differ; a thing that moved, too, has moved."""
+    old, new = names
+    if old is None or new is None or old.label == new.label or old.traversal_id == new.traversal_id:
+        return verdict
+    called = f"called {old.label} in {ends.before.text} and {new.label} in {ends.after.text}"
+    if verdict.kind != "unchanged":
+        return replace(verdict, reason=f"{verdict.reason}; {called}") if verdict.kind == "moved" else verdict
+    own = by_traversal(seen)
+    bounds = own[old.traversal_id][-1].stamp_ns, own[new.traversal_id][0].stamp_ns
+    return replace(
+        verdict,
+        kind="relabelled",
+        reason=called,
+        confidence=min(old.share, new.share),
+        not_before_ns=bounds[0],
+        not_after_ns=bounds[1],
+    )
 
 
-def _choose(reader: MapReader, first: str | None, second: str | None) -> tuple[StoredTraversal, StoredTraversal]:
-    traversals = reader.traversals
-    if len(traversals) < 2:
-        known = f"only {traversals[0].name!r}" if traversals else "none"
-        raise QueryError(
-            f"a diff needs two traversals, and the map holds {known}",
-            where=reader.where,
-            cure="build another recording of the same place into it",
-        )
-    if first is None:
-        chosen = traversals[-2:]
-    else:
-        a = find_traversal(traversals, first)
-        b = find_traversal(traversals, second) if second is not None else _newest_but(traversals, a)
-        chosen = (a, b)
-    if chosen[0].id == chosen[1].id:
-        raise QueryError(f"traversal {chosen[0].name!r} differs in nothing from itself", cure="name two traversals")
-    earlier, later = sorted(chosen, key=lambda each: (each.start_ns, each.number))
-    return earlier, later
+def _best_crop(crops: Sequence[Crop], side: Sequence[ObservationRef]) -> int | None:
+    """The best crop of one side; one is only kept where it is clearly better than those before."""
+    ids = {each.id for each in side}
+    return next((each.observation for each in reversed(crops) if each.observation in ids), None)
 
 
-def _newest_but(traversals: Sequence[StoredTraversal], one: StoredTraversal) -> StoredTraversal:
-    return next(each for each in reversed(traversals) if each.id != one.id)
+def _spoken_of(reader: MapReader, ends: Ends) -> tuple[StoredInstance, ...]:
+    """The instances that either end may speak of: those that it saw, and those that came, went or stood in between."""
+    traversals = [end.traversal.id for end in (ends.before, ends.after) if end.traversal is not None]
+    seen = reader.supported_in(traversals) if traversals else ()
+    standing = len(traversals) < 2
+    changed = reader.standing_in(ends.before.at_ns, ends.after.at_ns, unchanged=standing)
+    return reader.instances_of({*seen, *changed})
 
 
-def _gone_by(state: StateRecord, end_ns: int) -> bool:
-    return state.gone_ns is not None and state.gone_ns <= end_ns
+def _choose(reader: MapReader, first: str | None, second: str | None) -> tuple[Instant, Instant]:
+    traversals, clock = reader.traversals, clock_of(reader)
+    a = None if first is None else instant_of(first, reader, clock)
+    b = None if second is None else instant_of(second, reader, clock)
+    if a is not None and b is None and traversals and a.traversal is None:
+        b = of_traversal(traversals[-1])
+    if a is None or b is None:
+        if len(traversals) < 2:
+            known = f"only {traversals[0].name!r}" if traversals else "none"
+            raise QueryError(
+                f"a diff needs two traversals, and the map holds {known}",
+                where=reader.where,
+                cure="build another recording of the same place into it, or give two times",
+            )
+        if a is None:
+            a, b = map(of_traversal, traversals[-2:])
+        else:
+            b = of_traversal(next(each for each in reversed(traversals) if each != a.traversal))
+    if a.at_ns == b.at_ns:
+        raise QueryError(f"{a.text!r} differs in nothing from itself", cure="give two traversals, or two times")
+    return a, b
 
 
-def _distance_m(first: StateRecord, second: StateRecord) -> float:
-    return float(np.linalg.norm(first.centroid_map - second.centroid_map))
+def _end_view(end: Instant) -> EndView:
+    return EndView(end.text, end.at_ns, end.since_ns, None if end.traversal is None else traversal_view(end.traversal))
 
 
-def _sure_label(seen: list[ObservationRef]) -> tuple[str, float] | None:
-    """The label that one traversal's observations agree on, weighed by score, and its share."""
-    weights: Counter[str] = Counter()
-    for each in seen:
-        weights[each.label] += each.score  # type: ignore[assignment]  # Counter's stubs know integers only
-    if len(seen) < RELABEL_OBSERVATIONS:
-        return None
-    label, weight = weights.most_common(1)[0]
-    share = weight / sum(weights.values())
-    return (label, share) if share >= RELABEL_SHARE else None
+def _named(ids: Sequence[str]) -> str:
+    more = f" and {len(ids) - NAMED} more" if len(ids) > NAMED else ""
+    return ", ".join(ids[:NAMED]) + more

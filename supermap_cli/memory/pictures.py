@@ -1,0 +1,85 @@
+"""The pictures that the memory keeps: crops of observations, and small images of keyframes with where they were taken."""
+
+from __future__ import annotations
+
+import json
+from collections import defaultdict
+from collections.abc import Collection
+from dataclasses import dataclass
+
+import numpy as np
+from sqlalchemy import select
+
+from supermap_cli.geometry.arrays import FloatArray
+from supermap_cli.memory.reading import MapReader, batches
+from supermap_schema import models
+
+
+@dataclass(frozen=True)
+class Crop:
+    """A crop that is kept of an observation, without its bytes."""
+
+    observation: int
+    traversal_id: int
+    keyframe_id: int
+    stamp_ns: int
+    score: float
+
+
+@dataclass(frozen=True)
+class SmallImage:
+    """A keyframe's small image (JPEG), its camera as JSON in full size, and `T_map_camera` (4, 4)."""
+
+    keyframe_id: int
+    stamp_ns: int
+    jpeg: bytes
+    camera: str
+    T_map_camera: FloatArray
+
+
+def crops_of(reader: MapReader, numbers: Collection[int]) -> dict[int, list[Crop]]:
+    """All crops of some instances and of what was merged into them, by instance, in the order of time."""
+    parts = reader.parts_of(numbers)
+    observation, keyframe = models.Observation, models.Keyframe
+    found: dict[int, list[Crop]] = defaultdict(list)
+    for batch in batches(list(parts)):
+        statement = (
+            select(
+                observation.id,
+                observation.instance_number,
+                observation.keyframe_id,
+                observation.score,
+                keyframe.traversal_id,
+                keyframe.stamp_ns,
+            )
+            .join(keyframe, keyframe.id == observation.keyframe_id)
+            .where(observation.instance_number.in_(batch), observation.crop_jpeg.is_not(None))
+        )
+        for row in reader.connection.execute(statement):
+            crop = Crop(row.id, row.traversal_id, row.keyframe_id, row.stamp_ns, row.score)
+            found[parts[row.instance_number]].append(crop)
+    return {number: sorted(of, key=lambda each: (each.stamp_ns, each.observation)) for number, of in found.items()}
+
+
+def crop_jpegs(reader: MapReader, observations: Collection[int]) -> dict[int, bytes]:
+    """The JPEGs of some observations, as far as they are kept."""
+    observation = models.Observation
+    jpegs: dict[int, bytes] = {}
+    for batch in batches(sorted(observations)):
+        statement = select(observation.id, observation.crop_jpeg).where(observation.id.in_(batch))
+        jpegs |= {row.id: row.crop_jpeg for row in reader.connection.execute(statement) if row.crop_jpeg is not None}
+    return jpegs
+
+
+def small_images(reader: MapReader, stamps_ns: Collection[int]) -> dict[int, SmallImage]:
+    """The small images of the keyframes with these stamps, by stamp, as far as they are kept."""
+    keyframe = models.Keyframe
+    images: dict[int, SmallImage] = {}
+    for batch in batches(sorted(stamps_ns)):
+        statement = select(
+            keyframe.id, keyframe.stamp_ns, keyframe.thumbnail_jpeg, keyframe.camera, keyframe.T_map_camera
+        ).where(keyframe.stamp_ns.in_(batch), keyframe.thumbnail_jpeg.is_not(None))
+        for row in reader.connection.execute(statement):
+            pose = np.array(json.loads(row.T_map_camera), np.float64).reshape(4, 4)
+            images[row.stamp_ns] = SmallImage(row.id, row.stamp_ns, row.thumbnail_jpeg, row.camera, pose)
+    return images

@@ -1,0 +1,246 @@
+"""What became of one thing between two instants: pure judgement over its states, visits and events.
+
+A change belongs to the span in which it was seen to have happened: whatever was gone by then, or had come by then, is
+counted where its later bound lies. So every change is in exactly one of two adjoining spans, and diffs add up. Only a
+contradiction makes a disappearance, only a place seen empty an appearance; a thing that nobody looked at is neither.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from supermap_cli.memory.values import StoredInstance, StoredTraversal
+from supermap_cli.query.instants import Instant
+from supermap_cli.query.standing import held_at
+from supermap_cli.types.memory import StateRecord, TemporalEdge
+
+ChangeKind = Literal[
+    "appeared", "disappeared", "moved", "relabelled", "unchanged", "not observed again", "first observed"
+]
+KINDS: tuple[ChangeKind, ...] = (
+    "appeared",
+    "disappeared",
+    "moved",
+    "relabelled",
+    "unchanged",
+    "not observed again",
+    "first observed",
+)
+"""In the order of reports: changes, what stayed, and what cannot be told."""
+
+MOVE_M = 0.1
+"""Two states whose centroids lie closer than this are one place."""
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What happened to an instance, before evidence is gathered.
+
+    `before` and `after` are the states at the two ends, `not_before_ns` and `not_after_ns` bound the change.
+    """
+
+    kind: ChangeKind
+    reason: str
+    confidence: float
+    not_before_ns: int | None = None
+    not_after_ns: int | None = None
+    before: StateRecord | None = None
+    after: StateRecord | None = None
+
+
+@dataclass(frozen=True)
+class Ends:
+    """The two instants that are compared, the earlier first, and the traversals (ids) that looked for each: itself, or
+    all that had begun by a plain time, and all between the two.
+    """
+
+    before: Instant
+    after: Instant
+    looked_before: frozenset[int]
+    looked_after: frozenset[int]
+
+    @property
+    def since_ns(self) -> int:
+        """From when on a support counts as one of the later end."""
+        return max(self.before.at_ns + 1, self.after.since_ns if self.after.traversal is not None else 0)
+
+
+def ends_of(before: Instant, after: Instant, traversals: Sequence[StoredTraversal]) -> Ends:
+    """Two instants, and who looked for them."""
+    by_then = {each.id for each in traversals if each.start_ns <= before.at_ns}
+    within = {each.id for each in traversals if each.start_ns <= after.at_ns and each.end_ns > before.at_ns}
+    return Ends(
+        before,
+        after,
+        frozenset(by_then if before.traversal is None else {before.traversal.id}),
+        frozenset(within if after.traversal is None else {after.traversal.id}),
+    )
+
+
+@dataclass(frozen=True)
+class Case:
+    """One instance between two instants, with the temporal edges that touch it, and the names of others."""
+
+    instance: StoredInstance
+    ends: Ends
+    edges: Collection[TemporalEdge] = ()
+    text_ids: Mapping[int, str] = field(default_factory=dict)
+
+    @property
+    def before(self) -> Instant:
+        """The earlier end."""
+        return self.ends.before
+
+    @property
+    def after(self) -> Instant:
+        """The later end."""
+        return self.ends.after
+
+    def verdict(self) -> Verdict | None:
+        """What became of it; `None` if it stood there at neither end, or neither end speaks of it."""
+        old = held_at(self.instance.states, self.before.at_ns)
+        new = held_at(self.instance.states, self.after.at_ns)
+        if old is not None and new is not None:
+            return self._stayed(old) if old.index == new.index else self._elsewhere(old, new)
+        if new is not None:
+            return self._came(new)
+        return self._gone(old) if old is not None else self._passed()
+
+    def aside(self) -> Literal["came and went", "left"] | None:
+        """What is worth saying of a thing without a verdict: it came and went in between, or the earlier of two
+        traversals saw it and saw it leave.
+        """
+        if any(self.before.at_ns < each.first_seen_ns <= self.after.at_ns for each in self.instance.states):
+            return "came and went" if held_at(self.instance.states, self.after.at_ns) is None else None
+        gone = held_at(self.instance.states, self.before.at_ns) is None
+        return "left" if gone and self.before.traversal is not None and self._seen_by(self.before) else None
+
+    # -- the verdicts
+
+    def _stayed(self, state: StateRecord) -> Verdict | None:
+        """It is believed to be in one state at both ends."""
+        before_looked = self.before.traversal is None or self._seen_by(self.before)
+        after_looked = self._seen_by(self.after)
+        if state.last_seen_ns < self.ends.since_ns:
+            return self._not_again(state) if before_looked else None
+        if not before_looked and not after_looked:
+            return None
+        in_gap = state.last_seen_ns < self.after.at_ns and state.gone_ns is not None
+        if in_gap and self.after.traversal is None:
+            return self._not_again(state)
+        blind = self.after if not after_looked else self.before
+        through = f"seen in its place before and after {blind.text}, which did not see it"
+        reason = "seen in its place in both" if before_looked and after_looked else through
+        return Verdict("unchanged", reason, state.confidence, None, None, state, state)
+
+    def _elsewhere(self, old: StateRecord, new: StateRecord) -> Verdict:
+        """It is in another state than it was."""
+        edge = self._edge("moved", new)
+        distance_m = distance(old, new)
+        direct = edge is not None and edge.from_state == old.index
+        if distance_m < MOVE_M and not direct:
+            moved = any(distance(old, each) >= MOVE_M for each in self._between(old, new))
+            reason = f"seen in its place in both, {'moved' if moved else 'gone'} in between"
+            return Verdict("unchanged", reason, new.confidence, None, None, old, new)
+        confidence = min(old.confidence, new.confidence) if edge is None else edge.probability
+        stops = len(self._between(old, new))
+        by_way = f", by way of {stops} other place{'s' if stops > 1 else ''}" if stops else ""
+        reason = f"seen {distance_m:.2f} m away{by_way}"
+        return Verdict("moved", reason, confidence, old.last_seen_ns, new.first_seen_ns, old, new)
+
+    def _gone(self, old: StateRecord | None) -> Verdict:
+        """It has gone from the last place in which it was seen."""
+        last = self._begun(self.after.at_ns)[-1]
+        edge = self._edge("disappeared", last)
+        confidence = last.confidence if edge is None else min(last.confidence, edge.probability)
+        moved = "" if old is None or distance(old, last) < MOVE_M else "was moved, and "
+        first = "" if old is not None else f"first seen after {self.before.text}; "
+        reason = f"{first}{moved}its place was seen empty"
+        return Verdict("disappeared", reason, confidence, last.last_seen_ns, last.gone_ns, old, None)
+
+    def _came(self, new: StateRecord) -> Verdict:
+        """It stands there now, and was not known to stand anywhere."""
+        earlier = self._begun(self.before.at_ns)
+        left = earlier[-1] if earlier else None
+        back = left is not None and distance(left, new) < MOVE_M
+        empty_ns = left.gone_ns if left is not None and back else new.empty_before_ns
+        if empty_ns is not None:
+            edge = self._edge("appeared", new)
+            confidence = new.confidence if edge is None else min(new.confidence, edge.probability)
+            reason = "had gone from its place, stands there again" if back else "its place had been seen empty"
+            return Verdict("appeared", reason, confidence, empty_ns, new.first_seen_ns, None, new)
+        if left is not None:
+            reason = f"seen {distance(left, new):.2f} m from where it stood before, which was found empty first"
+            edge = self._edge("moved", new)
+            confidence = min(left.confidence, new.confidence) if edge is None else edge.probability
+            return Verdict("moved", reason, confidence, left.last_seen_ns, new.first_seen_ns, left, new)
+        return Verdict("first observed", self._why_first(new), new.confidence, None, None, None, new)
+
+    def _passed(self) -> Verdict | None:
+        """It stands at neither end. Of what came and went in between nobody knows whether it stood there before, unless
+        its place had been seen empty.
+        """
+        begun = self._begun(self.after.at_ns)
+        if not begun or begun[0].first_seen_ns <= self.before.at_ns or begun[0].empty_before_ns is not None:
+            return None
+        return self._gone(None)
+
+    def _not_again(self, state: StateRecord) -> Verdict:
+        """Nobody has seen it since, and nobody saw it go."""
+        visits = [each for each in self.instance.visits if each.traversal_id in self.ends.looked_after]
+        in_view, contradicted = sum(each.in_view for each in visits), sum(each.contradicted for each in visits)
+        where = f"in {self.after.text}" if self.after.traversal is not None else "in between"
+        if state.gone_ns is not None and self.after.traversal is None:
+            reason = "was found gone later, after it had been seen last before: nobody can say for this time"
+        elif in_view == 0:
+            reason = f"its place was never in view {where}"
+        elif contradicted == 0:
+            reason = f"its place was in view in {in_view} keyframes and never seen empty"
+        else:
+            reason = f"its place was in view in {in_view} keyframes and looked empty in {contradicted}, too few to be sure"
+        return Verdict("not observed again", reason, state.confidence, None, None, state, None)
+
+    def _why_first(self, new: StateRecord) -> str:
+        split = self._edge("split", new)
+        if split is not None and split.to_number == self.instance.number:
+            other = self.text_ids.get(split.from_number, "another")
+            return f"was one with {other} until the two were told apart"
+        where = f"in {self.before.text}" if self.before.traversal is not None else "before"
+        visits = [each for each in self.instance.visits if each.traversal_id in self.ends.looked_before]
+        if any(each.in_view > 0 for each in visits):
+            return f"its place was in view {where}, but never seen empty"
+        return f"nobody had seen its place empty {where}"
+
+    # -- what they rest on
+
+    def _seen_by(self, end: Instant) -> bool:
+        """Whether an end saw the thing: a plain time did where any support lies between the two ends."""
+        if end.traversal is not None:
+            return self.instance.visit(end.traversal.id).supported > 0
+        return any(
+            each.first_seen_ns <= self.after.at_ns and each.last_seen_ns > self.before.at_ns
+            for each in self.instance.states
+        )
+
+    def _begun(self, at_ns: int) -> list[StateRecord]:
+        return [each for each in self.instance.states if each.first_seen_ns <= at_ns]
+
+    def _between(self, old: StateRecord, new: StateRecord) -> list[StateRecord]:
+        return [each for each in self.instance.states if old.index < each.index < new.index]
+
+    def _edge(self, kind: str, state: StateRecord) -> TemporalEdge | None:
+        """The temporal edge of a kind that touches a state."""
+        touched = (self.instance.number, state.index)
+        for edge in self.edges:
+            if edge.kind == kind and touched in {(edge.from_number, edge.from_state), (edge.to_number, edge.to_state)}:
+                return edge
+        return None
+
+
+def distance(first: StateRecord, second: StateRecord) -> float:
+    """How far apart two places are, in metres between their centroids."""
+    return float(np.linalg.norm(first.centroid_map - second.centroid_map))
