@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import numpy as np
 from hypothesis import strategies as st
 
 import memories as m
-from supermap_cli.memory.values import StoredInstance
+from supermap_cli.memory.values import StoredInstance, StoredTraversal, StoredVisit
 from supermap_cli.types.memory import StateRecord
 
 PLACES: tuple[m.Point, ...] = ((0, 0, 0.5), (2, 0, 0.5), (0, 3, 0.5))
@@ -39,10 +40,8 @@ def state_lists(draw: st.DrawFn, number: int = 1, most: int = 4) -> tuple[StateR
     return tuple(states)
 
 
-@st.composite
-def lives(draw: st.DrawFn) -> StoredInstance:
-    """An instance with such states; present where nothing says that it has gone."""
-    states = draw(state_lists())
+def life(states: tuple[StateRecord, ...], visits: tuple[StoredVisit, ...] = ()) -> StoredInstance:
+    """An instance with some states; present where nothing says that it has gone."""
     last = states[-1]
     return StoredInstance(
         number=1,
@@ -59,5 +58,44 @@ def lives(draw: st.DrawFn) -> StoredInstance:
         traversal_id=1,
         numbers=(1,),
         states=states,
-        visits=(),
+        visits=visits,
     )
+
+
+def lives() -> st.SearchStrategy[StoredInstance]:
+    """Random lives without visits."""
+    return state_lists().map(life)
+
+
+def _traversal(number: int, start_s: int, end_s: int) -> StoredTraversal:
+    return StoredTraversal(
+        id=number,
+        number=number,
+        name=f"t{number}",
+        recording=f"t{number}.mcap",
+        fingerprint=str(number),
+        start_ns=m.ns(start_s),
+        end_ns=m.ns(end_s),
+        T_map_odom=np.eye(4),
+        config={},
+        versions={},
+        status="complete",
+        mapped_ns=m.ns(end_s),
+        timings={},
+        keyframes=1,
+    )
+
+
+TRAVERSALS = (_traversal(1, 0, 66), _traversal(2, 67, 133), _traversal(3, 134, END_S))
+"""Three that follow one another, so that every support lies in one of them."""
+
+
+def visited() -> st.SearchStrategy[StoredInstance]:
+    """Random lives, and how often each of `TRAVERSALS` saw them."""
+    return state_lists().map(lambda states: life(states, tuple(_visit(each, states) for each in TRAVERSALS)))
+
+
+def _visit(traversal: StoredTraversal, states: tuple[StateRecord, ...]) -> StoredVisit:
+    supports = [ns for each in states for ns in (each.first_seen_ns, each.last_seen_ns)]
+    supported = sum(traversal.start_ns <= each <= traversal.end_ns for each in supports)
+    return StoredVisit(traversal.id, 1, supported, supported, 0, None, None)

@@ -20,6 +20,8 @@ Examples:
     supermap diff
 
     supermap diff monday tuesday --json
+
+    supermap diff 10:21 tuesday
 """
 
 
@@ -30,37 +32,40 @@ def register(app: typer.Typer) -> None:
 
 def diff(
     before: Annotated[
-        str | None, typer.Argument(metavar="A", help="a traversal's name or number [default: the last but one]")
+        str | None,
+        typer.Argument(metavar="A", help="a traversal, or a time [default: the last traversal but one]"),
     ] = None,
-    after: Annotated[str | None, typer.Argument(metavar="B", help="the other one [default: the last]")] = None,
+    after: Annotated[
+        str | None, typer.Argument(metavar="B", help="the other one [default: the last traversal]")
+    ] = None,
     db: DbOption = None,
     json: JsonOption = False,
 ) -> None:
-    """Say what changed between two traversals, and what nobody can say.
+    """Say what changed between two traversals or times, and what nobody can say.
+
+    A traversal stands for its end; times are those of --at ('10:21', '2026-01-05T10:21:00Z', '12 s', 'now').
 
     "Not observed again" is not "gone": a thing has disappeared only where its place was seen empty.
     """
     from supermap_cli.memory import open_store  # noqa: PLC0415 - keeps start-up light
     from supermap_cli.query.clock import clock_of  # noqa: PLC0415
     from supermap_cli.query.diff import diff as compare  # noqa: PLC0415
-    from supermap_cli.query.instants import find_traversal  # noqa: PLC0415
     from supermap_cli.query.views import to_document  # noqa: PLC0415
 
     with open_store(database_url(db), read_only=True) as store, store.reader() as reader:
         found, clock = compare(reader, before, after), clock_of(reader)
-        turned = before is not None and find_traversal(reader.traversals, before).number != found.before.number
     if json:
         print_json(to_document(found))
     else:
-        _print(found, clock, turned=turned)
+        _print(found, clock)
 
 
-def _print(found: Diff, clock: Clock, *, turned: bool) -> None:
+def _print(found: Diff, clock: Clock) -> None:
     console = out()
     counts = ", ".join(f"{count} {kind}" for kind, count in found.counts.items())
     console.print(f"from {found.before.name} to {found.after.name}: {counts}", markup=False)
-    if turned:
-        console.print("note: the two traversals were put in the order of time", markup=False)
+    for note in found.notes:
+        console.print(f"note: {note}", markup=False)
     columns = ("what", "id", "why", "when", "distance (m)#", "confidence#", "seen before", "seen after")
     rows = [_row(change, clock) for change in found.changes if change.kind != "unchanged"]
     if rows:
@@ -71,7 +76,9 @@ def _print(found: Diff, clock: Clock, *, turned: bool) -> None:
 
 
 def _row(change: Change, clock: Clock) -> tuple[str, ...]:
-    when = clock.span(change.not_before_ns, change.not_after_ns)
+    when = clock.span(change.not_before_ns, change.not_after_ns) + (
+        " (perhaps before)" if change.perhaps_before else ""
+    )
     may_be = "".join(f"; may be {each.id} ({each.probability:.0%})" for each in change.may_be)
     moved = change.kind == "moved" and change.distance_m is not None
     return (

@@ -1,4 +1,4 @@
-"""The pictures that the memory keeps: crops of observations, and small images of keyframes with where they were taken."""
+"""The pictures that the memory keeps: crops of observations, small images of keyframes and where they were taken."""
 
 from __future__ import annotations
 

@@ -13,7 +13,7 @@ from functools import cached_property
 from typing import Any, Generic, TypeVar
 
 import numpy as np
-from sqlalchemy import Connection, Select, func, or_, select, text
+from sqlalchemy import Connection, Select, and_, func, or_, select, text
 
 from supermap_cli.geometry.arrays import FloatArray, IntArray
 from supermap_cli.memory import blobs, rows
@@ -164,6 +164,24 @@ class MapReader:
         statement = select(visit.instance_number).where(visit.traversal_id.in_(traversal_ids), visit.supported > 0)
         seen = self.connection.execute(statement).scalars().all()
         return tuple(sorted(set(self.survivors.of(seen).values())))
+
+    def changed_within(self, low_ns: int, high_ns: int) -> tuple[int, ...]:
+        """The numbers of the instances of which a state began or ended within (low, high], in order."""
+        state = models.State
+        began = and_(state.first_seen_ns > low_ns, state.first_seen_ns <= high_ns)
+        ended = and_(state.gone_ns > low_ns, state.gone_ns <= high_ns)
+        return self._numbers(select(state.instance_number).where(or_(began, ended)))
+
+    def standing_at(self, at_ns: int) -> tuple[int, ...]:
+        """The numbers of the instances of which a state had begun by a time and was not known to have ended."""
+        state = models.State
+        held = and_(state.first_seen_ns <= at_ns, or_(state.gone_ns.is_(None), state.gone_ns > at_ns))
+        return self._numbers(select(state.instance_number).where(held))
+
+    def _numbers(self, statement: Select[Any]) -> tuple[int, ...]:
+        """The numbers that a statement finds, as those of the instances that they are part of today."""
+        found = self.connection.execute(statement.distinct()).scalars().all()
+        return tuple(sorted(set(self.survivors.of(found).values())))
 
     def voxels(self, instance: StoredInstance) -> VoxelCloud:
         """An instance's geometry, in its present or last place."""

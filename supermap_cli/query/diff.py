@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from supermap_cli.errors import QueryError
 from supermap_cli.memory.pictures import Crop, crops_of
 from supermap_cli.memory.reading import MapReader
-from supermap_cli.memory.values import ObservationRef, StoredInstance
+from supermap_cli.memory.values import ObservationRef, StoredInstance, StoredTraversal
 from supermap_cli.query.clock import clock_of
 from supermap_cli.query.instants import Instant, instant_of, of_traversal
 from supermap_cli.query.naming import Name, by_traversal, name_by, sure_name
@@ -106,7 +106,8 @@ def diff(reader: MapReader, first: str | None = None, second: str | None = None)
     found = [change for each in things if (change := comparison.change(each)) is not None]
     found.sort(key=lambda change: KINDS.index(change.kind))
     tally = Counter(change.kind for change in found)
-    notes = ["the two were put in the order of time"] if given[0] is not before else []
+    notes = [end.note for end in given if end.note is not None]
+    notes += ["the two were put in the order of time"] if given[0] is not before else []
     return Diff(
         before=_end_view(before),
         after=_end_view(after),
@@ -255,9 +256,9 @@ def _spoken_of(reader: MapReader, ends: Ends) -> tuple[StoredInstance, ...]:
     """The instances that either end may speak of: those that it saw, and those that came, went or stood in between."""
     traversals = [end.traversal.id for end in (ends.before, ends.after) if end.traversal is not None]
     seen = reader.supported_in(traversals) if traversals else ()
-    standing = len(traversals) < 2
-    changed = reader.standing_in(ends.before.at_ns, ends.after.at_ns, unchanged=standing)
-    return reader.instances_of({*seen, *changed})
+    standing = reader.standing_at(ends.before.at_ns) if ends.before.traversal is None else ()
+    changed = reader.changed_within(ends.before.at_ns, ends.after.at_ns)
+    return reader.instances_of({*seen, *standing, *changed})
 
 
 def _choose(reader: MapReader, first: str | None, second: str | None) -> tuple[Instant, Instant]:
@@ -277,10 +278,14 @@ def _choose(reader: MapReader, first: str | None, second: str | None) -> tuple[I
         if a is None:
             a, b = map(of_traversal, traversals[-2:])
         else:
-            b = of_traversal(next(each for each in reversed(traversals) if each != a.traversal))
+            b = of_traversal(_newest_but(traversals, a.traversal))
     if a.at_ns == b.at_ns:
         raise QueryError(f"{a.text!r} differs in nothing from itself", cure="give two traversals, or two times")
     return a, b
+
+
+def _newest_but(traversals: Sequence[StoredTraversal], one: StoredTraversal | None) -> StoredTraversal:
+    return next(each for each in reversed(traversals) if one is None or each.id != one.id)
 
 
 def _end_view(end: Instant) -> EndView:

@@ -165,20 +165,23 @@ class Case:
     def _came(self, new: StateRecord) -> Verdict:
         """It stands there now, and was not known to stand anywhere."""
         earlier = self._begun(self.before.at_ns)
-        left = earlier[-1] if earlier else None
-        back = left is not None and distance(left, new) < MOVE_M
-        empty_ns = left.gone_ns if left is not None and back else new.empty_before_ns
+        left, first = earlier[-1] if earlier else None, self._begun(self.after.at_ns)[len(earlier)]
+        back = left is not None and distance(left, first) < MOVE_M
+        empty_ns = left.gone_ns if left is not None and back else first.empty_before_ns
         if empty_ns is not None:
-            edge = self._edge("appeared", new)
+            edge = self._edge("appeared", first)
             confidence = new.confidence if edge is None else min(new.confidence, edge.probability)
-            reason = "had gone from its place, stands there again" if back else "its place had been seen empty"
-            return Verdict("appeared", reason, confidence, empty_ns, new.first_seen_ns, None, new)
-        if left is not None:
+            reason = "had gone from its place, was seen there again" if back else "its place had been seen empty"
+            return Verdict("appeared", reason, confidence, empty_ns, first.first_seen_ns, None, new)
+        if left is not None and distance(left, new) >= MOVE_M:
             reason = f"seen {distance(left, new):.2f} m from where it stood before, which was found empty first"
-            edge = self._edge("moved", new)
+            edge = self._edge("moved", first)
             confidence = min(left.confidence, new.confidence) if edge is None else edge.probability
             return Verdict("moved", reason, confidence, left.last_seen_ns, new.first_seen_ns, left, new)
-        return Verdict("first observed", self._why_first(new), new.confidence, None, None, None, new)
+        if left is not None:
+            reason = "had gone from its place, stands there again after it was seen elsewhere"
+            return Verdict("appeared", reason, new.confidence, left.gone_ns, new.first_seen_ns, None, new)
+        return Verdict("first observed", self._why_first(first), new.confidence, None, None, None, new)
 
     def _passed(self) -> Verdict | None:
         """It stands at neither end. Of what came and went in between nobody knows whether it stood there before, unless
@@ -201,7 +204,9 @@ class Case:
         elif contradicted == 0:
             reason = f"its place was in view in {in_view} keyframes and never seen empty"
         else:
-            reason = f"its place was in view in {in_view} keyframes and looked empty in {contradicted}, too few to be sure"
+            reason = (
+                f"its place was in view in {in_view} keyframes and looked empty in {contradicted}, too few to be sure"
+            )
         return Verdict("not observed again", reason, state.confidence, None, None, state, None)
 
     def _why_first(self, new: StateRecord) -> str:

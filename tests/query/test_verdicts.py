@@ -1,0 +1,148 @@
+"""Laws of diffs, over random lives: what is never claimed, and how diffs of adjoining spans add up."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import lives
+import memories as m
+from supermap_cli.memory.values import StoredInstance
+from supermap_cli.query.instants import Instant
+from supermap_cli.query.standing import held_at, standing_at
+from supermap_cli.query.verdicts import MOVE_M, Case, Verdict, distance, ends_of
+
+times = st.integers(-5, lives.END_S + 5)
+
+
+def between(of: StoredInstance, a: float, b: float) -> Verdict | None:
+    """The verdict between two plain times."""
+    first, second = (Instant(str(at), m.ns(at), m.ns(at)) for at in sorted((a, b)))
+    return Case(of, ends_of(first, second, ())).verdict()
+
+
+def of_visits(of: StoredInstance, first: int, second: int) -> Verdict | None:
+    """The verdict between two of the traversals of `lives.visited`."""
+    a, b = (lives.TRAVERSALS[at] for at in sorted((first, second)))
+    ends = [Instant(each.name, each.end_ns, each.start_ns, each) for each in (a, b)]
+    return Case(of, ends_of(ends[0], ends[1], lives.TRAVERSALS)).verdict()
+
+
+def check_claims(of: StoredInstance, found: Verdict | None, a_ns: int, b_ns: int) -> None:
+    """Gone needs a contradiction between the two, come a place seen empty before."""
+    if found is None:
+        return
+    if found.kind == "disappeared":
+        assert found.not_before_ns is not None
+        assert any(
+            each.gone_ns == found.not_after_ns and each.last_seen_ns == found.not_before_ns for each in of.states
+        )
+        assert found.not_after_ns is not None
+        assert a_ns < found.not_after_ns <= b_ns
+    if found.kind == "appeared":
+        seen_empty = {ns for each in of.states for ns in (each.gone_ns, each.empty_before_ns) if ns is not None}
+        assert found.not_before_ns in seen_empty
+    if found.kind in {"appeared", "moved", "first observed"}:
+        assert found.after is not None
+        assert a_ns < found.after.first_seen_ns <= b_ns
+    if found.kind in {"appeared", "moved", "disappeared"}:
+        assert found.not_before_ns is not None
+        assert found.not_after_ns is not None
+        assert found.not_before_ns < found.not_after_ns
+    if found.kind == "moved":
+        assert found.before is not None
+        assert found.after is not None
+        assert distance(found.before, found.after) >= MOVE_M
+
+
+@given(lives.lives(), times, times)
+def test_nothing_is_claimed_that_nobody_saw(of: StoredInstance, a: int, b: int) -> None:
+    low, high = sorted((a, b))
+    if low < high:
+        check_claims(of, between(of, low, high), m.ns(low), m.ns(high))
+
+
+@given(lives.visited(), st.sampled_from([(0, 1), (1, 2), (0, 2)]))
+def test_nothing_is_claimed_between_traversals_that_nobody_saw(of: StoredInstance, which: tuple[int, int]) -> None:
+    a, b = (lives.TRAVERSALS[each] for each in which)
+    check_claims(of, of_visits(of, *which), a.end_ns, b.end_ns)
+
+
+@given(lives.visited(), times, times)
+def test_without_a_contradiction_nothing_disappears_or_appears(of: StoredInstance, a: int, b: int) -> None:
+    states = tuple(replace(each, gone_ns=None, empty_before_ns=None) for each in of.states)
+    unseen = replace(of, states=states, presence="present")
+    found = [of_visits(unseen, 0, 1), of_visits(unseen, 1, 2), of_visits(unseen, 0, 2)]
+    if a != b:
+        found.append(between(unseen, a, b))
+    assert all(each is None or each.kind not in {"disappeared", "appeared"} for each in found)
+
+
+@given(lives.lives(), times, times)
+def test_what_is_certain_at_both_ends_is_told_as_it_is(of: StoredInstance, a: int, b: int) -> None:
+    low, high = sorted((a, b))
+    before, after = standing_at(of, m.ns(low)), standing_at(of, m.ns(high))
+    assert before is not None
+    assert after is not None
+    if low == high or "unknown" in {before.presence, after.presence}:
+        return
+    found = between(of, low, high)
+    kind = None if found is None else found.kind
+    match before.presence, after.presence:
+        case "present", "absent":
+            assert kind == "disappeared"
+        case "absent", "present":
+            assert kind in {"appeared", "moved"}
+        case "absent", "absent":
+            assert kind is None
+        case "present", "present":
+            same = distance(before.state, after.state) < MOVE_M
+            assert kind in ({"unchanged", "not observed again"} if same else {"moved"})
+
+
+@pytest.mark.parametrize("traversals", [False, True])
+@given(of=lives.visited(), a=times, b=times, c=times)
+def test_diffs_add_up(traversals: bool, of: StoredInstance, a: int, b: int, c: int) -> None:
+    low, middle, high = sorted((a, b, c))
+    if not low < middle < high:
+        return
+    if traversals:
+        first, second, whole = (of_visits(of, *pair) for pair in ((0, 1), (1, 2), (0, 2)))
+    else:
+        first, second, whole = (between(of, *pair) for pair in ((low, middle), (middle, high), (low, high)))
+    kinds = tuple(None if each is None else each.kind for each in (first, second))
+    kind = None if whole is None else whole.kind
+    match kinds:
+        case "disappeared", None if first is not None and first.before is not None:
+            assert kind == "disappeared"
+        case "appeared", "disappeared":
+            assert kind is None
+        case "appeared", "unchanged" | "moved" | "not observed again":
+            assert kind in {"appeared", "moved"}  # moved: from a place that it had left before
+        case "first observed", "unchanged" | "moved" | "not observed again":
+            assert kind == "first observed"
+        case "moved", "unchanged":
+            assert kind in {"moved", "unchanged"}
+        case "unchanged" | "not observed again", "moved" | "disappeared":
+            assert kind == kinds[1]
+        case "unchanged", "unchanged":
+            assert kind == "unchanged"
+        case ("moved", "moved") | ("disappeared", "appeared" | "moved"):
+            assert kind in {"moved", "unchanged", "appeared", "first observed"}
+
+
+def test_what_moved_and_moved_back_is_unchanged() -> None:
+    states = (
+        m.state(1, 0, (1, 10), gone=20),
+        m.state(1, 1, (30, 40), (3, 0, 0.5), gone=50),
+        m.state(1, 2, (60, 70)),
+    )
+    of = replace(lives.life(states), presence="present")
+    found = between(of, 5, 65)
+    assert found is not None
+    assert (found.kind, found.reason) == ("unchanged", "seen in its place in both, moved in between")
+    assert [each.kind for each in (between(of, 5, 35), between(of, 35, 65)) if each] == ["moved", "moved"]
+    assert held_at(of.states, m.ns(25)) is None
