@@ -11,7 +11,8 @@ import numpy as np
 from sqlalchemy import select
 
 from supermap_cli.geometry.arrays import FloatArray
-from supermap_cli.memory.reading import MapReader, batches
+from supermap_cli.memory.numbers import batches
+from supermap_cli.memory.reading import MapReader
 from supermap_schema import models
 
 
