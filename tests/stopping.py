@@ -108,7 +108,9 @@ def _run(arguments: Sequence[str], folder: str, prepare: Callable[[Any], None] |
 
 
 _CONTEXT = multiprocessing.get_context("forkserver")
-_CONTEXT.set_forkserver_preload(["supermap_cli.pipeline", "supermap_cli.recordings", "scipy.optimize", "scipy.spatial"])
+_CONTEXT.set_forkserver_preload(
+    ["supermap_cli.traversal_build", "supermap_cli.recordings", "scipy.optimize", "scipy.spatial"]
+)
 
 
 def start(

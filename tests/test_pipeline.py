@@ -24,7 +24,7 @@ from supermap_cli.errors import (
 from supermap_cli.graph.predicates import SpatialPredicate
 from supermap_cli.memory import MapStore, open_store
 from supermap_cli.memory.values import TraversalStart
-from supermap_cli.pipeline import BuildSummary, TraversalBuild
+from supermap_cli.traversal_build import BuildSummary, TraversalBuild
 from supermap_cli.types.memory import KeyframeRecord, MapDelta
 
 DAY_S = 86_400.0

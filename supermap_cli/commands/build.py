@@ -39,9 +39,10 @@ if TYPE_CHECKING:
     from supermap_cli.config import BuildConfig
     from supermap_cli.hookspecs import RecordingRequest
     from supermap_cli.memory.store import MapStore
-    from supermap_cli.pipeline import BuildSummary, Progress, TraversalBuild, Unfinished
+    from supermap_cli.pipeline import Progress
     from supermap_cli.plugin_manager import Plugins
     from supermap_cli.protocols import Recording
+    from supermap_cli.traversal_build import BuildSummary, TraversalBuild, Unfinished
 
 EXAMPLES = """
 Examples:
@@ -141,8 +142,8 @@ def build(  # noqa: PLR0917 - a command line has many options
 
 @dataclass(frozen=True)
 class Follow:
-    """How recordings follow what is in the map: what becomes of a build that was stopped (`pipeline.Unfinished`),
-    whether one may be in the map already, its name, and how it is placed.
+    """How recordings follow what is in the map: what becomes of a build that was stopped, whether one may be in the map
+    already, its name, and how it is placed.
     """
 
     unfinished: Unfinished = "refuse"
@@ -157,8 +158,8 @@ def build_all(
     """Build one recording after the other into one database."""
     from supermap_cli.allocation import keep_freed_memory  # noqa: PLC0415 - heavy imports only when a build starts
     from supermap_cli.memory.opening import open_store  # noqa: PLC0415
-    from supermap_cli.pipeline import TraversalBuild  # noqa: PLC0415
     from supermap_cli.plugin_manager import load_plugins  # noqa: PLC0415
+    from supermap_cli.traversal_build import TraversalBuild  # noqa: PLC0415
 
     if threading.current_thread() is threading.main_thread():
         signal.signal(signal.SIGTERM, signal.default_int_handler)  # stopped politely, it leaves the map as it was

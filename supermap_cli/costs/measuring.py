@@ -16,11 +16,11 @@ from supermap_cli.hookspecs import RecordingRequest
 from supermap_cli.keyframe_choice import choose_keyframes
 from supermap_cli.memory.opening import open_store
 from supermap_cli.memory.store import MapStore
-from supermap_cli.pipeline import BuildSummary, TraversalBuild
 from supermap_cli.plugin_manager import Plugins, load_plugins
 from supermap_cli.protocols import Recording
 from supermap_cli.recordings import open_bag_recording
 from supermap_cli.timing import StageClock
+from supermap_cli.traversal_build import BuildSummary, TraversalBuild
 
 
 def measure(job: Job) -> Run:
