@@ -28,6 +28,8 @@ INSERT INTO observation (keyframe_id, instance_number, track_id, label, score, u
     SELECT keyframe_id, copy.number, track_id, 'box', score, u_min, v_min, u_max, v_max, x, y, z,
     evidence_for, evidence_against, hypotheses, crop_jpeg
     FROM copy JOIN observation ON observation.instance_number = 1;
+UPDATE traversal SET observations = (SELECT count(*) FROM observation JOIN keyframe ON keyframe.id = keyframe_id
+    WHERE keyframe.traversal_id = traversal.id);
 DROP TABLE copy;
 """
 

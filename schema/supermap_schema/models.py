@@ -61,9 +61,9 @@ class Traversal(Base):
     `mapped_ns` is the stamp of the newest keyframe committed; `keyframes` and `observations` count what it has of them.
 
     All times of a traversal are its recording's plus `clock_shift_ns`, which is 0 unless its clock says that
-    it was made before the end of what is in the map: the map's time goes forward in the order of building. Crops and
-    observations of keyframes before `crops_kept_from_ns` and `observations_kept_from_ns` were given up (`supermap db
-    vacuum`).
+    it was made before the end of what is in the map: the map's time goes forward in the order of building. Most crops,
+    observations and thumbnails of keyframes before `crops_kept_from_ns`, `observations_kept_from_ns` and
+    `thumbnails_kept_from_ns` were given up (`supermap db vacuum`).
     """
 
     __tablename__ = "traversal"
@@ -84,6 +84,7 @@ class Traversal(Base):
     clock_shift_ns: Mapped[int] = mapped_column(Int64, server_default=text("0"))
     crops_kept_from_ns: Mapped[int | None] = mapped_column(Int64)
     observations_kept_from_ns: Mapped[int | None] = mapped_column(Int64)
+    thumbnails_kept_from_ns: Mapped[int | None] = mapped_column(Int64)
     keyframes: Mapped[int] = mapped_column(Int64, server_default=text("0"))
     observations: Mapped[int] = mapped_column(Int64, server_default=text("0"))
 

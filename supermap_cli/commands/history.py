@@ -46,11 +46,15 @@ def history(
 
 
 def _print(told: History, clock: Clock) -> None:
+    from supermap_cli.query.keeping import evidence_notes  # noqa: PLC0415 - keeps start-up light
+
     console = out()
     merged = f", asked as {told.asked_id}" if told.asked_id.casefold() != told.id.casefold() else ""
     console.print(
         f"{told.id} ({told.label}), {told.presence}{merged}; observations: {evidence_text(told.evidence)}", markup=False
     )
+    for note in evidence_notes([told.evidence], clock):
+        console.print(f"note: {note}", markup=False)
     print_table(
         console,
         f"{len(told.intervals)} states",

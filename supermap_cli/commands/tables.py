@@ -48,7 +48,10 @@ def size_text(box: BoxView) -> str:
 
 
 def evidence_text(evidence: EvidenceView) -> str:
-    """How many observations something rests on, with the ids of the first three."""
+    """How many observations something rests on, with the ids of the first three; how many are left, if most were given
+    up.
+    """
     shown = ", ".join(map(str, evidence.observations[:3]))
     more = ", ..." if evidence.observation_count > 3 else ""
-    return f"{evidence.observation_count} ({shown}{more})" if shown else "none"
+    left = "" if evidence.given_up_before_ns is None else " left"
+    return f"{evidence.observation_count}{left} ({shown}{more})" if shown else "none"

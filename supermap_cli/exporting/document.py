@@ -86,6 +86,7 @@ def _traversals(source: Source) -> Iterator[dict[str, object]]:
             "clock_shift_ns": each.clock_shift_ns,
             "crops_kept_from_ns": each.crops_kept_from_ns,
             "observations_kept_from_ns": each.observations_kept_from_ns,
+            "thumbnails_kept_from_ns": each.thumbnails_kept_from_ns,
             "versions": dict(each.versions),
             "config": dict(each.config),
         }

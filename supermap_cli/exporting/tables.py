@@ -82,6 +82,7 @@ def _traversals(source: Source) -> Iterator[Cells]:
         yield (
             *(each.name, each.number, each.recording, each.fingerprint, each.status, each.start_ns, each.end_ns),
             *(each.keyframes, each.clock_shift_ns, each.crops_kept_from_ns, each.observations_kept_from_ns),
+            each.thumbnails_kept_from_ns,
             *(json.dumps(each.T_map_odom.tolist()), _json(each.config), _json(each.versions)),
         )
 
@@ -182,6 +183,7 @@ TRAVERSALS = Table(
     _columns(
         *("name", "number:integer", "recording", "fingerprint", "status", "start_ns", "end_ns", "keyframes:integer"),
         *("clock_shift_ns:integer", "crops_kept_from_ns", "observations_kept_from_ns"),
+        "thumbnails_kept_from_ns",
         *("T_map_odom", "config", "versions"),
     ),
     _traversals,

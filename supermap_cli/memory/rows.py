@@ -108,6 +108,7 @@ def stored_traversal(row: Row) -> StoredTraversal:
         clock_shift_ns=row.clock_shift_ns,
         crops_kept_from_ns=row.crops_kept_from_ns,
         observations_kept_from_ns=row.observations_kept_from_ns,
+        thumbnails_kept_from_ns=row.thumbnails_kept_from_ns,
         observations=row.observations,
     )
 

@@ -13,7 +13,16 @@ from supermap_cli.errors import MemoryStoreError
 from supermap_cli.memory import rows
 from supermap_cli.memory.databases import Database, Lock, dialect_of
 from supermap_cli.memory.names import traversal_name
+from supermap_cli.memory.numbers import BATCH
 from supermap_cli.memory.reading import MapReader, select_traversals
+from supermap_cli.memory.retention import (
+    GivenUp,
+    KeptFrom,
+    Progress,
+    declare,
+    give_up_sightings,
+    give_up_thumbnails,
+)
 from supermap_cli.memory.undo import drop_before_images, take_out
 from supermap_cli.memory.values import Checkpoint, StoredTraversal, TraversalStart
 from supermap_cli.memory.writing import write_checkpoint, write_delta
@@ -242,6 +251,50 @@ class MapStore:
         """Reads of one moment: whatever a running build commits meanwhile is not seen."""
         with self._reading() as connection:
             yield MapReader(connection, self._database)
+
+    # Keeping it small
+
+    def give_up(self, kept: KeptFrom, progress: Progress | None = None, *, really: bool = True) -> GivenUp:
+        """Give up old crops, observations and thumbnails; what stays, and how it is done, stands in `retention`.
+
+        Killed in between it leaves a sound map and can be done again. Not `really`: only say what would go.
+        Raises `MemoryStoreError` while a build has not come to its end.
+        """
+        if (unfinished := self.unfinished()) is not None:
+            raise MemoryStoreError(
+                f"the build of {unfinished.name!r} has not come to its end",
+                where=self.where,
+                cure="let it go on (`supermap build --resume`), or take it out by building another recording",
+            )
+        session = self._writing if really else self._reading
+        if really:
+            with self._writing() as connection:
+                declare(connection, kept)
+        total = len(self._rows(select(models.Instance.number).where(models.Instance.merged_into.is_(None))))
+        given_up, after, done = GivenUp(), None, 0
+        while True:
+            with session() as connection:
+                after, part = give_up_sightings(connection, self._database, kept, after, really=really)
+            if after is None:
+                break
+            given_up.add(part)
+            done = min(done + BATCH, total)
+            if progress is not None:
+                progress(done, total)
+        for traversal in self.traversals() if kept.thumbnails_ns is not None else ():
+            with session() as connection:
+                given_up.add(give_up_thumbnails(connection, traversal, kept.thumbnails_ns or 0, really=really))
+        return given_up
+
+    def reclaim(self) -> None:
+        """Give the room of what is gone back to the disk, as far as the database can without blocking readers.
+
+        Raises `MemoryStoreError` where there is no room to do so.
+        """
+        if self._engine is None or self._lock is None:
+            raise MemoryStoreError("the map database is not open for writing", where=self.where)
+        with self._translated():
+            self._database.reclaim(self._engine)
 
     # Sessions
 

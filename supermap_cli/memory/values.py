@@ -44,8 +44,8 @@ class StoredTraversal:
     """A traversal in the map. `number` counts from 1 in the order of building; `timings` is seconds per stage;
     `keyframes` and `observations` are how many it has.
 
-    Its times are its recording's plus `clock_shift_ns`. Crops and observations of keyframes before `crops_kept_from_ns`
-    and `observations_kept_from_ns` were given up.
+    Its times are its recording's plus `clock_shift_ns`. Most crops, observations and thumbnails of keyframes before
+    `crops_kept_from_ns`, `observations_kept_from_ns` and `thumbnails_kept_from_ns` were given up.
     """
 
     id: int
@@ -65,6 +65,7 @@ class StoredTraversal:
     clock_shift_ns: int = 0
     crops_kept_from_ns: int | None = None
     observations_kept_from_ns: int | None = None
+    thumbnails_kept_from_ns: int | None = None
     observations: int = 0
 
 

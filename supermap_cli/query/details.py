@@ -99,7 +99,9 @@ def details_at(reader: MapReader, text_id: str, instant: Instant, clock: Clock) 
         merged_ids=merged_ids(reader, instance),
         intervals=tuple(map(interval_view, begun or instance.states[:1])),
         relations=relations_of(reader, instance, at_ns),
-        evidence=evidence_of(seen, [each for each in instance.visits if each.traversal_id in by_then]),
+        evidence=evidence_of(
+            seen, [each for each in instance.visits if each.traversal_id in by_then], reader.traversals
+        ),
         as_of=instant.text,
         as_of_ns=at_ns,
         standing=standing_view(standing, at_ns, clock),

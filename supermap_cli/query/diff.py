@@ -12,6 +12,7 @@ from supermap_cli.memory.reading import MapReader
 from supermap_cli.memory.values import ObservationRef, StoredInstance, StoredTraversal
 from supermap_cli.query.clock import clock_of
 from supermap_cli.query.instants import Instant, instant_of, of_traversal
+from supermap_cli.query.keeping import given_up_notes
 from supermap_cli.query.naming import Name, by_traversal, name_by, sure_name
 from supermap_cli.query.verdicts import KINDS, Case, ChangeKind, Ends, Verdict, distance, ends_of
 from supermap_cli.query.views import (
@@ -108,6 +109,8 @@ def diff(reader: MapReader, first: str | None = None, second: str | None = None)
     tally = Counter(change.kind for change in found)
     notes = [end.note for end in given if end.note is not None]
     notes += ["the two were put in the order of time"] if given[0] is not before else []
+    named = [end.traversal for end in (before, after) if end.traversal is not None] or reader.traversals
+    notes += given_up_notes(named, clock_of(reader))
     return Diff(
         before=_end_view(before),
         after=_end_view(after),
@@ -208,11 +211,11 @@ class Comparison:
         low_ns = self.ends.before.at_ns + 1 if end is self.ends.after else state.first_seen_ns
         return [each for each in seen if max(low_ns, state.first_seen_ns) <= each.stamp_ns <= end.at_ns]
 
-    @staticmethod
     def _evidence(
-        instance: StoredInstance, seen: Sequence[ObservationRef], traversal_ids: frozenset[int]
+        self, instance: StoredInstance, seen: Sequence[ObservationRef], traversal_ids: frozenset[int]
     ) -> EvidenceView:
-        return evidence_of(seen, [each for each in instance.visits if each.traversal_id in traversal_ids])
+        visits = [each for each in instance.visits if each.traversal_id in traversal_ids]
+        return evidence_of(seen, visits, self.reader.traversals)
 
     def _candidates(self, instance: StoredInstance, edges: Iterable[TemporalEdge]) -> tuple[CandidateView, ...]:
         found = {}

@@ -141,6 +141,8 @@ def _summary_at(
         confidence=round(standing.state.confidence, 4),
         intervals=tuple(map(interval_view, begun or instance.states[:1])),
         relations=(),
-        evidence=evidence_of(seen, [each for each in instance.visits if each.traversal_id in by_then]),
+        evidence=evidence_of(
+            seen, [each for each in instance.visits if each.traversal_id in by_then], reader.traversals
+        ),
         standing=standing_view(standing, instant.at_ns, clock),
     )

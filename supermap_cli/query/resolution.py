@@ -16,6 +16,7 @@ from supermap_cli.query.candidates import Called, Candidate, Pool, label_in
 from supermap_cli.query.clock import Clock, clock_of, is_time_of_day
 from supermap_cli.query.grammar import Question, RelatedTo, Things, parse
 from supermap_cli.query.instants import instant_of
+from supermap_cli.query.keeping import evidence_notes
 from supermap_cli.query.misses import NEAREST, closest, perhaps_called
 from supermap_cli.query.moments import Moment, moment_at, moment_of
 from supermap_cli.query.relating import Basis, Relating
@@ -126,6 +127,7 @@ def answer(text: str, reader: MapReader, at: str | None = None, limit: int = LIS
     perhaps = resolver.perhaps(question.things, instances, counting=counting)
     nearest = () if instances else resolver.nearest(question.things)
     resolver.note_time(question, found.candidates, at)
+    given_up = evidence_notes((each.evidence for each in instances), clock)
     count = found.sure if counting else None
     at_most = len(instances) + (found.more or 0) + perhaps.count
     when = moment.text if at else None
@@ -136,7 +138,7 @@ def answer(text: str, reader: MapReader, at: str | None = None, limit: int = LIS
         message=wording.found(question, instances, found, when)
         if instances
         else wording.nothing(question, nearest, resolver.missing(question.things), when),
-        notes=tuple(dict.fromkeys([*resolver.notes, *resolver.notes_of(perhaps)])),
+        notes=tuple(dict.fromkeys([*resolver.notes, *resolver.notes_of(perhaps), *given_up])),
         instances=instances,
         relation=resolver.asked(question.things.relation),
         nearest=nearest,

@@ -58,6 +58,8 @@ class IntervalView:
 class EvidenceView:
     """What an answer rests on: how many observations there are, the ids and keyframe stamps of the telling ones, and
     in how many keyframes its place was supported, in view, and seen empty.
+
+    Of the observations before `given_up_before_ns` only the telling ones were kept; left out where all were.
     """
 
     observation_count: int
@@ -66,6 +68,7 @@ class EvidenceView:
     supported: int
     in_view: int
     contradicted: int
+    given_up_before_ns: int | None = field(default=None, metadata={"optional": True})
 
 
 @dataclass(frozen=True)
@@ -104,7 +107,10 @@ class InstanceView:
 
 @dataclass(frozen=True)
 class TraversalView:
-    """One traversal. Its times are its recording's own plus `clock_shift_ns`."""
+    """One traversal. Its times are its recording's own plus `clock_shift_ns`.
+
+    Most crops, observations and thumbnails from before `*_kept_from_ns` were given up; left out where none were.
+    """
 
     number: int
     name: str
@@ -115,6 +121,9 @@ class TraversalView:
     clock_shift_ns: int
     keyframes: int
     timings_s: dict[str, float] = field(default_factory=dict)
+    crops_kept_from_ns: int | None = field(default=None, metadata={"optional": True})
+    observations_kept_from_ns: int | None = field(default=None, metadata={"optional": True})
+    thumbnails_kept_from_ns: int | None = field(default=None, metadata={"optional": True})
 
 
 @dataclass(frozen=True)
@@ -170,6 +179,9 @@ def traversal_view(traversal: StoredTraversal) -> TraversalView:
         clock_shift_ns=traversal.clock_shift_ns,
         keyframes=traversal.keyframes,
         timings_s=dict(traversal.timings),
+        crops_kept_from_ns=traversal.crops_kept_from_ns,
+        observations_kept_from_ns=traversal.observations_kept_from_ns,
+        thumbnails_kept_from_ns=traversal.thumbnails_kept_from_ns,
     )
 
 
@@ -202,16 +214,20 @@ def evidence_view(
         and (traversal_ids is None or each.traversal_id in traversal_ids)
     ]
     visits = [each for each in instance.visits if traversal_ids is None or each.traversal_id in traversal_ids]
-    return evidence_of(seen, visits)
+    return evidence_of(seen, visits, reader.traversals)
 
 
 Seen = ObservationRef | Sighting
 
 
-def evidence_of(seen: Sequence[Seen], visits: Iterable[StoredVisit]) -> EvidenceView:
-    """What some observations say, in the order of time, and how often some traversals looked at the place."""
+def evidence_of(
+    seen: Sequence[Seen], visits: Iterable[StoredVisit], traversals: Sequence[StoredTraversal]
+) -> EvidenceView:
+    """What some observations say, in the order of time, and how often some of the `traversals` looked there."""
     telling = telling_observations(seen)
     looked = list(visits)
+    limits = {each.id: each.observations_kept_from_ns for each in traversals}
+    given_up = [limits.get(each.traversal_id) for each in looked if each.supported]
     return EvidenceView(
         observation_count=len(seen),
         observations=tuple(each.id for each in telling),
@@ -219,6 +235,7 @@ def evidence_of(seen: Sequence[Seen], visits: Iterable[StoredVisit]) -> Evidence
         supported=sum(each.supported for each in looked),
         in_view=sum(each.in_view for each in looked),
         contradicted=sum(each.contradicted for each in looked),
+        given_up_before_ns=max((each for each in given_up if each is not None), default=None),
     )
 
 

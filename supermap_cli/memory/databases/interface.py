@@ -64,6 +64,11 @@ class Database(Protocol):
     def size_bytes(self, connection: Connection) -> int:
         """What the map takes on the disk."""
 
+    def reclaim(self, engine: Engine) -> None:
+        """Give back what deleted rows took, as far as that blocks no reader; by the writer's engine, which holds no
+        transaction. Raises `MemoryStoreError` where there is no room for it.
+        """
+
     def failure(self, error: DatabaseError) -> MemoryStoreError:
         """An error of the database that a user can mend, as one that says how."""
 

@@ -129,6 +129,14 @@ class PostgresqlSchema:
         size = f"SELECT coalesce(sum(pg_total_relation_size(oid)), 0)::bigint FROM ({_OWN_RELATIONS}) AS own"
         return int(connection.exec_driver_sql(size).scalar_one())
 
+    def reclaim(self, engine: Engine) -> None:
+        """VACUUM: the room is used again by what comes; to give it back to the system, the server would lock readers
+        out (VACUUM FULL).
+        """
+        with engine.connect().execution_options(isolation_level="AUTOCOMMIT") as connection:
+            for model in (models.Observation, models.Keyframe, models.Traversal):
+                connection.exec_driver_sql(f"VACUUM (ANALYZE) {model.__tablename__}")
+
     def failure(self, error: DatabaseError) -> MemoryStoreError:
         """A server that went away, a full disk."""
         return refused(error, self.where)

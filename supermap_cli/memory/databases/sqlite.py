@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import sqlite3
 from collections.abc import Callable
 from contextlib import AbstractContextManager, closing
@@ -110,6 +111,32 @@ class SqliteFile:
     def size_bytes(self, connection: Connection) -> int:
         """The file without what a running build has not moved into it yet."""
         return self.path.stat().st_size
+
+    def reclaim(self, engine: Engine) -> None:
+        """VACUUM: SQLite writes the whole map anew, beside the old one; then the file is cut to its new length.
+
+        Where somebody reads an older moment meanwhile, it is cut when the next build, or the last reader, is done.
+        """
+        needed = self.path.stat().st_size
+        free = shutil.disk_usage(self.path.absolute().parent).free
+        no_room = MemoryStoreError(
+            f"the map cannot be made smaller: that takes up to {needed / 1e6:.0f} MB, {free / 1e6:.0f} MB are free",
+            where=self.where,
+            cure="free space, here and where SQLite keeps temporary files ($SQLITE_TMPDIR), and try again; "
+            "what was given up stays so",
+        )
+        if free < needed:
+            raise no_room
+        with closing(self._connect_writer()) as connection:
+            try:
+                connection.execute("VACUUM")
+                connection.execute("PRAGMA busy_timeout = 500")  # a reader that takes longer is not waited for
+                connection.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+            except sqlite3.OperationalError as error:
+                raise (no_room if "full" in str(error) else self._refusal(error)) from error
+
+    def _refusal(self, error: sqlite3.Error) -> MemoryStoreError:
+        return MemoryStoreError(f"the map cannot be made smaller: {error}", where=self.where, cure="try again later")
 
     def failure(self, error: DatabaseError) -> MemoryStoreError:
         """A full disk, a damaged file."""

@@ -31,6 +31,7 @@ def upgrade() -> None:
     op.add_column("traversal", sa.Column("clock_shift_ns", Int64, nullable=False, server_default=sa.text("0")))
     op.add_column("traversal", sa.Column("crops_kept_from_ns", Int64))
     op.add_column("traversal", sa.Column("observations_kept_from_ns", Int64))
+    op.add_column("traversal", sa.Column("thumbnails_kept_from_ns", Int64))
     _count_rows()
     _add_indices()
     op.create_table(

@@ -1,0 +1,101 @@
+"""`supermap db vacuum`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from supermap_cli.commands.common import DbOption, JsonOption, database_url, err, out, print_json
+
+if TYPE_CHECKING:
+    from supermap_cli.memory.retention import GivenUp, KeptFrom, Progress
+    from supermap_cli.query.clock import Clock
+
+EXAMPLES = """
+Examples:
+
+    supermap db vacuum
+
+    supermap db vacuum --keep crops=30d --keep observations=180d --dry-run
+
+    supermap db vacuum --keep thumbnails="2 traversals" --keep crops=none
+"""
+
+
+def vacuum(
+    db: DbOption = None,
+    keep: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="KIND=HOW_LONG",
+            help="Of crops, observations or thumbnails keep only these; may be repeated.",
+            show_default=False,
+        ),
+    ] = None,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Only say what would go, and how much that is.")] = False,
+    json: JsonOption = False,
+) -> None:
+    """Make the database smaller: give up what is old, if asked to, and give the room back.
+
+    HOW_LONG is an age (30d; units s, min, h, d, w, y) counted back from the newest time in the map, "3 traversals", a
+    traversal or time from which on all is kept, or none. States, edges, visits, poses and shapes always stay; so do of
+    every state its first and last observation, the best one of each traversal, and, unless crops=none, its best crop.
+    """
+    from supermap_cli.memory import open_store  # noqa: PLC0415 - keeps start-up light
+    from supermap_cli.query.clock import clock_of  # noqa: PLC0415
+    from supermap_cli.query.keeping import kept_from  # noqa: PLC0415
+    from supermap_cli.query.views import to_document  # noqa: PLC0415
+
+    with open_store(database_url(db), read_only=dry_run) as store:
+        with store.reader() as reader:
+            kept, clock, before = kept_from(keep or (), reader), clock_of(reader), reader.size_bytes()
+        with _progress_bar() as progress:
+            given_up = store.give_up(kept, progress, really=not dry_run)
+        if not dry_run:
+            store.reclaim()
+        with store.reader() as reader:
+            after = reader.size_bytes()
+    if json:
+        print_json(
+            {
+                "path": store.where,
+                "dry_run": dry_run,
+                "kept_from": to_document(kept),
+                "given_up": to_document(given_up),
+                "size_before_bytes": before,
+                "size_after_bytes": after,
+            }
+        )
+        return
+    _print(kept, given_up, clock, dry_run=dry_run)
+    if not dry_run:
+        out().print(f"{store.where}: {before / 1e6:.1f} MB before, {after / 1e6:.1f} MB now", markup=False)
+
+
+def _print(kept: KeptFrom, given_up: GivenUp, clock: Clock, *, dry_run: bool) -> None:
+    console = out()
+    verb = "would go" if dry_run else "went"
+    for kind, limit_ns in (
+        ("observations", kept.observations_ns),
+        ("crops", kept.crops_ns),
+        ("thumbnails", kept.thumbnails_ns),
+    ):
+        if limit_ns is not None:
+            count = getattr(given_up, kind)
+            console.print(f"{count} {kind} from before {clock.text(limit_ns)} {verb}", markup=False)
+    if given_up.size_bytes or dry_run:
+        console.print(f"about {given_up.size_bytes / 1e6:.1f} MB", markup=False)
+
+
+@contextmanager
+def _progress_bar() -> Iterator[Progress]:
+    """A bar over the instances, on stderr."""
+    from rich.progress import Progress as Bar  # noqa: PLC0415 - keeps start-up light
+
+    console = err()
+    with Bar(console=console, transient=True, disable=not console.is_terminal) as bar:
+        task = bar.add_task("instances")
+        yield lambda done, total: bar.update(task, completed=done, total=total)
