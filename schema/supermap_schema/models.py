@@ -27,6 +27,8 @@ TRAVERSAL_STATUSES = ("building", "complete")
 TEMPORAL_KINDS = ("appeared", "persisted", "moved", "disappeared", "reappeared", "merged", "split", "candidate")
 
 
+WITH_CROP = text("crop_jpeg IS NOT NULL")
+GONE = text("gone_ns IS NOT NULL")
 MERGED = text("merged_into IS NOT NULL")
 NOT_MERGED = text("merged_into IS NULL")
 """Nearly all questions are for those that stand for themselves: their indices hold no others."""
@@ -195,6 +197,7 @@ class Observation(Base):
 
     __table_args__ = (
         Index(None, "instance_number", "keyframe_id", "score"),
+        Index(None, "instance_number", sqlite_where=WITH_CROP, postgresql_where=WITH_CROP),
         CheckConstraint("score >= 0 AND score <= 1", name="score"),
         CheckConstraint("evidence_for >= 0 AND evidence_against >= 0", name="evidence"),
         STRICT,
@@ -235,6 +238,7 @@ class State(Base):
         UniqueConstraint("instance_number", "state_index"),
         Index(None, "label", "instance_number"),
         Index(None, "first_seen_ns", "instance_number"),
+        Index(None, "gone_ns", "instance_number", sqlite_where=GONE, postgresql_where=GONE),
         CheckConstraint("state_index >= 0", name="state_index"),
         CheckConstraint("last_seen_ns >= first_seen_ns", name="support"),
         CheckConstraint("gone_ns > last_seen_ns", name="gone"),
@@ -251,7 +255,7 @@ class Visit(Base):
     __tablename__ = "visit"
 
     traversal_id: Mapped[int] = mapped_column(Int64, ForeignKey("traversal.id"), primary_key=True)
-    instance_number: Mapped[int] = mapped_column(Int64, ForeignKey("instance.number"), primary_key=True, index=True)
+    instance_number: Mapped[int] = mapped_column(Int64, ForeignKey("instance.number"), primary_key=True)
     supported: Mapped[int] = mapped_column(Int64)
     in_view: Mapped[int] = mapped_column(Int64)
     contradicted: Mapped[int] = mapped_column(Int64)

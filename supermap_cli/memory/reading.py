@@ -168,9 +168,10 @@ class MapReader:
     def changed_within(self, low_ns: int, high_ns: int) -> tuple[int, ...]:
         """The numbers of the instances of which a state began or ended within (low, high], in order."""
         state = models.State
-        began = and_(state.first_seen_ns > low_ns, state.first_seen_ns <= high_ns)
-        ended = and_(state.gone_ns > low_ns, state.gone_ns <= high_ns)
-        return self._numbers(select(state.instance_number).where(or_(began, ended)))
+        number = select(state.instance_number)
+        began = number.where(state.first_seen_ns > low_ns, state.first_seen_ns <= high_ns)
+        ended = number.where(state.gone_ns > low_ns, state.gone_ns <= high_ns)
+        return self._numbers(began, ended)
 
     def standing_at(self, at_ns: int) -> tuple[int, ...]:
         """The numbers of the instances of which a state had begun by a time and was not known to have ended."""
@@ -178,9 +179,9 @@ class MapReader:
         held = and_(state.first_seen_ns <= at_ns, or_(state.gone_ns.is_(None), state.gone_ns > at_ns))
         return self._numbers(select(state.instance_number).where(held))
 
-    def _numbers(self, statement: Select[Any]) -> tuple[int, ...]:
-        """The numbers that a statement finds, as those of the instances that they are part of today."""
-        found = self.connection.execute(statement.distinct()).scalars().all()
+    def _numbers(self, *statements: Select[Any]) -> tuple[int, ...]:
+        """The numbers that statements find, as those of the instances that they are part of today."""
+        found = {number for each in statements for number in self.connection.execute(each).scalars()}
         return tuple(sorted(set(self.survivors.of(found).values())))
 
     def voxels(self, instance: StoredInstance) -> VoxelCloud:

@@ -18,12 +18,14 @@ INDICES: tuple[tuple[str, list[str], str | None], ...] = (
     ("instance", ["presence", "last_seen_ns"], "merged_into IS NULL"),
     ("instance", ["merged_into"], "merged_into IS NOT NULL"),
     ("observation", ["instance_number", "keyframe_id", "score"], None),
+    ("observation", ["instance_number"], "crop_jpeg IS NOT NULL"),
     ("state", ["label", "instance_number"], None),
     ("state", ["first_seen_ns", "instance_number"], None),
-    ("visit", ["instance_number"], None),
+    ("state", ["gone_ns", "instance_number"], "gone_ns IS NOT NULL"),
+    ("visit", ["instance_number", "traversal_id"], None),
     ("temporal_edge", ["not_after_ns"], None),
 )
-"""Each with its table, its columns, and the rows that it holds; that of `observation` takes an older one's place."""
+"""Each with its table, its columns, and the rows that it holds."""
 
 
 def upgrade() -> None:
@@ -44,7 +46,6 @@ def upgrade() -> None:
         sa.ForeignKeyConstraint(["traversal_id"], ["traversal.id"], name=op.f("fk_checkpoint_traversal_id")),
         sqlite_strict=True,
     )
-    op.create_index(op.f("ix_visit_instance_number_traversal_id"), "visit", ["instance_number", "traversal_id"])
     objects = {"sqlite": sqlite.OBJECTS_0002, "postgresql": postgresql.OBJECTS_0002}
     for statement in objects[op.get_bind().dialect.name]:
         op.execute(statement)
@@ -62,11 +63,11 @@ def _count_rows() -> None:
 
 
 def _add_indices() -> None:
+    op.drop_index(op.f("ix_observation_instance_number"), "observation")
     for table, columns, where in INDICES:
         rows = None if where is None else sa.text(where)
         name = op.f(f"ix_{table}_{'_'.join(columns)}")
         op.create_index(name, table, columns, sqlite_where=rows, postgresql_where=rows)
-    op.drop_index(op.f("ix_observation_instance_number"), "observation")
 
 
 def downgrade() -> None:

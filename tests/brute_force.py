@@ -1,0 +1,151 @@
+"""Questions answered by going through everything in the map: slow, short, and what the indices are held against."""
+
+from __future__ import annotations
+
+from difflib import get_close_matches
+
+from supermap_cli.memory.reading import MapReader
+from supermap_cli.memory.values import StoredInstance
+from supermap_cli.query.clock import clock_of
+from supermap_cli.query.grammar import RelatedTo, Things, parse
+from supermap_cli.query.moments import moment_of
+from supermap_cli.query.relations import STORED_FORMS, box_distance_m, holds
+from supermap_cli.query.standing import standing_at
+from supermap_cli.query.vocabulary import load_vocabulary, match_labels
+from supermap_cli.types.memory import SpatialEdge, StateRecord
+
+Fit = tuple[StoredInstance, StateRecord, tuple[tuple[object, ...], ...]]
+
+
+class BruteForce:
+    """One question to one map."""
+
+    def __init__(self, reader: MapReader, text: str) -> None:
+        question = parse(text, [each.name for each in reader.traversals])
+        self.things = question.things
+        self.moment = moment_of(question.time, reader, clock_of(reader))
+        self.everything = reader.instances
+        self.believed = reader.believed
+        self.edges: tuple[SpatialEdge, ...] = reader.edges_of([each.number for each in reader.instances])
+        self.ids = {each.number: each.id for each in reader.instances}
+        self.parts = {reader.text_ids[part]: each for each in reader.instances for part in each.numbers}
+
+    def found(self) -> dict[str, tuple[list[int], list[tuple[object, ...]]]]:
+        """The states in which every instance fits, and its relations."""
+        fits: dict[str, tuple[list[int], list[tuple[object, ...]]]] = {}
+        for instance, state, relations in self._find(self.things, as_reference=False):
+            states, all_relations = fits.setdefault(instance.id, ([], []))
+            states.append(state.index)
+            all_relations.extend(relations)
+        return fits
+
+    def perhaps(self) -> int:
+        """Of how many that are called so nobody can say, but that do not fit."""
+        if self.moment.kind != "at" or self.things.relation is not None:
+            return 0
+        told = self.found().keys()
+        known = [
+            standing_at(each, int(self.moment.low_ns)) for each in self._called(self.things) if each.id not in told
+        ]
+        return sum(each is not None and each.presence == "unknown" for each in known)
+
+    def nearest(self) -> list[tuple[str, float | None]]:
+        """The near misses and their distances."""
+        if (missing := self._missing(self.things)) is not None:
+            return [(text_id, None) for text_id in self._perhaps_called(missing)]
+        if self.things.relation is not None and (misses := self._too_far(self.things, self.things.relation)):
+            return misses
+        return [(each.id, None) for each in self._called(self.things) if each.states][:3]
+
+    def _find(self, things: Things, *, as_reference: bool) -> list[Fit]:
+        labels = None if things.noun is None or self._named(things.noun) else self._labels(things.noun)
+        states_of = self.moment.reference_states if as_reference else self.moment.states
+        fits: list[Fit] = [
+            (instance, state, ())
+            for instance in self._called(things)
+            for state in states_of(instance)
+            if labels is None or (instance.label if state is instance.states[-1] else state.label) in labels
+        ]
+        return fits if things.relation is None else self._related(fits, things.relation)
+
+    def _related(self, fits: list[Fit], related: RelatedTo) -> list[Fit]:
+        references = self._find(related.reference, as_reference=True)
+        for basis in (self._stored, self._boxes):
+            found: list[Fit] = []
+            for instance, state, _ in fits:
+                views = []
+                for other, its, _ in references:
+                    span = self.moment.span_of((state, instance), (its, other))
+                    if other.number != instance.number and span is not None:
+                        views += [view for view in [basis(related, (instance, state), (other, its), span)] if view]
+                if views:
+                    found.append((instance, state, tuple(views)))
+            if found:
+                return found
+        return []
+
+    def _stored(self, related, one, other, span):  # type: ignore[no-untyped-def]
+        for form in STORED_FORMS[related.name]:
+            subject, obj = (other[0], one[0]) if form.turned else (one[0], other[0])
+            for edge in self.edges:
+                if (edge.subject, edge.relation, edge.object) != (subject.number, form.relation, obj.number):
+                    continue
+                if span.touches(edge.since_ns, edge.until_ns) and not (
+                    form.checked and not holds(related.name, one[1].box, other[1].box)
+                ):
+                    stored_as = f"{edge.relation}({self.ids[subject.number]}, {self.ids[obj.number]})"
+                    return one[0].id, other[0].id, stored_as, edge.since_ns, edge.until_ns
+        return None
+
+    def _boxes(self, related, one, other, span):  # type: ignore[no-untyped-def]
+        if not holds(related.name, one[1].box, other[1].box):
+            return None
+        until_ns = None if span.high_ns == float("inf") else int(span.high_ns)
+        return one[0].id, other[0].id, None, max(one[1].first_seen_ns, other[1].first_seen_ns), until_ns
+
+    def _too_far(self, things: Things, related: RelatedTo) -> list[tuple[str, float | None]]:
+        pairs = sorted(
+            (box_distance_m(state.box, its.box), instance.number, instance.id)
+            for instance in self._called(things)
+            for state in self.moment.states(instance)[-1:]
+            for other, its, _ in self._find(related.reference, as_reference=False)
+            if other.number != instance.number
+        )
+        closest: dict[str, float | None] = {}
+        for distance_m, _, text_id in pairs:
+            closest.setdefault(text_id, round(distance_m, 4))
+        return list(closest.items())[:3]
+
+    def _perhaps_called(self, noun: str) -> list[str]:
+        vocabulary = load_vocabulary()
+        name = vocabulary.normalise(noun)
+        doubtful = [
+            (-share, each.number, each.id)
+            for each in self.believed
+            for label, share in each.label_belief.items()
+            if share >= 0.1 and vocabulary.normalise(label) in vocabulary.names_of(name) and each.states
+        ]
+        close = get_close_matches(name, sorted({each.label for each in self.believed}), 1, 0.75)
+        spelt = [each.id for each in self.believed if each.label in close and each.states]
+        return ([text_id for _, _, text_id in sorted(doubtful)] + spelt)[:3]
+
+    def _missing(self, things: Things) -> str | None:
+        if things.noun is not None and not self._called(things):
+            return things.noun
+        return None if things.relation is None else self._missing(things.relation.reference)
+
+    def _named(self, noun: str) -> StoredInstance | None:
+        instance = self.parts.get(noun)
+        return instance if instance is not None and instance.presence != "doubted" else None
+
+    def _called(self, things: Things) -> list[StoredInstance]:
+        if things.noun is None:
+            return list(self.believed)
+        if (named := self._named(things.noun)) is not None:
+            return [named]
+        wanted = self._labels(things.noun)
+        return [each for each in self.believed if ({each.label} | {state.label for state in each.states}) & wanted]
+
+    def _labels(self, noun: str) -> frozenset[str]:
+        labels = {each.label for each in self.believed}
+        return match_labels(noun, labels | {state.label for each in self.believed for state in each.states}).labels
