@@ -81,6 +81,7 @@ def _current_objects(words: Words) -> str:
     LEFT JOIN state ON state.instance_number = instance.number AND state.state_index =
         (SELECT max(newest.state_index) FROM state AS newest WHERE newest.instance_number = instance.number)
     WHERE instance.presence = 'present' AND instance.merged_into IS NULL
+    ORDER BY instance.number
     """  # noqa: S608 - all of it stands in this file
 
 
@@ -148,6 +149,7 @@ def _relations(words: Words) -> str:
     FROM spatial_edge AS edge JOIN instance AS subject ON subject.number = edge.subject_number
     JOIN instance AS object ON object.number = edge.object_number
     JOIN traversal ON traversal.id = edge.traversal_id
+    ORDER BY edge.id
     """  # noqa: S608 - all of it stands in this file
 
 
