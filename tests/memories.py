@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import sqlite3
 from collections.abc import Sequence
-from contextlib import closing
 from pathlib import Path
 
 import numpy as np
 
+from databases import run_sql
 from supermap_cli.geometry.boxes import Box3D
 from supermap_cli.memory import MapStore, TraversalStart, open_store
 from supermap_cli.types.detections import Hypothesis
@@ -176,13 +175,6 @@ def make_memory(path: Path, *traversals: tuple[str, tuple[float, float], MapDelt
         for name, span, delta in traversals:
             add_traversal(store, name, span, delta)
     return path
-
-
-def run_sql(path: Path, script: str) -> None:
-    """Do something to a database behind the program's back."""
-    with closing(sqlite3.connect(path)) as connection:
-        connection.executescript(script)
-        connection.commit()
 
 
 def keyframes(stamps: Sequence[float]) -> tuple[KeyframeRecord, ...]:

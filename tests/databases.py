@@ -1,0 +1,130 @@
+"""Which database the tests run on: SQLite files, or, with `SUPERMAP_TEST_DATABASE=postgresql`, schemas of a server.
+
+A test names its map by a path, whatever the database is. On PostgreSQL every path stands for a schema of its own on a
+server that the session starts for itself (Debian's, on a socket in a folder that is gone afterwards), or on the one at
+`SUPERMAP_TEST_POSTGRESQL_URL`. Marks: `sqlite_only(reason)`, `postgresql_only`.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import shutil
+import sqlite3
+import subprocess
+import tempfile
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+SERVER = "SUPERMAP_TEST_POSTGRESQL_URL"
+ABSENT = "SUPERMAP_TEST_POSTGRESQL_ABSENT"
+SERVICE_USERS = ("postgres", "nobody")
+"""PostgreSQL refuses to be run by root."""
+
+
+def on_postgresql() -> bool:
+    return os.environ.get("SUPERMAP_TEST_DATABASE") == "postgresql"
+
+
+def place(path: str | Path) -> str:
+    """What to give another process for the map that this one knows by a path."""
+    if not on_postgresql() or "://" in str(path):
+        return str(path)
+    schema = "t" + hashlib.sha256(str(Path(path).absolute()).encode()).hexdigest()[:16]
+    return f"{os.environ[SERVER]}&options=-csearch_path%3D{schema}"
+
+
+def connect(path: str | Path) -> Any:
+    """A plain connection to a map's database, as another program has it."""
+    if not on_postgresql():
+        return sqlite3.connect(path)
+    import psycopg
+    from sqlalchemy import make_url
+
+    url = make_url(place(path))
+    return psycopg.connect(dbname=url.database, user=url.username, **url.query)
+
+
+def run_sql(path: str | Path, script: str) -> None:
+    """Do something to a database behind the program's back: statements that end with a semicolon and a newline."""
+    with closing(connect(path)) as connection:
+        if on_postgresql():
+            connection.execute(script.encode())
+        else:
+            connection.executescript(script)
+        connection.commit()
+
+
+def use_postgresql() -> None:
+    """From now on a path stands for a schema, wherever the program is given one."""
+    from supermap_cli.memory.databases.postgresql import PostgresqlSchema
+    from supermap_cli.memory.databases.sqlite import SqliteFile
+
+    pytest.MonkeyPatch().setattr(SqliteFile, "of", lambda path: PostgresqlSchema.of(place(path)))
+
+
+def start_server(config: pytest.Config) -> None:
+    """Once a session; processes that run a part of the tests find it in their environment."""
+    if SERVER in os.environ or ABSENT in os.environ:
+        return
+    try:
+        folder = Path(tempfile.mkdtemp(prefix="supermap-"))
+        config.add_cleanup(lambda: shutil.rmtree(folder, ignore_errors=True))
+        running = server(folder)
+        os.environ[SERVER] = running.__enter__()
+        config.add_cleanup(lambda: running.__exit__(None, None, None))
+    except (OSError, ImportError, subprocess.CalledProcessError) as error:
+        os.environ[ABSENT] = f"no PostgreSQL: {error}"
+
+
+@contextmanager
+def server(folder: Path) -> Iterator[str]:
+    """A server of its own on a socket in `folder`, which is empty; its URL, without a schema."""
+    import psycopg  # noqa: F401 - the reason for skipping is this or the next
+
+    programs = _programs()
+    user = _service_user()
+    if user is not None:
+        shutil.chown(folder, user)
+    as_user: dict[str, Any] = {"user": user, "group": user and _group(user), "extra_groups": user and []}
+    quiet: dict[str, Any] = {"check": True, "capture_output": True, "cwd": folder, **as_user}
+    cluster = folder / "cluster"
+    subprocess.run(
+        [programs / "initdb", "-D", cluster, "-U", "supermap", "-A", "trust", "-E", "UTF8", "--locale=C", "--no-sync"],
+        **quiet,
+    )
+    options = f"-k {folder} -c listen_addresses='' -c fsync=off -c synchronous_commit=off -c full_page_writes=off"
+    control = [programs / "pg_ctl", "-D", cluster, "-w", "-l", folder / "log"]
+    subprocess.run([*control, "-o", options, "start"], **quiet | {"capture_output": False, "stdout": subprocess.DEVNULL})
+    try:
+        yield f"postgresql+psycopg://supermap@/postgres?host={folder}"
+    finally:
+        subprocess.run([*control, "-m", "immediate", "stop"], **quiet)
+
+
+def _programs() -> Path:
+    """Debian keeps the server's programs out of the way."""
+    found = sorted(Path("/usr/lib/postgresql").glob("*/bin/initdb"), key=lambda path: int(path.parts[-3]))
+    on_path = shutil.which("initdb")
+    if not found and on_path is None:
+        raise FileNotFoundError("neither /usr/lib/postgresql/*/bin/initdb nor initdb on the path")
+    return found[-1].parent if found else Path(str(on_path)).parent
+
+
+def _service_user() -> str | None:
+    if os.geteuid() != 0:
+        return None
+    import pwd
+
+    known = {entry.pw_name for entry in pwd.getpwall()}
+    return next(name for name in SERVICE_USERS if name in known)
+
+
+def _group(user: str) -> int:
+    import pwd
+
+    return pwd.getpwnam(user).pw_gid
