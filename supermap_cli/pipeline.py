@@ -255,7 +255,7 @@ class FramePipeline:
 
     def _relate(self, stamp_ns: int, edges: dict[tuple[int, str, int, int], SpatialEdge]) -> None:
         """Bring the scene graph up to date about what has changed."""
-        for edge in self.graph.update(self._nodes(), self.engine.touched, stamp_ns):
+        for edge in self.graph.update(self._nodes(), self.engine.touched, stamp_ns, self.engine.left_ns):
             edges[edge.subject, edge.relation, edge.object, edge.since_ns] = edge
 
     def _with_masks(self, frame: CameraFrame, detections: Detections) -> Detections:

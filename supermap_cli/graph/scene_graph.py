@@ -24,6 +24,7 @@ class SceneGraph:
     predicates: Sequence[SpatialPredicate] = PREDICATES
     held: dict[tuple[int, str, int], SpatialEdge] = field(default_factory=dict)
     _related: set[int] = field(default_factory=set, repr=False)
+    _left_ns: Mapping[int, int] = field(default_factory=dict, repr=False)
 
     def resume(self, edges: Iterable[SpatialEdge]) -> None:
         """Go on from the open edges that the memory kept."""
@@ -31,12 +32,18 @@ class SceneGraph:
         self._related = {number for subject, _, other in self.held for number in (subject, other)}
 
     def update(
-        self, nodes: Mapping[int, GraphNode], changed: Collection[int], stamp_ns: int
+        self,
+        nodes: Mapping[int, GraphNode],
+        changed: Collection[int],
+        stamp_ns: int,
+        left_ns: Mapping[int, int] | None = None,
     ) -> tuple[SpatialEdge, ...]:
         """Re-compute the edges around the changed nodes; returns those that began, ended or changed.
 
-        `nodes` are the instances that are present now: edges of others end at `stamp_ns`.
+        `nodes` are the instances that are present now: edges of others end at `stamp_ns`, or when they left their
+        place, which may be known only later (`left_ns`, by number). An edge with an empty interval never held.
         """
+        self._left_ns = left_ns or {}
         altered = self._end_those_without(nodes, stamp_ns)
         for first, second in neighbours(nodes, changed):
             pair = Pair(nodes[first], nodes[second])
@@ -50,7 +57,7 @@ class SceneGraph:
         if not lost:
             return []
         self._related -= lost
-        return [self._end(key, stamp_ns) for key in list(self.held) if key[0] in lost or key[2] in lost]
+        return [self._end(key, stamp_ns, lost) for key in list(self.held) if key[0] in lost or key[2] in lost]
 
     def _judge_all(self, pair: Pair, stamp_ns: int) -> list[SpatialEdge]:
         judged = [self._judge(predicate, pair, stamp_ns) for predicate in self.predicates]
@@ -70,9 +77,15 @@ class SceneGraph:
         self.held[key] = SpatialEdge(subject, predicate.name, other, since_ns, None, float(confidence))
         return self.held[key]
 
-    def _end(self, key: tuple[int, str, int], stamp_ns: int) -> SpatialEdge:
+    def _end(self, key: tuple[int, str, int], stamp_ns: int, lost: Collection[int] = ()) -> SpatialEdge:
+        """End an edge no later than either of its ends left its place; what came after that was not seen there."""
         edge = self.held.pop(key)
-        return replace(edge, until_ns=max(stamp_ns, edge.since_ns + 1))
+        until_ns = max(stamp_ns, edge.since_ns + 1)
+        for number in (edge.subject, edge.object):
+            left_ns = self._left_ns.get(number, until_ns)
+            if left_ns > edge.since_ns or number in lost:
+                until_ns = max(edge.since_ns, min(until_ns, left_ns))
+        return replace(edge, until_ns=until_ns)
 
 
 def neighbours(nodes: Mapping[int, GraphNode], changed: Collection[int]) -> list[tuple[int, int]]:

@@ -98,6 +98,12 @@ class MappingEngine:
         """The objects whose shape, label or presence the last keyframe has changed."""
         return frozenset(self.turns.touched)
 
+    @property
+    def left_ns(self) -> dict[int, int]:
+        """Since when those that the last keyframes have shown to be gone or moved do not stand where they stood."""
+        states = self.turns.changes.closed_states
+        return {each.object_number: each.gone_ns for each in states if each.gone_ns is not None}
+
     def look(self, keyframe: Keyframe) -> Look:
         """Geometric consistency of all objects near by with this keyframe's depth."""
         reach_m = self.config.max_depth_m if keyframe.returns_camera is None else self.config.max_range_m

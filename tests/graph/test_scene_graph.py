@@ -77,6 +77,31 @@ def test_a_relation_that_ends_in_the_moment_it_began_still_lasts() -> None:
     assert ended.until_ns == 11
 
 
+def test_relations_end_when_a_thing_left_though_that_is_known_only_later() -> None:
+    graph = SceneGraph()
+    show(graph, 10, cup(), table())
+    (ended,) = (each for each in graph.update(scene(table()), [], 40, {1: 20}) if each.relation == "on")
+    assert (ended.since_ns, ended.until_ns) == (10, 20)
+
+
+def test_a_relation_found_after_a_thing_had_left_never_held() -> None:
+    graph = SceneGraph()
+    show(graph, 30, cup(), table())
+    (ended,) = (each for each in graph.update(scene(table()), [], 40, {1: 20}) if each.relation == "on")
+    assert (ended.since_ns, ended.until_ns) == (30, 30)
+
+
+def test_relations_of_the_old_place_end_when_a_thing_moved_and_those_of_the_new_one_go_on() -> None:
+    graph = SceneGraph()
+    show(graph, 10, cup(), table())
+    away = graph.update(scene(cup(x=3.0, z=0.0), table()), [1], 40, {1: 20})
+    assert [(each.relation, each.until_ns) for each in away if each.relation == "on"] == [("on", 20)]
+    back = show(graph, 60, cup(), table())[1, "on", 2]
+    gone = graph.update(scene(cup(x=3.0, z=0.0), table()), [1], 70, {1: 20})
+    assert back.since_ns == 60
+    assert [each.until_ns for each in gone if each.relation == "on"] == [70]
+
+
 def test_only_relations_of_changed_things_are_looked_at() -> None:
     graph = SceneGraph()
     nodes = scene(cup(), cup(x=0.5, number=3), table())
