@@ -15,6 +15,7 @@ import subprocess
 import tempfile
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -91,19 +92,19 @@ def server(folder: Path) -> Iterator[str]:
     if user is not None:
         shutil.chown(folder, user)
     as_user: dict[str, Any] = {"user": user, "group": user and _group(user), "extra_groups": user and []}
-    quiet: dict[str, Any] = {"check": True, "capture_output": True, "cwd": folder, **as_user}
-    cluster = folder / "cluster"
-    subprocess.run(
-        [programs / "initdb", "-D", cluster, "-U", "supermap", "-A", "trust", "-E", "UTF8", "--locale=C", "--no-sync"],
-        **quiet,
+    run = partial(
+        subprocess.run, check=True, cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, **as_user
     )
+    cluster = folder / "cluster"
+    trusting = ["-U", "supermap", "-A", "trust", "-E", "UTF8", "--locale=C", "--no-sync"]
+    run([programs / "initdb", "-D", cluster, *trusting])
     options = f"-k {folder} -c listen_addresses='' -c fsync=off -c synchronous_commit=off -c full_page_writes=off"
     control = [programs / "pg_ctl", "-D", cluster, "-w", "-l", folder / "log"]
-    subprocess.run([*control, "-o", options, "start"], **quiet | {"capture_output": False, "stdout": subprocess.DEVNULL})
+    run([*control, "-o", options, "start"])
     try:
         yield f"postgresql+psycopg://supermap@/postgres?host={folder}"
     finally:
-        subprocess.run([*control, "-m", "immediate", "stop"], **quiet)
+        run([*control, "-m", "immediate", "stop"])
 
 
 def _programs() -> Path:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from databases import run_sql
+from databases import run_sql  # noqa: F401 - beside what makes memories
 from supermap_cli.geometry.boxes import Box3D
 from supermap_cli.memory import MapStore, TraversalStart, open_store
 from supermap_cli.types.detections import Hypothesis
@@ -59,7 +59,7 @@ def instance(
     seen: tuple[float, float] = (0, 10),
     presence: Presence = "present",
     merged_into: int | None = None,
-    observations: int = 1,
+    observations: int = 6,
 ) -> InstanceRecord:
     return InstanceRecord(
         number=number,

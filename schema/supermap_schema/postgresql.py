@@ -20,12 +20,20 @@ LABEL_SEARCH = "supermap_label"
 
 FUNCTIONS = ("refuse_changed_observation", "refuse_deleted_observation", "refuse_overlapping_state", "label_words")
 
+TRIGGERS = (
+    ("observation", "observation_is_immutable"),
+    ("observation", "observation_is_kept"),
+    ("state", "state_is_disjoint_on_insert"),
+    ("state", "state_is_disjoint_on_update"),
+)
+INDICES = ("ix_state_ground", "ix_instance_label_words")
+
 _MARK = (f"COMMENT ON TABLE traversal IS '{MARK}'",)
 
 _NUMBERS_ARE_GIVEN = ("ALTER TABLE instance ALTER COLUMN number DROP DEFAULT", "DROP SEQUENCE instance_number_seq")
 """A whole-number key counts by itself in PostgreSQL, unless it is told not to."""
 
-_JSON_COLUMNS = (
+JSON_COLUMNS = (
     ("traversal", "T_map_odom"),
     ("traversal", "config"),
     ("traversal", "versions"),
@@ -39,10 +47,16 @@ _JSON_COLUMNS = (
     ("before_image", "content"),
 )
 
+
+def json_constraint(table: str, column: str) -> str:
+    """The name of the constraint that takes only JSON."""
+    return f"ck_{table}_{column.lower()}_json"
+
+
 _VALID_JSON = tuple(
-    f'ALTER TABLE {table} ADD CONSTRAINT ck_{table}_{column.lower()}_json CHECK (("{column}"::json) IS NOT NULL'
+    f'ALTER TABLE {table} ADD CONSTRAINT {json_constraint(table, column)} CHECK (("{column}"::json) IS NOT NULL'
     f' OR "{column}" IS NULL)'
-    for table, column in _JSON_COLUMNS
+    for table, column in JSON_COLUMNS
 )
 
 _OBSERVATION_BUT_CROP = (

@@ -19,6 +19,13 @@ WRITER_PRAGMAS = ("PRAGMA journal_mode = WAL", "PRAGMA synchronous = NORMAL")
 READER_PRAGMAS = ("PRAGMA query_only = ON",)
 """For everybody else."""
 
+TRIGGERS = (
+    *("observation_is_immutable", "observation_is_kept", "state_is_disjoint_on_insert", "state_is_disjoint_on_update"),
+    *("state_box_insert", "state_box_update", "state_box_delete"),
+    *("instance_label_insert", "instance_label_update", "instance_label_delete"),
+)
+"""Those of the newest version."""
+
 _IMMUTABLE_OBSERVATIONS = (
     """
     CREATE TRIGGER observation_is_immutable BEFORE UPDATE ON observation

@@ -16,7 +16,8 @@ _PARTS = """WITH RECURSIVE part(number, survivor) AS (SELECT number, number FROM
 _NOW = "(SELECT max(coalesce(mapped_ns, end_ns)) FROM traversal)"
 _NEWEST = "(SELECT max(newest.state_index) FROM state newest WHERE newest.instance_number = i.number)"
 _EDGE = """SELECT subject.id || ' ' || e.relation || ' ' || object.id || ' since ' || e.since_ns FROM spatial_edge e
-    JOIN instance subject ON subject.number = e.subject_number JOIN instance object ON object.number = e.object_number"""
+    JOIN instance subject ON subject.number = e.subject_number
+    JOIN instance object ON object.number = e.object_number"""
 _CHANGE = """SELECT e.kind || ' ' || source.id || ' ' || target.id || ' at ' || e.not_after_ns FROM temporal_edge e
     JOIN instance source ON source.number = e.from_number JOIN instance target ON target.number = e.to_number"""
 
@@ -169,7 +170,8 @@ STATES = (
     Invariant(
         "state",
         "has no observation between its first and its last support, and none was given up",
-        f"""{_PARTS} SELECT i.id || ' state ' || s.state_index FROM state s JOIN instance i ON i.number = s.instance_number
+        f"""{_PARTS} SELECT i.id || ' state ' || s.state_index FROM state s
+            JOIN instance i ON i.number = s.instance_number
             WHERE NOT EXISTS (SELECT 1 FROM part JOIN observation o ON o.instance_number = part.number
                 JOIN keyframe k ON k.id = o.keyframe_id WHERE part.survivor = s.instance_number
                 AND k.stamp_ns BETWEEN s.first_seen_ns AND s.last_seen_ns)
@@ -208,7 +210,8 @@ EDGES = (
         "temporal_edge",
         "lies before its first end was seen",
         f"""{_CHANGE} LEFT JOIN state f ON f.instance_number = e.from_number AND f.state_index = e.from_state
-            WHERE e.not_after_ns < f.first_seen_ns OR (e.kind <> 'appeared' AND e.not_before_ns < source.first_seen_ns)""",
+            WHERE e.not_after_ns < f.first_seen_ns
+            OR (e.kind <> 'appeared' AND e.not_before_ns < source.first_seen_ns)""",
     ),
     Invariant(
         "temporal_edge",

@@ -150,6 +150,15 @@ class Sighting:
 
 
 @dataclass(frozen=True)
+class Invariant:
+    """A rule; `violations` is SQL that gives one column, the name of every row that breaks it."""
+
+    table: str
+    rule: str
+    violations: str
+
+
+@dataclass(frozen=True)
 class Problem:
     """One broken invariant: in which table, at which row, and what is wrong."""
 

@@ -9,9 +9,10 @@ from typing import Any, Protocol
 from sqlalchemy import Connection, Select, Table, column, func, literal, select, table, text
 from sqlalchemy.dialects import postgresql, sqlite
 
-from supermap_cli.memory.values import Problem
+from supermap_cli.memory.values import Invariant, Problem
 from supermap_schema import models
-from supermap_schema.postgresql import LABEL_SEARCH
+from supermap_schema import postgresql as postgresql_schema
+from supermap_schema import sqlite as sqlite_schema
 
 Upsert = sqlite.Insert | postgresql.Insert
 
@@ -19,8 +20,40 @@ _BOX = table("state_box", *map(column, ("state_id", "min_x", "max_x", "min_y", "
 _WORDS = table("instance_label", *map(column, ("rowid", "number", "words")))
 
 
+_JSON = (
+    ("traversal", "name", ('"T_map_odom"', "config", "versions", "timings")),
+    ("keyframe", "id", ('"T_map_base"', '"T_map_camera"', "camera")),
+    ("observation", "id", ("hypotheses",)),
+    ("instance", "id", ("label_belief", "engine_state")),
+    ("before_image", "row_key", ("content",)),
+)
+"""Table, the name of a row, the columns that are JSON; PostgreSQL's constraints hold them so."""
+
+
+def _no_json(column_name: str) -> str:
+    """Some versions of SQLite call NULL no valid JSON."""
+    return f"({column_name} IS NOT NULL AND NOT json_valid({column_name}))"
+
+
+def _images(literal: str) -> Iterator[Invariant]:
+    """Pictures begin as files of their kind do; `literal` writes bytes given in hexadecimal digits."""
+    for of, image, kind, magic in (
+        ("keyframe", "depth_png", "PNG", "89504e47"),
+        ("keyframe", "thumbnail_jpeg", "JPEG", "ffd8ff"),
+        ("observation", "crop_jpeg", "JPEG", "ffd8ff"),
+    ):
+        start = f"substr({image}, 1, {len(magic) // 2}) <> {literal.format(magic)}"
+        yield Invariant(of, f"has a {image} that is no {kind}", f"SELECT id FROM {of} WHERE {start}")
+
+
 class Dialect(Protocol):
     """The words of one kind of database."""
+
+    invariants: tuple[Invariant, ...]
+    """What must hold beside `supermap_cli.memory.invariants`."""
+
+    own_objects: tuple[str, ...]
+    """The triggers and whatever else a schema must have that models and views do not name."""
 
     def upsert(self, into: Table | type[models.Base]) -> Upsert:
         """An INSERT that can say what happens where the key is there already (`on_conflict_do_update`)."""
@@ -43,12 +76,61 @@ class Dialect(Protocol):
     def align_row_ids(self, connection: Connection) -> None:
         """The next row of every table gets the id after the largest there is."""
 
+    def objects(self, connection: Connection) -> set[str]:
+        """The names of all tables, views, indices, triggers and constraints that are there and at work."""
+
     def damage(self, connection: Connection) -> Iterator[Problem]:
         """What is wrong with the storage itself."""
 
 
 class Sqlite:
     """R*Tree, FTS5 and pragmas."""
+
+    own_objects: tuple[str, ...] = (*sqlite_schema.TRIGGERS, "state_box", "instance_label")
+    invariants: tuple[Invariant, ...] = (
+        Invariant(
+            "state_box",
+            "does not stand for every state once",
+            """SELECT id FROM state WHERE id NOT IN (SELECT state_id FROM state_box)
+               UNION ALL SELECT state_id FROM state_box WHERE state_id NOT IN (SELECT id FROM state)""",
+        ),
+        Invariant(
+            "state_box",
+            "does not lie where its state does",
+            """SELECT s.id FROM (SELECT *, (size_x + size_y) / 2 AS reach FROM state) s
+               JOIN state_box b ON b.state_id = s.id
+               WHERE b.min_x > s.center_x - s.reach OR b.max_x < s.center_x + s.reach
+               OR b.min_y > s.center_y - s.reach OR b.max_y < s.center_y + s.reach
+               OR b.min_z > s.center_z - s.size_z / 2 OR b.max_z < s.center_z + s.size_z / 2""",
+        ),
+        Invariant(
+            "instance_label",
+            "does not name every instance once",
+            """SELECT id FROM instance WHERE number NOT IN (SELECT rowid FROM instance_label)
+               UNION ALL SELECT id FROM instance_label WHERE rowid NOT IN (SELECT number FROM instance)""",
+        ),
+        Invariant(
+            "instance_label",
+            "has another label than its instance",
+            """SELECT i.id FROM instance_label l JOIN instance i ON i.number = l.rowid
+               WHERE i.id <> l.id OR i.label <> l.label""",
+        ),
+        *(
+            Invariant(
+                table,
+                "holds broken JSON",
+                f"""SELECT {row} FROM {table} WHERE {" OR ".join(map(_no_json, columns))}""",
+            )
+            for table, row, columns in _JSON
+        ),
+        Invariant(
+            "observation",
+            "has another label than its best hypothesis",
+            """SELECT id FROM observation WHERE CASE WHEN json_valid(hypotheses)
+               THEN json_extract(hypotheses, '$[0][0]') IS NOT label END""",
+        ),
+        *_images("x'{}'"),
+    )
 
     def upsert(self, into: Table | type[models.Base]) -> Upsert:
         """As SQLite has it."""
@@ -72,6 +154,10 @@ class Sqlite:
     def align_row_ids(self, connection: Connection) -> None:
         """SQLite does so by itself."""
 
+    def objects(self, connection: Connection) -> set[str]:
+        """All that `sqlite_master` lists."""
+        return set(connection.exec_driver_sql("SELECT name FROM sqlite_master").scalars())
+
     def damage(self, connection: Connection) -> Iterator[Problem]:
         """Pages, indices, constraints and foreign keys."""
         for (message,) in connection.exec_driver_sql("PRAGMA integrity_check"):
@@ -83,6 +169,26 @@ class Sqlite:
 
 class Postgresql:
     """GiST, text search and sequences."""
+
+    own_objects: tuple[str, ...] = (
+        *(name for _, name in postgresql_schema.TRIGGERS),
+        *postgresql_schema.INDICES,
+        *(
+            str(constraint.name)
+            for table in models.Base.metadata.sorted_tables
+            for constraint in table.constraints
+            if constraint.name is not None
+        ),
+        *(postgresql_schema.json_constraint(table, column) for table, column in postgresql_schema.JSON_COLUMNS),
+    )
+    invariants: tuple[Invariant, ...] = (
+        Invariant(
+            "observation",
+            "has another label than its best hypothesis",
+            "SELECT id FROM observation WHERE (hypotheses::json -> 0 ->> 0) IS DISTINCT FROM label",
+        ),
+        *_images("decode('{}', 'hex')"),
+    )
 
     def upsert(self, into: Table | type[models.Base]) -> Upsert:
         """As PostgreSQL has it."""
@@ -96,7 +202,7 @@ class Postgresql:
 
     def labelled(self, words: str) -> Select[tuple[int]]:
         """By GIN."""
-        phrase = func.phraseto_tsquery(text(f"'{LABEL_SEARCH}'"), _plain(words))
+        phrase = func.phraseto_tsquery(text(f"'{postgresql_schema.LABEL_SEARCH}'"), _plain(words))
         return select(_WORDS.c.number).where(_WORDS.c.words.op("@@")(phrase))
 
     def defer_foreign_keys(self, connection: Connection) -> None:
@@ -111,6 +217,17 @@ class Postgresql:
                 sequence = func.pg_get_serial_sequence(each.name, each.autoincrement_column.name)
                 next_id = func.coalesce(largest + 1, literal(1))
                 connection.execute(select(func.setval(sequence, next_id, literal(False))))  # noqa: FBT003
+
+    def objects(self, connection: Connection) -> set[str]:
+        """Of the schema, without indices and constraints that are not valid and triggers that are switched off."""
+        listed = """
+            SELECT c.relname FROM pg_class c LEFT JOIN pg_index x ON x.indexrelid = c.oid
+            WHERE c.relnamespace = current_schema()::regnamespace AND x.indisvalid IS NOT FALSE
+            UNION ALL SELECT conname FROM pg_constraint
+            WHERE connamespace = current_schema()::regnamespace AND convalidated
+            UNION ALL SELECT t.tgname FROM pg_trigger t JOIN pg_class c ON c.oid = t.tgrelid
+            WHERE c.relnamespace = current_schema()::regnamespace AND t.tgenabled IN ('O', 'A')"""
+        return set(connection.exec_driver_sql(listed).scalars())
 
     def damage(self, connection: Connection) -> Iterator[Problem]:
         """Foreign keys; the server itself looks after its files."""
