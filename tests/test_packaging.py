@@ -43,7 +43,10 @@ def normal(distribution: str) -> str:
 def declared() -> set[str]:
     """The distributions that the project depends on, those that it can do without among them."""
     optional = PROJECT["project"]["optional-dependencies"]
-    lines = [*PROJECT["project"]["dependencies"], *optional["eval"], *optional["postgresql"]]
+    lines = [
+        *PROJECT["project"]["dependencies"],
+        *(line for extra in optional if extra != "dev" for line in optional[extra]),
+    ]
     return {normal(re.split(r"[<>=!~;\[ ]", line)[0]) for line in lines}
 
 
