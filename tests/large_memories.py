@@ -10,10 +10,12 @@ GROW = """
 PRAGMA foreign_keys = OFF;
 CREATE TEMP TABLE copy AS WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n WHERE i < {instances})
 SELECT i, 1000 + i AS number FROM n;
-INSERT INTO instance SELECT copy.number, 'box-' || copy.number, 'box', presence, existence_log_odds, first_seen_ns,
-    last_seen_ns, x + copy.i, y, z, center_x + copy.i, center_y, center_z, size_x, size_y, size_z, yaw, observations,
-    merged_into, traversal_id, label_belief, engine_state, voxels, embedding
-    FROM copy JOIN instance ON instance.number = 1;
+INSERT INTO instance SELECT copy.number, 'box-' || copy.number, 'box', presence, existence_log_odds,
+    state.first_seen_ns, state.last_seen_ns, instance.x + copy.i, instance.y, instance.z, instance.center_x + copy.i,
+    instance.center_y, instance.center_z, instance.size_x, instance.size_y, instance.size_z, instance.yaw, observations,
+    merged_into, instance.traversal_id, label_belief, engine_state, voxels, embedding
+    FROM copy JOIN instance ON instance.number = 1
+    JOIN state ON state.instance_number = 1 AND state.state_index = 0;
 INSERT INTO state (instance_number, state_index, first_seen_ns, last_seen_ns, label, confidence, x, y, z,
     center_x, center_y, center_z, size_x, size_y, size_z, yaw, traversal_id)
     SELECT copy.number, 0, first_seen_ns, last_seen_ns, 'box', confidence, x + copy.i, y, z,
@@ -26,7 +28,7 @@ INSERT INTO spatial_edge (subject_number, relation, object_number, since_ns, con
 INSERT INTO observation (keyframe_id, instance_number, track_id, label, score, u_min, v_min, u_max, v_max, x, y, z,
     evidence_for, evidence_against, hypotheses, crop_jpeg)
     SELECT keyframe_id, copy.number, track_id, 'box', score, u_min, v_min, u_max, v_max, x, y, z,
-    evidence_for, evidence_against, hypotheses, crop_jpeg
+    evidence_for, evidence_against, replace(hypotheses, label, 'box'), crop_jpeg
     FROM copy JOIN observation ON observation.instance_number = 1;
 UPDATE traversal SET observations = (SELECT count(*) FROM observation JOIN keyframe ON keyframe.id = keyframe_id
     WHERE keyframe.traversal_id = traversal.id);

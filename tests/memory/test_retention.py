@@ -30,7 +30,7 @@ from supermap_cli.types.memory import MapDelta, Observation
 DAY_S = 86_400
 
 
-def pictured(number: int, at: float, score: float, crop: bytes | None = b"\xff\xd8" + bytes(5000)) -> Observation:
+def pictured(number: int, at: float, score: float, crop: bytes | None = b"\xff\xd8\xff" + bytes(5000)) -> Observation:
     plain = m.observation(number, at, score=score)
     return Observation(**{**plain.__dict__, "crop_jpeg": crop})
 
@@ -42,11 +42,12 @@ def long_memory(path: Path) -> Path:
         stamps = [start + second for second in range(1, 21)]
         return MapDelta(
             keyframes=tuple(
-                type(each)(**{**each.__dict__, "thumbnail_jpeg": bytes(3000)}) for each in m.keyframes(stamps)
+                type(each)(**{**each.__dict__, "thumbnail_jpeg": b"\xff\xd8\xff" + bytes(3000)})
+                for each in m.keyframes(stamps)
             ),
-            instances=(m.instance(1, "chair", (index, 0, 0.5), seen=(1, stamps[-1])),),
+            instances=(m.instance(1, "chair", (index, 0, 0.5), seen=(1, stamps[-1]), observations=20 * (index + 1)),),
             observations=tuple(
-                pictured(1, at, 0.9 if i == 4 else 0.5, None if i % 2 else b"\xff\xd8" + bytes(5000))
+                pictured(1, at, 0.9 if i == 4 else 0.5, None if i % 2 else b"\xff\xd8\xff" + bytes(5000))
                 for i, at in enumerate(stamps)
             ),
             states=(
@@ -127,7 +128,7 @@ def dump(db: Path, table: str) -> list[object]:
 def test_the_file_gets_smaller(db: Path) -> None:
     before = db.stat().st_size
     told = document("db_vacuum", "db", "vacuum", "--db", db, "--keep", "crops=none", "--keep", "thumbnails=none")
-    assert told["given_up"] == {"observations": 0, "crops": 20, "thumbnails": 40, "size_bytes": 20 * 5002 + 40 * 3000}
+    assert told["given_up"] == {"observations": 0, "crops": 20, "thumbnails": 40, "size_bytes": 20 * 5003 + 40 * 3003}
     assert told["size_before_bytes"] == before
     assert told["size_after_bytes"] == db.stat().st_size < before - 200_000
 
