@@ -40,7 +40,7 @@ def write_document(source: Source, file: TextIO, *, observations: bool = False) 
         file.write(f"\n{_dumps(key)}: {_dumps(value)},")
     parts: list[tuple[str, Iterable[object]]] = [
         ("traversals", _traversals(source)),
-        ("instances", (_instance(source, *each) for each in source.instances())),
+        ("instances", (_instance(source, *each) for each in source.instances(visits=True))),
         ("spatial_edges", _objects(source, SPATIAL_EDGES)),
         ("temporal_edges", _objects(source, TEMPORAL_EDGES)),
         ("keyframes", _objects(source, KEYFRAMES)),

@@ -118,9 +118,9 @@ class Source:
         self.traversals = tuple(filter(selection.has_traversal, reader.traversals))
         self.traversal_names = {each.id: each.name for each in reader.traversals}
 
-    def instances(self) -> Iterator[tuple[StoredInstance, tuple[StateRecord, ...]]]:
-        """Every instance that leaves, with those of its states that do."""
-        for instance in self.reader.each_instance():
+    def instances(self, *, visits: bool = False) -> Iterator[tuple[StoredInstance, tuple[StateRecord, ...]]]:
+        """Every instance that leaves, with those of its states that do; its visits are read only if wanted."""
+        for instance in self.reader.each_instance(visits=visits or self.selection.traversal is not None):
             states = self.selection.states(instance)
             if states:
                 yield instance, states

@@ -132,7 +132,7 @@ def _observations(source: Source) -> Iterator[Cells]:
 
 def _visits(source: Source) -> Iterator[Cells]:
     shown = {each.id for each in source.traversals}
-    for instance, _ in source.instances():
+    for instance, _ in source.instances(visits=True):
         for each in instance.visits:
             if each.traversal_id in shown:
                 yield (

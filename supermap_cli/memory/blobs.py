@@ -14,6 +14,8 @@
 
 **Images**: `keyframe.depth_png` is a 16-bit PNG in millimetres (0 = no return), `keyframe.thumbnail_jpeg` and
 `observation.crop_jpeg` are JPEG, each as in a file of its kind.
+
+**Checkpoints** (`checkpoint.content`) are packed values, see `supermap_cli.types.packing`.
 """
 
 from __future__ import annotations

@@ -117,10 +117,12 @@ class MapReader:
         number = self.connection.execute(statement).scalar()
         return None if number is None else self.instances_of([number])[0]
 
-    def instances_of(self, numbers: Collection[int]) -> tuple[StoredInstance, ...]:
-        """The instances that the given numbers are part of today, each once, in the order of their numbers."""
+    def instances_of(self, numbers: Collection[int], *, visits: bool = True) -> tuple[StoredInstance, ...]:
+        """The instances that the given numbers are part of today, each once, in the order of their numbers; without
+        their visits, if these are not wanted.
+        """
         survivors = sorted(set(self.survivors.of(numbers).values()))
-        return tuple(instance for batch in batches(survivors) for instance in self._whole(batch))
+        return tuple(instance for batch in batches(survivors) for instance in self._whole(batch, visits=visits))
 
     def lives_of(self, numbers: Collection[int], traversal_ids: Collection[int] = ()) -> dict[int, StoredInstance]:
         """Instances that were not merged, by their numbers, with the visits of the given traversals only: enough to
@@ -138,20 +140,18 @@ class MapReader:
         """All instances in the order of their numbers, those merged into others as part of them."""
         return self.instances_of(self.connection.execute(select(models.Instance.number)).scalars().all())
 
-    def each_instance(self) -> Iterator[StoredInstance]:
-        """As `instances`, but read while they are taken and not kept: for what must hold a map of any size."""
+    def each_instance(self, *, visits: bool = True) -> Iterator[StoredInstance]:
+        """As `instances`, but read while they are taken and not kept: for what goes through a map of any size.
+
+        Without `visits`, which are most of what belongs to an instance, they have none.
+        """
         instance = models.Instance
         statement = select(instance.number).where(instance.merged_into.is_(None)).order_by(instance.number)
-        last = None
-        while (
-            numbers := self.connection.execute(
-                (statement if last is None else statement.where(instance.number > last)).limit(BATCH)
-            )
-            .scalars()
-            .all()
-        ):
-            yield from self._whole(numbers)
-            last = numbers[-1]
+        numbers = self.connection.execute(statement.limit(BATCH)).scalars().all()
+        while numbers:
+            yield from self._whole(numbers, visits=visits)
+            later = statement.where(instance.number > numbers[-1])
+            numbers = self.connection.execute(later.limit(BATCH)).scalars().all()
 
     @property
     def believed(self) -> tuple[StoredInstance, ...]:
@@ -309,10 +309,10 @@ class MapReader:
                 seen.add(further)
         return {number: survivor for number, survivor in end.items() if number in into}
 
-    def _whole(self, survivors: Sequence[int]) -> Iterator[StoredInstance]:
+    def _whole(self, survivors: Sequence[int], *, visits: bool = True) -> Iterator[StoredInstance]:
         """Instances that were not merged, with all that belongs to them."""
         parts = self.parts_of(survivors)
-        return self._instances(survivors, parts, self._visits(parts))
+        return self._instances(survivors, parts, self._visits(parts) if visits else defaultdict(list))
 
     def _instances(
         self, survivors: Collection[int], parts: dict[int, int], visits: dict[int, list[StoredVisit]]

@@ -93,7 +93,7 @@ def give_up_sightings(
     if not numbers:
         return None, GivenUp()
     reader = MapReader(connection, database)
-    condemned = _condemned(reader, reader.instances_of(numbers), kept)
+    condemned = _condemned(reader, reader.instances_of(numbers, visits=False), kept)
     if really:
         _take(connection, condemned)
     return numbers[-1], condemned.given_up
