@@ -47,7 +47,7 @@ from supermap_cli.mapping.seam import (
     turn_px,
     turned_detections,
 )
-from supermap_cli.mapping.shifting import SURE_GAIN, find_shift, sure_gain
+from supermap_cli.mapping.shifting import SURE_GAIN, find_shift, shifted_since_ns, sure_gain
 from supermap_cli.mapping.splitting import (
     WHOLE_SHARE,
     SplitEvidence,
@@ -275,7 +275,7 @@ class MappingEngine:
                 self._support(look, seen, detection, view)
                 seen.last_seen_ns = in_place_ns
                 return
-            since_ns = seen.first_shifted_ns if seen.first_shifted_ns > seen.last_seen_ns else stamp_ns
+            seen.last_seen_ns, since_ns = shifted_since_ns(seen, stamp_ns)
             self.turns.shift(seen, to, since_ns)
             view = None
         if view is not None:

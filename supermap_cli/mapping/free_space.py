@@ -71,25 +71,34 @@ def small_view(
     return SmallView(stamp_ns, T_map_camera, camera, nearest_m, step_px)
 
 
+KEPT_LOOKS, APART_NS = 3, 10_000_000_000
+
 EMPTY_SHARE = 0.6
 """Share of an object's points that must have been looked through before its place counts as seen empty."""
 
 
 @dataclass
 class FreeSpaceMemory:
-    """The latest look from every viewpoint (cells of 0.5 m and 30 degrees), each traversal by itself: its size is that
+    """The latest looks from every viewpoint (cells of 0.5 m and 30 degrees), each traversal by itself: its size is that
     of the place, not of the recording.
+
+    Of each there are up to `KEPT_LOOKS`: the newest, and older ones `APART_NS` apart, for a robot that stands still:
+    what turns up before its eyes is believed in only after a while, and the newest look then shows it already.
     """
 
-    views: dict[tuple[int, ...], SmallView] = field(default_factory=dict)
+    views: dict[tuple[int, ...], list[SmallView]] = field(default_factory=dict)
 
     def remember(self, traversal: int, view: SmallView) -> None:
-        """Keep a look; it takes the place of the former one from there."""
+        """Keep a look; it takes the place of the newest one from there, or of the oldest."""
         T = view.T_map_camera
         azimuth = np.degrees(np.arctan2(T[1, 2], T[0, 2])) // 30
         elevation = np.degrees(np.arcsin(np.clip(T[2, 2], -1, 1))) // 30
         position = np.floor(T[:3, 3] / 0.5)
-        self.views[traversal, *(int(x) for x in position), int(azimuth), int(elevation)] = view
+        looks = self.views.setdefault((traversal, *(int(x) for x in position), int(azimuth), int(elevation)), [])
+        if len(looks) > 1 and looks[-1].stamp_ns - looks[-2].stamp_ns < APART_NS:
+            looks.pop()
+        looks.append(view)
+        del looks[:-KEPT_LOOKS]
 
     def look(self, traversal: int, keyframe: Keyframe, step_px: int) -> None:
         """Keep a keyframe's look, the same that `recall` makes of what the memory stores of it."""
@@ -107,7 +116,9 @@ class FreeSpaceMemory:
     def last_seen_empty(self, points_map: FloatArray, voxel_m: float, before_ns: int) -> int | None:
         """The latest time before `before_ns` at which the place of (n, 3) points was seen empty, `None` if never."""
         sample = points_map[:: max(1, len(points_map) // 200)]
-        earlier = _that_may_see(sample, [each for each in self.views.values() if each.stamp_ns < before_ns])
+        earlier = _that_may_see(
+            sample, [view for looks in self.views.values() for view in looks if view.stamp_ns < before_ns]
+        )
         for view in sorted(earlier, key=lambda each: -each.stamp_ns):
             if view.share_empty(sample, voxel_m) > EMPTY_SHARE:
                 return view.stamp_ns

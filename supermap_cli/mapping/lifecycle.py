@@ -156,6 +156,11 @@ RELOCATION_MARGIN = 1.0
 CANDIDATE_LOG_RATIO = -1.0
 """A pair that is less likely one thing than this is no candidate."""
 
+TIMELY_SHARE, UNTIMELY = 0.1, -2.5
+"""A thing may have left at any time before it was seen to be gone, and things leave in bursts: to have left within this
+share of that time is nothing strange, and to have left within next to none of it costs so much (log ratio).
+"""
+
 OTHERS_WEIGHT = 4.0
 """How many times likelier one more of a kind is than a thing that moved, for each of its kind that stands by."""
 
@@ -218,7 +223,17 @@ def resemblance(first: MapObject, second: MapObject) -> float:
     if second.label in ANIMATE or second.first_seen_ns <= first.last_seen_ns:
         return -np.inf
     came = 0.0 if second.state.empty_before_ns is not None else -1.0
-    return likeness(first, second) + 1.5 + came
+    return likeness(first, second) + 1.5 + came + in_time(first, second)
+
+
+def in_time(gone: MapObject, found: MapObject) -> float:
+    """How much less likely it is that a thing left before another was found than at any time before it was seen to be
+    gone (log ratio, not above 0): one was there before the other had to be gone.
+    """
+    if gone.gone_ns is None or found.first_seen_ns >= gone.gone_ns:
+        return 0.0
+    share = (found.first_seen_ns - gone.last_seen_ns) / (gone.gone_ns - gone.last_seen_ns)
+    return float(np.clip(np.log(share / TIMELY_SHARE), UNTIMELY, 0.0))
 
 
 def likeness(first: MapObject, second: MapObject) -> float:

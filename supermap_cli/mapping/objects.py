@@ -75,6 +75,8 @@ class MapObject:
     `silence` is what the looks since it was last seen say against it (log-odds), the first at `first_silent_ns`, from
     `silent_views`; `unsettled` are those of them (visible share of the image, truncated) that were misses only if it is
     still there.
+    `before_visit_ns` is when an earlier traversal saw it last; `best_crop` how good the best picture is that was kept
+    of it in this traversal and place.
     `pending` are the observations made before it was confirmed; `entered` says that it is known to the memory.
     """
 
@@ -107,6 +109,7 @@ class MapObject:
     viewpoints: Viewpoints = field(default_factory=Viewpoints)
     motion: MotionState = field(default_factory=MotionState)
     visit: VisitCount = field(default_factory=VisitCount)
+    before_visit_ns: int | None = None
     best_crop: float = 0.0
     _shape: ObjectShape | None = field(default=None, repr=False)
     _changed: set[int] = field(default_factory=set, repr=False)

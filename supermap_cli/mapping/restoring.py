@@ -12,11 +12,15 @@ from supermap_cli.types.memory import InstanceRecord
 
 
 def restore_objects(instances: Iterable[InstanceRecord], next_number: int) -> ObjectMap:
-    """The objects of an earlier build; what this traversal sees of them is counted from zero."""
+    """The objects of an earlier build; what this traversal sees of them is counted from zero, and so are the pictures
+    that are kept: each traversal has its own.
+    """
     objects = ObjectMap(next_number)
     for instance in instances:
         if instance.merged_into is None:
-            objects.add(restore_object(instance))
+            restored = restore_object(instance)
+            restored.best_crop = 0.0
+            objects.add(restored)
     return objects
 
 
@@ -37,6 +41,7 @@ def restore_object(instance: InstanceRecord) -> MapObject:
         doubted=instance.presence == "doubted",
         gone_ns=state["gone_ns"],
         observations=instance.observations,
+        before_visit_ns=instance.last_seen_ns,
         viewpoints=Viewpoints({name: _cell(kept) for name, kept in state["viewpoints"].items()}),
         best_crop=state["best_crop"],
     )

@@ -42,8 +42,24 @@ class Shift:
 
 def sure_gain(seen: MapObject) -> float:
     """What looks in a row must add up to before an object is taken to have been pushed aside."""
-    settled = seen.visit.supported - seen.shifted_looks >= SETTLED_LOOKS
-    return SURE_GAIN * (2 if settled else 1)
+    return SURE_GAIN * (2 if settled(seen) else 1)
+
+
+def settled(seen: MapObject) -> bool:
+    """Whether an object was found in its place in this visit, before looks in a row showed it beside it."""
+    return seen.visit.supported - seen.shifted_looks >= SETTLED_LOOKS
+
+
+def shifted_since_ns(seen: MapObject, stamp_ns: int) -> tuple[int, int]:
+    """When an object that was pushed aside was seen last in its old place, and first in the new one.
+
+    Of one that was not found in its place in this visit the first looks had not been enough to tell.
+    """
+    first_ns, before_ns = seen.visit.first_support_ns, seen.before_visit_ns
+    stood_before = before_ns is not None and seen.state.first_seen_ns <= before_ns
+    if stood_before and before_ns is not None and first_ns is not None and not settled(seen):
+        return before_ns, first_ns
+    return seen.last_seen_ns, seen.first_shifted_ns if seen.first_shifted_ns > seen.last_seen_ns else stamp_ns
 
 
 def find_shift(depth: DepthView, seen: MapObject, view: ObjectView, detection: LiftedDetection) -> Shift | None:

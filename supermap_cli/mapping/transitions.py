@@ -76,6 +76,7 @@ class Transitions:
         back.present, back.gone_ns = True, None
         back.in_place()
         back.state = OpenState(before + 1, stamp_ns, gone_ns)
+        back.best_crop = 0.0
         self._restart_cloud(back)
         if back.confirmed:
             self._note("reappeared", back, before, (gone_ns, stamp_ns))
@@ -89,6 +90,7 @@ class Transitions:
             before, last_ns = moved.state.index, moved.last_seen_ns
             self.changes.closed_states.append(open_state(moved, since_ns))
             moved.state = OpenState(before + 1, since_ns, last_ns)
+            moved.best_crop = 0.0
             self._note("moved", moved, before, (last_ns, since_ns), distance_m)
         if to.shift_m is None:
             self._restart_cloud(moved)
@@ -99,7 +101,7 @@ class Transitions:
 
     def take_over(self, old: MapObject, found: MapObject) -> None:
         """`old`, which was gone, is what was `found` elsewhere; a stored `found` becomes part of it."""
-        origin, before, gone_ns = old.shape.centroid, old.state.index, old.gone_ns
+        origin, before, gone_ns, left_ns = old.shape.centroid, old.state.index, old.gone_ns, old.last_seen_ns
         if gone_ns is None or gone_ns > found.state.first_seen_ns:
             gone_ns = found.state.first_seen_ns
             self.changes.closed_states.append(open_state(old, gone_ns))
@@ -111,7 +113,7 @@ class Transitions:
         old.existence, old.last_seen_ns, old.track_id = found.existence, found.last_seen_ns, found.track_id
         old.state = OpenState(before + 1, found.state.first_seen_ns, found.state.empty_before_ns)
         old.observations += found.observations
-        old.motion = found.motion
+        old.motion, old.best_crop = found.motion, found.best_crop
         old.touched()
         if found.entered:
             self._retire(found, old, old.state.first_seen_ns)
@@ -119,7 +121,7 @@ class Transitions:
         self.objects.remove(found.number)
         self._flush(old)
         distance_m = float(np.linalg.norm(old.shape.centroid - origin))
-        since_ns = gone_ns if old.state.empty_before_ns is None else old.state.empty_before_ns
+        since_ns = left_ns if old.state.empty_before_ns is None else max(left_ns, old.state.empty_before_ns)
         self._note("moved", old, before, (since_ns, old.state.first_seen_ns), distance_m)
 
     def link_candidate(self, old: MapObject, found: MapObject, probability: float) -> None:

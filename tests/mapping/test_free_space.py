@@ -62,11 +62,23 @@ def test_without_a_return_a_ray_tells_nothing() -> None:
     assert memory_of((3, EYE, ())).last_seen_empty(around(1.5, 0, 1), 0.02, s.ns(10)) is None
 
 
-def test_a_look_takes_the_place_of_the_former_one_from_there_in_its_traversal() -> None:
+def test_a_look_takes_the_place_of_the_newest_one_from_there_in_its_traversal() -> None:
     memory = FreeSpaceMemory()
-    for traversal, at_s in ((1, 1.0), (1, 2.0), (2, 3.0), (2, 4.0)):
+    for traversal, at_s in ((1, 1.0), (1, 2.0), (1, 2.5), (2, 3.0), (2, 4.0), (2, 5.0)):
         memory.recall(traversal, s.small_record(s.render(s.ROOM, EYE, at_s).keyframe))
-    assert sorted(view.stamp_ns for view in memory.views.values()) == [s.ns(2), s.ns(4)]
+    kept = [[view.stamp_ns for view in looks] for looks in memory.views.values()]
+    assert kept == [[s.ns(1), s.ns(2.5)], [s.ns(3), s.ns(5)]]
+
+
+def test_a_robot_that_stands_still_remembers_that_a_place_was_empty() -> None:
+    memory = FreeSpaceMemory()
+    stamps = [0.5 * k for k in range(200)]
+    for at_s in stamps:
+        memory.recall(1, s.small_record(s.render(s.ROOM, EYE, at_s).keyframe))
+    ((*older, newest),) = memory.views.values()
+    assert newest.stamp_ns == s.ns(stamps[-1])
+    assert len(older) == 2
+    assert all(1e9 <= s.ns(stamps[-1]) - each.stamp_ns <= 21e9 for each in older)
 
 
 def test_stored_depth_is_right_to_a_millimetre() -> None:

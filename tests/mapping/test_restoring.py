@@ -138,6 +138,52 @@ def test_a_candidate_is_named_once_and_not_in_every_later_traversal() -> None:
     assert "candidate" not in [each.kind for each in later.take().temporal_edges]
 
 
+def test_a_thing_pushed_aside_between_two_traversals_moved_between_them() -> None:
+    """It was pushed towards the first look, which sees nothing of its old place and finds it where it is believed."""
+    run = s.Run()
+    for y in np.linspace(-1.2, 1.2, 8):
+        run.see(CHAIR_WORLD, (-0.4, float(y), 1.3))
+    last_ns = run.map[1].last_seen_ns
+    later = go_on(run)
+    pushed = s.CHAIR.at(1.3, 0)
+    later.see((*s.ROOM, pushed), (-0.6, 0.0, 0.5), pushed.center)
+    assert later.map[1].last_seen_ns > s.ns(3600)
+    for y in np.linspace(-1.2, 1.2, 8):
+        later.see((*s.ROOM, pushed), (0.0, float(1.5 * y), 1.3))
+    delta = later.take()
+    (moved,) = [each for each in delta.temporal_edges if each.kind == "moved"]
+    assert (moved.from_number, moved.to_number) == (1, 1)
+    assert moved.not_before_ns == last_ns
+    states = {each.index: each for each in delta.states if each.object_number == 1}
+    assert states[0].last_seen_ns == last_ns
+    assert states[1].first_seen_ns == moved.not_after_ns > s.ns(3600)
+
+
+def test_what_stood_elsewhere_in_the_earlier_traversal_already_is_another() -> None:
+    """One chair is taken away overnight. Another one like it stood in a place that was looked at right after it."""
+    other = s.CHAIR.at(1.6, 3.4)
+    run = s.Run()
+    seen(run)
+    for y in np.linspace(-0.6, 0.6, 6):
+        run.see((*CHAIR_WORLD, other), (0.0, 2.5 + float(y), 1.2), other.center)
+    assert len(run.standing("chair")) == 2
+    later = go_on(run)
+    later.walk((*s.ROOM, other))
+    kinds = [each.kind for each in later.take().temporal_edges]
+    assert "moved" not in kinds
+    assert "disappeared" in kinds
+    assert [each.number for each in later.standing("chair")] == [2]
+
+
+def test_each_traversal_keeps_a_picture_of_its_own() -> None:
+    run = s.Run()
+    seen(run)
+    assert any(each.crop_jpeg is not None for each in run.take().observations)
+    later = go_on(run)
+    later.walk(CHAIR_WORLD)
+    assert any(each.crop_jpeg is not None for each in later.take().observations)
+
+
 def test_new_things_get_new_numbers() -> None:
     run = s.Run()
     seen(run)
