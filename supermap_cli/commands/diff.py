@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from supermap_cli.commands.common import DbOption, JsonOption, database_url, out, print_json
+from supermap_cli.commands.common import DbOption, JsonOption, database_url, err, out, print_json
 from supermap_cli.commands.tables import evidence_text, print_table
 
 if TYPE_CHECKING:
@@ -22,6 +23,8 @@ Examples:
     supermap diff monday tuesday --json
 
     supermap diff 10:21 tuesday
+
+    supermap diff monday tuesday --html report.html --plot changes.png
 """
 
 
@@ -30,13 +33,22 @@ def register(app: typer.Typer) -> None:
     app.command(epilog=EXAMPLES)(diff)
 
 
-def diff(
+def diff(  # noqa: PLR0917 - a command line has many options
     before: Annotated[
         str | None,
         typer.Argument(metavar="A", help="a traversal, or a time [default: the last traversal but one]"),
     ] = None,
     after: Annotated[
         str | None, typer.Argument(metavar="B", help="the other one [default: the last traversal]")
+    ] = None,
+    html: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="Write a page, complete in one file: plans, pictures of both sides, a table."
+        ),
+    ] = None,
+    plot: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Draw the place before and after from above (.png, .svg, .pdf).")
     ] = None,
     db: DbOption = None,
     json: JsonOption = False,
@@ -52,8 +64,22 @@ def diff(
     from supermap_cli.query.diff import diff as compare  # noqa: PLC0415
     from supermap_cli.query.views import to_document  # noqa: PLC0415
 
+    if plot is not None:
+        from supermap_cli.reports.diff_plot import check_plot  # noqa: PLC0415
+
+        check_plot(plot)
     with open_store(database_url(db), read_only=True) as store, store.reader() as reader:
         found, clock = compare(reader, before, after), clock_of(reader)
+        if html is not None:
+            from supermap_cli.reports.diff_page import write_diff_page  # noqa: PLC0415
+
+            write_diff_page(found, reader, html)
+            err().print(f"wrote {html}", markup=False)
+        if plot is not None:
+            from supermap_cli.reports.diff_plot import draw_diff  # noqa: PLC0415
+
+            draw_diff(found, reader, plot)
+            err().print(f"wrote {plot}", markup=False)
     if json:
         print_json(to_document(found))
     else:

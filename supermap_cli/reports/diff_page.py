@@ -1,0 +1,192 @@
+"""A diff as a page: the place before and after, what changed with pictures of both sides, and a table of everything."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from html import escape
+from pathlib import Path
+
+from supermap_cli.memory.pictures import SmallImage, crop_jpegs, small_images
+from supermap_cli.memory.reading import MapReader
+from supermap_cli.query.clock import Clock, clock_of
+from supermap_cli.query.diff import HAPPENED, Change, Diff
+from supermap_cli.query.views import EvidenceView, IntervalView
+from supermap_cli.reports.diff_plan import box_of, shown_before_after
+from supermap_cli.reports.files import write_file
+from supermap_cli.reports.page import badge, page, picture, table
+from supermap_cli.reports.pictures import cut_out, data_uri
+from supermap_cli.reports.plan import plan_svg
+
+MOST_CARDS = 200
+"""More changes than these stand in the table only."""
+
+EXPLAINED = (
+    "Only a place that was seen empty makes a disappearance or an appearance. What was merely not looked at, or never "
+    "seen empty before, is “not observed again” or “first observed”. A change happened within the two times given; "
+    "it is counted here because it was known to have happened by the later side."
+)
+
+
+def write_diff_page(found: Diff, reader: MapReader, path: Path) -> None:
+    """Write the page. Raises `SupermapError` where it cannot be written."""
+    write_file(path, diff_page(found, reader))
+
+
+def diff_page(found: Diff, reader: MapReader) -> str:
+    """The page as HTML."""
+    clock = clock_of(reader)
+    told = [each for each in found.changes if each.kind in HAPPENED][:MOST_CARDS]
+    pictures = Pictures.of(told, reader, clock)
+    title = f"{found.before.name} → {found.after.name}"
+    return page(
+        f"supermap diff {title}",
+        [
+            f"<h1>What changed: {escape(title)}</h1>",
+            f'<p class="soft">{escape(_when(found, clock))} · {escape(reader.where)}</p>',
+            _chips(found.counts),
+            *(f"<p>Note: {escape(note)}.</p>" for note in found.notes),
+            "<h2>The place from above</h2>",
+            _panels(found, reader),
+            f"<h2>Changes ({len(told)})</h2>" if told else "<h2>Nothing changed that anybody saw</h2>",
+            '<div class="cards">' + "".join(_card(each, pictures, clock) for each in told) + "</div>",
+            "<h2>Everything</h2>",
+            _everything(found.changes, clock),
+            f'<p class="soft">{EXPLAINED}</p>',
+        ],
+    )
+
+
+@dataclass(frozen=True)
+class Pictures:
+    """What there is to show of each side of the changes."""
+
+    crops: dict[int, bytes]
+    images: dict[int, SmallImage]
+    clock: Clock
+
+    @classmethod
+    def of(cls, changes: Iterable[Change], reader: MapReader, clock: Clock) -> Pictures:
+        """All pictures of some changes, read together."""
+        told = list(changes)
+        ids = {each for change in told for each in (change.crop_before, change.crop_after) if each is not None}
+        stamps = {stamp for change in told for stamp in (*_stamps(change, before=True), *_stamps(change, before=False))}
+        return cls(crop_jpegs(reader, ids), small_images(reader, stamps), clock)
+
+    def side(self, change: Change, *, before: bool) -> str:
+        """One side of a change: its crop, else its place in a keyframe that saw it, or saw it empty."""
+        own = change.interval_before if before else change.interval_after
+        crop = change.crop_before if before else change.crop_after
+        if own is not None and crop in self.crops:
+            return picture(data_uri(self.crops[crop]), f"{'before' if before else 'after'}: observation {crop}")
+        place = own or change.interval_after or change.interval_before
+        for stamp_ns in _stamps(change, before=before):
+            cut = (
+                None if place is None or stamp_ns not in self.images else cut_out(self.images[stamp_ns], box_of(place))
+            )
+            if cut is not None:
+                what = "seen" if own is not None else "its place, seen empty"
+                return picture(data_uri(cut), f"{'before' if before else 'after'}: {what} {self.clock.brief(stamp_ns)}")
+        nothing = "not there" if own is None else "no picture"
+        return picture(None, "before" if before else "after", nothing)
+
+
+def _stamps(change: Change, *, before: bool) -> Sequence[int]:
+    """The keyframes that may show one side, the most telling first; where it was not there, who saw that."""
+    if before and change.interval_before is None:
+        return [] if change.not_before_ns is None else [change.not_before_ns]
+    if not before and change.interval_after is None:
+        return [] if change.not_after_ns is None else [change.not_after_ns]
+    evidence = change.evidence_before if before else change.evidence_after
+    stamps = list(evidence.keyframes_ns)
+    return stamps[len(stamps) // 2 :] + stamps[: len(stamps) // 2]
+
+
+def _when(found: Diff, clock: Clock) -> str:
+    sides = []
+    for end in (found.before, found.after):
+        at = clock.text(end.at_ns)
+        sides.append(at if end.traversal is None else f"{end.name} ({clock.text(end.since_ns)} to {at})")
+    return " → ".join(sides)
+
+
+def _chips(counts: dict[str, int]) -> str:
+    chips = (f'<span class="chip">{badge(kind)} <b>{count}</b></span>' for kind, count in counts.items())
+    return f'<div class="chips">{"".join(chips)}</div>'
+
+
+def _panels(found: Diff, reader: MapReader) -> str:
+    panels = []
+    for panel in shown_before_after(found, reader):
+        drawing = plan_svg(panel.extent, panel.outlines, panel.arrows, panel.ways, panel.title)
+        panels.append(f"<figure><figcaption>{escape(panel.title)}</figcaption>{drawing}</figure>")
+    return f'<div class="panels">{"".join(panels)}</div>'
+
+
+def _card(change: Change, pictures: Pictures, clock: Clock) -> str:
+    return (
+        f'<article class="card"><h3>{badge(change.kind)} {escape(change.id)}</h3>'
+        f"<p>{escape(change.reason)}</p>"
+        f'<p class="soft">{escape(_facts(change, clock))}</p>'
+        f'<div class="pair">{pictures.side(change, before=True)}{pictures.side(change, before=False)}</div></article>'
+    )
+
+
+def _facts(change: Change, clock: Clock) -> str:
+    facts = [f"between {clock.brief(change.not_before_ns)} and {clock.brief(change.not_after_ns)}"]
+    if change.perhaps_before:
+        facts.append("perhaps before the earlier side")
+    if change.kind == "moved" and change.distance_m is not None:
+        facts.append(f"{change.distance_m:.2f} m")
+    if change.label_before and change.label_after and change.label_before != change.label_after:
+        facts.append(f"{change.label_before} → {change.label_after}")
+    facts += [f"may be {each.id} ({each.probability:.0%})" for each in change.may_be]
+    facts.append(f"confidence {change.confidence:.2f}")
+    return " · ".join(facts)
+
+
+def _everything(changes: Sequence[Change], clock: Clock) -> str:
+    columns = ("what", "id", "label", "why", "between", "from (m)", "to (m)", "distance (m)#", "confidence#")
+    return table(columns, ((_row(each, clock), _rests_on(each, clock)) for each in changes))
+
+
+def _rests_on(change: Change, clock: Clock) -> str:
+    before = _evidence(change.evidence_before, change.crop_before, clock)
+    after = _evidence(change.evidence_after, change.crop_after, clock)
+    return f"<b>before</b> {before} · <b>after</b> {after}"
+
+
+def _row(change: Change, clock: Clock) -> tuple[str, ...]:
+    labels = [each for each in dict.fromkeys((change.label_before, change.label_after)) if each is not None]
+    moved = change.kind == "moved" and change.distance_m is not None
+    may_be = "".join(f"; may be {each.id} ({each.probability:.0%})" for each in change.may_be)
+    bounds = () if change.not_after_ns is None else (change.not_before_ns, change.not_after_ns)
+    times = [*(clock.brief(each) for each in bounds), *(["(perhaps before)"] if change.perhaps_before else [])]
+    return (
+        badge(change.kind),
+        f'<span class="whole">{escape(change.id)}</span>',
+        escape(" → ".join(labels) or change.label),
+        f'<span class="why">{escape(change.reason + may_be)}</span>',
+        "<br>".join(f'<span class="whole">{escape(each)}</span>' for each in times),
+        _place(change.interval_before),
+        _place(change.interval_after),
+        f"{change.distance_m:.2f}" if moved else "",
+        f"{change.confidence:.2f}",
+    )
+
+
+def _place(interval: IntervalView | None) -> str:
+    told = "" if interval is None else ", ".join(f"{value:.2f}" for value in interval.position)
+    return f'<span class="whole">{told}</span>'
+
+
+def _evidence(evidence: EvidenceView, crop: int | None, clock: Clock) -> str:
+    """Observations by their ids, the keyframes from the first to the last, and how the place was looked at."""
+    looks = f"in view {evidence.in_view}, supported {evidence.supported}, seen empty {evidence.contradicted}"
+    if not evidence.observations:
+        return escape(f"no observation; {looks}")
+    more = ", …" if evidence.observation_count > len(evidence.observations) else ""
+    best = "" if crop is None else f", best picture {crop}"
+    first, last = clock.brief(evidence.keyframes_ns[0]), clock.brief(evidence.keyframes_ns[-1])
+    ids = ", ".join(map(str, evidence.observations))
+    return escape(f"{evidence.observation_count} observations ({ids}{more}{best}), {first} to {last}; {looks}")

@@ -1,0 +1,109 @@
+"""A diff as a picture: the place before and after, from above."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from supermap_cli.errors import SupermapError
+from supermap_cli.memory.reading import MapReader
+from supermap_cli.query.diff import Diff
+from supermap_cli.reports.diff_plan import Panel, shown_before_after
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+COLOURS = {
+    "appeared": "#15803d",
+    "disappeared": "#c0152f",
+    "moved": "#b45309",
+    "relabelled": "#6d28d9",
+    "unchanged": "#8c99a7",
+    "not-observed-again": "#2563a8",
+    "first-observed": "#2563a8",
+}
+SUFFIXES = (".png", ".svg", ".pdf")
+
+
+def check_plot(path: Path) -> None:
+    """Raises `SupermapError` for a picture of a kind that cannot be drawn, before anything is computed for it."""
+    if path.suffix.lower() not in SUFFIXES:
+        raise SupermapError("a picture of an unknown kind", where=str(path), cure="name a .png, .svg or .pdf file")
+
+
+def draw_diff(found: Diff, reader: MapReader, path: Path) -> None:
+    """Write the picture (.png, .svg or .pdf). Raises `SupermapError` where it cannot be written."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg  # noqa: PLC0415 - keeps start-up light
+    from matplotlib.figure import Figure  # noqa: PLC0415
+    from matplotlib.patches import Patch  # noqa: PLC0415
+
+    panels = shown_before_after(found, reader)
+    width, height = panels[0].extent.size_px
+    figure = Figure(figsize=(14.0, 7.0 * height / width + 1.1), layout="constrained")
+    FigureCanvasAgg(figure)
+    for axes, panel in zip(figure.subplots(1, 2, sharex=True, sharey=True), panels, strict=True):
+        _draw(axes, panel)
+    counted = {kind: count for kind, count in found.counts.items() if count}
+    handles = [
+        Patch(facecolor=COLOURS[kind.replace(" ", "-")], alpha=0.6, label=f"{kind} ({count})")
+        for kind, count in counted.items()
+    ]
+    if handles:
+        figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), frameon=False)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        figure.savefig(path, dpi=130)
+    except (OSError, ValueError) as error:
+        raise SupermapError(
+            f"the picture cannot be written: {error}", where=str(path), cure="name another file"
+        ) from error
+
+
+def _draw(axes: Axes, panel: Panel) -> None:
+    from matplotlib.patches import Polygon  # noqa: PLC0415 - keeps start-up light
+    from matplotlib.patheffects import withStroke  # noqa: PLC0415
+
+    for way in panel.ways:
+        axes.plot(way[:, 0], way[:, 1], color="#a9c3e2", linewidth=0.9, zorder=1)
+    for outline in panel.outlines:
+        kind, ghost = outline.style.removesuffix(" ghost"), outline.style.endswith(" ghost")
+        hollow = ghost or kind in {"not-observed-again", "first-observed"}
+        colour = COLOURS[kind]
+        axes.add_patch(
+            Polygon(
+                outline.corners,
+                closed=True,
+                facecolor="none" if hollow else colour + "66",
+                edgecolor=colour,
+                linestyle="--" if hollow else "-",
+                linewidth=0.8 if kind == "unchanged" else 1.4,
+                zorder=2 if kind == "unchanged" else 3,
+            )
+        )
+        if outline.told:
+            x, y = outline.corners.mean(axis=0)
+            small = kind == "unchanged"
+            name = axes.text(
+                x,
+                y,
+                outline.told,
+                fontsize=4.5 if small else 7,
+                color="#6b7885" if small else colour,
+                weight="normal" if small else "bold",
+                ha="center",
+                va="center",
+                zorder=4 if small else 5,
+            )
+            name.set_path_effects([withStroke(linewidth=1.2, foreground="white")])
+    for arrow in panel.arrows:
+        axes.annotate(
+            "",
+            xy=(float(arrow.end[0]), float(arrow.end[1])),
+            xytext=(float(arrow.start[0]), float(arrow.start[1])),
+            arrowprops={"arrowstyle": "-|>", "color": COLOURS["moved"], "linewidth": 1.3},
+            zorder=6,
+        )
+    (x0, y0), (x1, y1) = panel.extent.low, panel.extent.high
+    axes.set(xlim=(x0, x1), ylim=(y0, y1), aspect="equal", title=panel.title, xlabel="x (m)", ylabel="y (m)")
+    axes.grid(color="#eef1f4", linewidth=0.6)
+    axes.set_axisbelow(True)

@@ -1,0 +1,150 @@
+"""A place seen from above, as SVG: outlines of things, the robot's way, arrows for what moved."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from html import escape
+
+import numpy as np
+
+from supermap_cli.geometry.arrays import FloatArray
+
+WIDTH_PX, MARGIN_PX, MOST_TALL_PX = 620.0, 14.0, 760.0
+
+
+@dataclass(frozen=True)
+class Outline:
+    """A thing on the plan: the corners (4, 2) of its box in metres, its name, and how it is drawn (a CSS class).
+
+    `told` is its label on the plan (empty: none), `title` what a pointer that rests on it shows.
+    """
+
+    corners: FloatArray
+    told: str
+    title: str
+    style: str
+
+
+@dataclass(frozen=True)
+class Arrow:
+    """From one place (2,) to another, in metres."""
+
+    start: FloatArray
+    end: FloatArray
+    style: str = "moved"
+
+
+@dataclass(frozen=True)
+class Extent:
+    """The part of the map that is drawn: `low`, `high` (2,) in metres."""
+
+    low: FloatArray
+    high: FloatArray
+
+    @property
+    def px_per_m(self) -> float:
+        """The scale that fits it into the width and height that there are."""
+        size = np.maximum(self.high - self.low, 1e-6)
+        return float(min((WIDTH_PX - 2 * MARGIN_PX) / size[0], (MOST_TALL_PX - 2 * MARGIN_PX) / size[1]))
+
+    @property
+    def size_px(self) -> tuple[float, float]:
+        """Width and height of the drawing."""
+        width, height = (self.high - self.low) * self.px_per_m + 2 * MARGIN_PX
+        return float(width), float(height)
+
+    def to_px(self, points: FloatArray) -> FloatArray:
+        """(n, 2) metres -> (n, 2) pixels, y downwards."""
+        x = (points[:, 0] - self.low[0]) * self.px_per_m + MARGIN_PX
+        y = (self.high[1] - points[:, 1]) * self.px_per_m + MARGIN_PX
+        return np.column_stack([x, y])
+
+
+def extent_of(points: Sequence[FloatArray]) -> Extent:
+    """An extent that holds all (n, 2) points, with half a metre around them; a few metres where there are none."""
+    held = [each for each in points if len(each)]
+    if not held:
+        return Extent(np.array([-2.0, -2.0]), np.array([2.0, 2.0]))
+    together = np.concatenate(held)
+    return Extent(np.floor(together.min(axis=0) - 0.5), np.ceil(together.max(axis=0) + 0.5))
+
+
+def plan_svg(
+    extent: Extent, outlines: Sequence[Outline], arrows: Sequence[Arrow], ways: Sequence[FloatArray], title: str
+) -> str:
+    """The drawing. `ways` are the robot's, (n, 2) metres each; classes are styled by the page (`page.STYLE`)."""
+    width, height = extent.size_px
+    parts = [
+        f'<svg class="plan" xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:.0f} {height:.0f}" role="img">',
+        f"<title>{escape(title)}</title>",
+        _TIP,
+        _grid(extent),
+        *(f'<polyline class="way" points="{_points(extent.to_px(way))}"/>' for way in ways if len(way) > 1),
+    ]
+    for each in sorted(outlines, key=lambda outline: bool(outline.told)):
+        corners = _points(extent.to_px(each.corners))
+        parts.append(
+            f'<polygon class="thing {each.style}" points="{corners}"><title>{escape(each.title)}</title></polygon>'
+        )
+    for arrow in arrows:
+        (x0, y0), (x1, y1) = extent.to_px(np.stack([arrow.start, arrow.end]))
+        parts.append(f'<line class="arrow" x1="{x0:.1f}" y1="{y0:.1f}" x2="{x1:.1f}" y2="{y1:.1f}"/>')
+    parts += _names(extent, outlines)
+    parts += [_scale(extent), "</svg>"]
+    return "\n".join(parts)
+
+
+_TIP = (
+    '<defs><marker id="tip" viewBox="0 0 8 8" refX="7" refY="4" markerWidth="7" markerHeight="7" orient="auto">'
+    '<path d="M0 0 L8 4 L0 8 z" class="tip"/></marker></defs>'
+)
+
+
+def _names(extent: Extent, outlines: Sequence[Outline]) -> list[str]:
+    """Names beside what is named, moved down where they would lie on one another."""
+    taken: list[tuple[float, float, float]] = []
+    texts = []
+    named = sorted((each for each in outlines if each.told), key=lambda each: float(-each.corners[:, 1].max()))
+    for each in named:
+        x, y = extent.to_px(each.corners.mean(axis=0)[None])[0]
+        half = 3.1 * len(each.told)
+        x = float(np.clip(x, half + 2, extent.size_px[0] - half - 2))
+        while any(
+            abs(y - other_y) < 11 and abs(x - other_x) < half + other_half for other_x, other_y, other_half in taken
+        ):
+            y += 11
+        taken.append((x, y, half))
+        texts.append(f'<text class="name {each.style}" x="{x:.1f}" y="{y + 3.5:.1f}">{escape(each.told)}</text>')
+    return texts
+
+
+def _grid(extent: Extent) -> str:
+    """A line every metre, or every 5 or 10 in a large place."""
+    size = float((extent.high - extent.low).max())
+    step = 1 if size <= 25 else 5 if size <= 120 else 10
+    lines = []
+    width, height = extent.size_px
+    for x in np.arange(np.ceil(extent.low[0] / step) * step, extent.high[0] + 1e-9, step):
+        px = extent.to_px(np.array([[x, extent.low[1]]]))[0, 0]
+        lines.append(f"M{px:.1f} {MARGIN_PX:.1f}V{height - MARGIN_PX:.1f}")
+    for y in np.arange(np.ceil(extent.low[1] / step) * step, extent.high[1] + 1e-9, step):
+        px = extent.to_px(np.array([[extent.low[0], y]]))[0, 1]
+        lines.append(f"M{MARGIN_PX:.1f} {px:.1f}H{width - MARGIN_PX:.1f}")
+    return f'<path class="grid" d="{"".join(lines)}"/>'
+
+
+def _scale(extent: Extent) -> str:
+    """A bar of one metre, or more where that is short."""
+    metres = next((m for m in (1, 2, 5, 10, 20, 50) if m * extent.px_per_m >= 30), 100)
+    length, (_, height) = metres * extent.px_per_m, extent.size_px
+    y = height - 7
+    return (
+        f'<path class="scale" d="M{MARGIN_PX} {y - 3}v6M{MARGIN_PX} {y}h{length:.1f}m0 -3v6"/>'
+        f'<text class="name scale" x="{MARGIN_PX + length + 5:.1f}" y="{y + 3.5:.1f}" style="text-anchor:start">'
+        f"{metres} m</text>"
+    )
+
+
+def _points(points: FloatArray) -> str:
+    return " ".join(f"{x:.1f},{y:.1f}" for x, y in points)

@@ -1,0 +1,135 @@
+"""The life of a thing, in values and in words."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+import kitchen
+import memories as m
+from supermap_cli.memory import open_store
+from supermap_cli.memory.reading import MapReader
+from supermap_cli.query.clock import clock_of
+from supermap_cli.query.instants import instant_of
+from supermap_cli.query.life import MOST_RELATIONS, History, history
+from supermap_cli.query.story import MOST_SENTENCES, shortened, story
+from supermap_cli.types.memory import MapDelta
+
+
+@pytest.fixture(scope="module")
+def reader(tmp_path_factory: pytest.TempPathFactory) -> Iterator[MapReader]:
+    path = kitchen.make_kitchen(tmp_path_factory.mktemp("kitchen") / "map.db")
+    with open_store(str(path), read_only=True) as store, store.reader() as reader:
+        yield reader
+
+
+def told(reader: MapReader, text_id: str, at: str | None = None) -> tuple[History, list[str]]:
+    clock = clock_of(reader)
+    life = history(reader, text_id, None if at is None else instant_of(at, reader, clock), clock)
+    return life, story(life, clock)
+
+
+def test_it_says_where_it_stood_when_and_next_to_what(reader: MapReader) -> None:
+    life, sentences = told(reader, "chair-1")
+    where = "(0.00, 1.00, 0.50), beside dining-table-1 and near potted-plant-1"
+    assert sentences == [
+        f"first seen 09:00:01.0Z at {where}; nobody had seen its place empty before",
+        "moved 3.61 m between 2026-01-05T09:01:30.0Z and 2026-01-05T09:16:41.0Z: stands at (-3.00, 3.00, 0.50)",
+        "last seen 09:18:10.0Z; stands there as far as anybody knows",
+    ]
+    near, none = life.surroundings
+    assert [(each.name, each.object) for each in near.relations] == [
+        ("beside", "dining-table-1"),
+        ("near", "potted-plant-1"),
+    ]
+    assert none.relations == ()
+
+
+def test_what_came_and_what_left_are_told_with_their_bounds(reader: MapReader) -> None:
+    _, cup = told(reader, "cup-1")
+    assert cup[1] == "left (0.50, 0.00, 0.80) between 2026-01-05T09:01:30.0Z and 2026-01-05T09:16:45.0Z: found empty"
+    assert "may be vase-1 as well (20%): the evidence does not single it out" in cup
+    assert cup[-1] == "last seen 09:01:30.0Z"
+    _, vase = told(reader, "vase-1")
+    assert vase[0].startswith("came between 2026-01-05T09:01:30.0Z and 2026-01-05T09:16:41.0Z: stands at (-0.50,")
+    assert "on dining-table-1" in vase[0]
+
+
+def test_a_life_is_told_until_a_time(reader: MapReader) -> None:
+    life, sentences = told(reader, "chair-1", "09:10")
+    assert [each.state for each in life.intervals] == [0]
+    assert [each.traversal for each in life.sightings] == ["monday"]
+    assert (life.presence, life.last_seen_ns) == ("unknown", m.ns(90))
+    assert sentences[-1].startswith("as of 2026-01-05T09:10:00.0Z: left between")
+    assert [each.kind for each in life.events] == ["moved"]
+    assert told(reader, "chair-1", "60 s")[0].events == ()
+
+
+def test_what_it_was_called_is_told_where_that_changed(tmp_path: Path) -> None:
+    def called(label: str, at: float) -> MapDelta:
+        stamps = [at + i for i in range(4)]
+        return MapDelta(
+            keyframes=m.keyframes(stamps),
+            instances=(m.instance(1, label, seen=(1, stamps[-1])),),
+            observations=tuple(m.observation(1, each, label) for each in stamps),
+            visits=(m.visit(1, 4, 4),),
+            states=(m.state(1, 0, (1, stamps[-1]), label=label),),
+        )
+
+    days = [(f"day-{n}", (100 * n, 100 * n + 10), called("chair" if n < 2 else "bench", 100 * n + 1)) for n in range(3)]
+    path = m.make_memory(tmp_path / "map.db", *days)
+    with open_store(str(path), read_only=True) as store, store.reader() as reader:
+        life, sentences = told(reader, "chair-1")
+    assert [each.labels for each in life.sightings] == [{"chair": 1.0}, {"chair": 1.0}, {"bench": 1.0}]
+    assert "called chair in day-0, day-1, then bench in day-2" in sentences
+
+
+def test_a_merged_id_tells_the_life_of_what_it_is_part_of(tmp_path: Path) -> None:
+    whole, part = m.instance(1, "cup", seen=(1, 9)), m.instance(2, "cup", seen=(3, 4))
+    delta = MapDelta(
+        keyframes=m.keyframes([1, 3, 9]),
+        instances=(whole, replace(part, merged_into=1)),
+        observations=(m.observation(1, 1, "cup"), m.observation(2, 3, "cup"), m.observation(1, 9, "cup")),
+        states=(m.state(1, 0, (1, 9), label="cup"), m.state(2, 0, (3, 4), label="cup")),
+        visits=(m.visit(1, 2, 2), m.visit(2, 1, 1)),
+        temporal_edges=(m.temporal("merged", (2, 0), (1, 0), 3, 9),),
+    )
+    path = m.make_memory(tmp_path / "map.db", ("monday", (0, 10), delta))
+    with open_store(str(path), read_only=True) as store, store.reader() as reader:
+        life, sentences = told(reader, "cup-2")
+    assert (life.id, life.asked_id, life.merged_ids) == ("cup-1", "cup-2", ("cup-2",))
+    assert life.evidence.observation_count == 3
+    assert "cup-2 turned out to be it (09:00:09.0Z)" in sentences
+
+
+def test_a_long_life_stays_readable(tmp_path: Path) -> None:
+    """A hundred moves, and forty neighbours in each place."""
+    moves = 100
+    things = tuple(m.instance(number, "box", (number, 0, 0.5), seen=(0, 10 * moves)) for number in range(2, 42))
+    delta = MapDelta(
+        keyframes=m.keyframes([10.0 * at for at in range(moves)]),
+        instances=(m.instance(1, "cart", seen=(0, 10 * moves)), *things),
+        observations=tuple(m.observation(1, 10.0 * at, "cart") for at in range(moves)),
+        states=(
+            *(m.state(1, at, (10 * at, 10 * at + 5), (at % 7, 0, 0.5), label="cart") for at in range(moves)),
+            *(m.state(each.number, 0, (0, 10 * moves), (each.number, 0, 0.5), label="box") for each in things),
+        ),
+        spatial_edges=tuple(m.spatial(1, "near", each.number, 0) for each in things),
+        visits=(m.visit(1, moves, moves),),
+    )
+    path = m.make_memory(tmp_path / "map.db", ("monday", (0, 10 * moves), delta))
+    with open_store(str(path), read_only=True) as store, store.reader() as reader:
+        life, sentences = told(reader, "cart-1")
+    assert len(life.intervals) == moves
+    assert len(sentences) == MOST_SENTENCES + 1
+    assert sentences[MOST_SENTENCES // 2].startswith("... ")
+    assert {(len(each.relations), each.more) for each in life.surroundings} == {(MOST_RELATIONS, 40 - MOST_RELATIONS)}
+
+
+def test_lines_are_shortened_only_where_there_are_too_many() -> None:
+    lines = [str(each) for each in range(10)]
+    assert shortened(lines, 10) == lines
+    assert shortened(lines, 4) == ["0", "1", "... 6 more ...", "8", "9"]
