@@ -7,7 +7,6 @@ from pathlib import Path
 import memories as m
 
 GROW = """
-PRAGMA foreign_keys = OFF;
 CREATE TEMP TABLE copy AS WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n WHERE i < {instances})
 SELECT i, 1000 + i AS number FROM n;
 INSERT INTO instance SELECT copy.number, 'box-' || copy.number, 'box', presence, existence_log_odds,

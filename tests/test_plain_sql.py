@@ -76,6 +76,7 @@ def test_what_stood_at_the_table_on_monday(db: Path) -> None:
 # sqlite-utils
 
 
+@pytest.mark.sqlite_only("these tools open SQLite files")
 def test_sqlite_utils_reads_tables_and_views_and_searches_labels(db: Path) -> None:
     with closing(sqlite_utils.Database(db)) as opened:
         assert set(opened.view_names()) == set(VIEW_NAMES)
@@ -87,6 +88,7 @@ def test_sqlite_utils_reads_tables_and_views_and_searches_labels(db: Path) -> No
         assert {each.other_table for each in opened["observation"].foreign_keys} == {"keyframe", "instance"}
 
 
+@pytest.mark.sqlite_only("these tools open SQLite files")
 def test_sqlite_utils_reads_while_a_build_is_writing(building: Path) -> None:
     with closing(sqlite_utils.Database(building)) as opened:
         assert opened["current_objects"].count == 8
@@ -107,6 +109,7 @@ def served(db: Path, *paths: str) -> list[Any]:
     return asyncio.run(ask())
 
 
+@pytest.mark.sqlite_only("these tools open SQLite files")
 @pytest.mark.parametrize("state", ["db", "building"])
 def test_datasette_serves_every_view(state: str, request: pytest.FixtureRequest) -> None:
     db = request.getfixturevalue(state)
@@ -116,6 +119,7 @@ def test_datasette_serves_every_view(state: str, request: pytest.FixtureRequest)
     assert found[VIEW_NAMES.index("trajectory")][0]["at"] == "2026-01-05T09:00:01.0Z"
 
 
+@pytest.mark.sqlite_only("these tools open SQLite files")
 def test_datasette_filters_searches_and_shows_pages(db: Path) -> None:
     chairs, searched, page, own = served(
         db,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import signal
-import sqlite3
 import subprocess
 import sys
 import time
@@ -16,6 +15,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import databases
 import kitchen
 import large_memories
 import memories as m
@@ -73,7 +73,7 @@ def problems(db: Path) -> list[object]:
 
 def observations(db: Path) -> list[tuple[float, bool]]:
     """When each observation was made, in seconds, and whether it has its crop."""
-    with closing(sqlite3.connect(db)) as connection:
+    with closing(databases.connect(db)) as connection:
         found = connection.execute(
             "SELECT stamp_ns, crop_jpeg IS NOT NULL FROM observation JOIN keyframe ON keyframe.id = keyframe_id "
             "ORDER BY stamp_ns"
@@ -108,7 +108,7 @@ def test_no_crop_stays_where_none_is_to_be_kept(db: Path) -> None:
 
 def test_old_thumbnails_go(db: Path) -> None:
     vacuum(db, "thumbnails=tuesday")
-    with closing(sqlite3.connect(db)) as connection:
+    with closing(databases.connect(db)) as connection:
         kept = connection.execute("SELECT traversal_id, count(thumbnail_jpeg) FROM keyframe GROUP BY 1").fetchall()
     assert kept == [(1, 0), (2, 20)]
     assert problems(db) == []
@@ -120,11 +120,16 @@ def test_states_edges_and_visits_stay(db: Path) -> None:
     assert {table: dump(db, table) for table in before} == before
 
 
+def everything(db: Path) -> list[list[object]]:
+    return [dump(db, table) for table in ("traversal", "keyframe", "observation", "instance", "state")]
+
+
 def dump(db: Path, table: str) -> list[object]:
-    with closing(sqlite3.connect(db)) as connection:
-        return connection.execute(f"SELECT * FROM {table} ORDER BY 1, 2").fetchall()
+    with closing(databases.connect(db)) as connection:
+        return list(connection.execute(f"SELECT * FROM {table} ORDER BY 1, 2").fetchall())
 
 
+@pytest.mark.sqlite_only("what PostgreSQL gives back to its disk is its own affair")
 def test_the_file_gets_smaller(db: Path) -> None:
     before = db.stat().st_size
     told = document("db_vacuum", "db", "vacuum", "--db", db, "--keep", "crops=none", "--keep", "thumbnails=none")
@@ -134,10 +139,10 @@ def test_the_file_gets_smaller(db: Path) -> None:
 
 
 def test_a_dry_run_says_what_would_go_and_changes_nothing(db: Path) -> None:
-    content = db.read_bytes()
+    content = everything(db)
     words = ("--keep", "observations=12h", "--keep", "crops=12h", "--keep", "thumbnails=12h")
     planned = document("db_vacuum", "db", "vacuum", "--db", db, *words, "--dry-run")
-    assert db.read_bytes() == content
+    assert everything(db) == content
     done = document("db_vacuum", "db", "vacuum", "--db", db, *words)
     assert planned["given_up"] == done["given_up"] != {"observations": 0}
     assert done["given_up"]["observations"] == 17
@@ -180,7 +185,7 @@ def test_the_database_lets_nothing_go_that_was_not_given_up(db: Path) -> None:
         "UPDATE observation SET crop_jpeg = NULL WHERE id = (SELECT max(id) FROM observation)",
         "UPDATE observation SET score = 1 WHERE id = 1",
     ):
-        with pytest.raises(sqlite3.IntegrityError):
+        with pytest.raises(Exception, match="observations"):
             m.run_sql(db, sql)
 
 
@@ -216,6 +221,7 @@ def test_readers_are_not_blocked(db: Path) -> None:
         assert len(reader.observations(chair)) == 23
 
 
+@pytest.mark.sqlite_only("a server looks after its disk itself")
 def test_without_room_the_map_stays_and_the_error_says_what_is_needed(
     db: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -256,11 +262,6 @@ def test_what_is_not_understood_is_an_error_that_shows_how_to_say_it(db: Path, w
         kept_from(words, reader)
 
 
-@pytest.fixture(scope="module")
-def kitchen_bytes(tmp_path_factory: pytest.TempPathFactory) -> bytes:
-    return kitchen.make_kitchen(tmp_path_factory.mktemp("kitchen") / "map.db").read_bytes()
-
-
 seconds = st.one_of(st.none(), st.integers(-5, 1200))
 limits = st.tuples(seconds, seconds, seconds, st.booleans())
 
@@ -268,13 +269,11 @@ limits = st.tuples(seconds, seconds, seconds, st.booleans())
 @settings(max_examples=15)
 @given(limits)
 def test_whatever_is_given_up_the_map_is_sound_and_every_state_has_its_evidence(
-    kitchen_bytes: bytes,
     tmp_path_factory: pytest.TempPathFactory,
     given_limits: tuple[int | None, int | None, int | None, bool],
 ) -> None:
     crops, seen, thumbnails, best_crops = given_limits
-    db = tmp_path_factory.mktemp("kitchen") / "map.db"
-    db.write_bytes(kitchen_bytes)
+    db = kitchen.make_kitchen(tmp_path_factory.mktemp("kitchen") / "map.db")
     kept = KeptFrom(m.maybe_ns(crops), m.maybe_ns(seen), m.maybe_ns(thumbnails), best_crops)
     with open_store(str(db), read_only=True) as store, store.reader() as reader:
         before = {each.id: reader.observations(each) for each in reader.instances}
@@ -309,6 +308,7 @@ main()
 """
 
 
+@pytest.mark.sqlite_only("looks at SQLite's files")
 def test_killed_at_any_moment_it_leaves_a_sound_map_and_can_be_done_again(tmp_path: Path) -> None:
     origin = large_memories.grow(long_memory(tmp_path / "origin.db"), 250)
     before = origin.read_bytes()
