@@ -1,4 +1,4 @@
-"""`supermap db`: check, upgrade, info, sql, vacuum."""
+"""`supermap db`: check, upgrade, info, sql, vacuum, merge."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from supermap_cli.commands import db_sql, db_vacuum
+from supermap_cli.commands import db_merge, db_sql, db_vacuum
 from supermap_cli.commands.common import DbOption, JsonOption, database_url, err, out, print_json
 from supermap_cli.commands.show import print_traversals
 from supermap_cli.commands.tables import print_table
@@ -36,6 +36,7 @@ def register(app: typer.Typer) -> None:
     group.command(epilog=EXAMPLE.format("info --db office.db"))(info)
     group.command(epilog=db_sql.EXAMPLES)(db_sql.sql)
     group.command(epilog=db_vacuum.EXAMPLES)(db_vacuum.vacuum)
+    group.command(epilog=db_merge.EXAMPLES)(db_merge.merge)
     app.add_typer(group, name="db")
 
 

@@ -78,7 +78,9 @@ def affinity(
         others_per_m2 = PEOPLE_PER_M2 if agreement >= SAME_KIND else THINGS_PER_M2
         log_ratio = course_log_ratio(detection, course, others_per_m2)
     else:
-        log_ratio = 4 * np.sqrt(covered * explained) - 1.5 + _distance_log_ratio(detection, candidate, covered)
+        log_ratio = (
+            4 * np.sqrt(covered * explained) - 1.5 + distance_log_ratio(detection.centroid_map, candidate, covered)
+        )
     log_ratio += float(np.log((agreement + 0.05) / 0.2))
     if detection.track_id >= 0 and candidate.track_id >= 0:
         log_ratio += 1.0 if detection.track_id == candidate.track_id else -0.5
@@ -92,10 +94,10 @@ def course_log_ratio(detection: LiftedDetection, course: Course, others_per_m2: 
     return float(-np.log(2 * np.pi * variance * others_per_m2) - off @ off / (2 * variance))
 
 
-def _distance_log_ratio(detection: LiftedDetection, candidate: MapObject, covered: float) -> float:
-    """Centroids compared on the scale of the object; cut views shift them, so overlap excuses distance."""
+def distance_log_ratio(centroid_map: FloatArray, candidate: MapObject, covered: float) -> float:
+    """Centroids (3,) compared on the scale of the object; cut views shift them, so overlap excuses distance."""
     spread = 0.1 + 0.25 * candidate.shape.extent_m
-    distance = float(np.linalg.norm(detection.centroid_map - candidate.shape.centroid))
+    distance = float(np.linalg.norm(centroid_map - candidate.shape.centroid))
     log_ratio = max(1 - 0.5 * (distance / spread) ** 2, -2.0)
     return log_ratio if log_ratio >= 0 else log_ratio * (1 - covered)
 

@@ -69,8 +69,8 @@ def find_shift(depth: DepthView, seen: MapObject, view: ObjectView, detection: L
     """
     if view.contradicted_share < VACATED_SHARE:
         return None
-    shift = best_shift(depth, seen, detection, _grid(COARSE_M, MOST_SHIFT_M))
-    shift = best_shift(depth, seen, detection, shift + _grid(FINE_M, COARSE_M))
+    shift = best_shift(depth, seen, detection, level_grid(COARSE_M, MOST_SHIFT_M))
+    shift = best_shift(depth, seen, detection, shift + level_grid(FINE_M, COARSE_M))
     if np.linalg.norm(shift) < LEAST_SHIFT_M:
         return None
     there, here = agreement(depth, seen, detection, np.array([shift, np.zeros(3)]))
@@ -84,7 +84,7 @@ def best_shift(depth: DepthView, seen: MapObject, detection: LiftedDetection, sh
     return np.asarray(shifts[int(np.argmax(agreement(depth, seen, detection, shifts)))])
 
 
-def _grid(step_m: float, reach_m: float) -> FloatArray:
+def level_grid(step_m: float, reach_m: float) -> FloatArray:
     """Level shifts (k, 3) on a square grid about none."""
     ticks = np.arange(-reach_m, reach_m + step_m / 2, step_m)
     x, y = np.meshgrid(ticks, ticks)
@@ -97,14 +97,17 @@ def agreement(depth: DepthView, seen: MapObject, detection: LiftedDetection, shi
     It agrees by the share of the detection's points that lie on it, and by what of it is supported rather than
     contradicted by the depth; where little of it can be told, the latter says little.
     """
-    cloud = seen.shape.points[:: len(seen.shape.points) // _SAMPLES + 1]
     points = detection.points_map[:: len(detection.points_map) // _SAMPLES + 1]
+    covered = seen.shape.near((points[None] - shifts[:, None]).reshape(-1, 3)).reshape(len(shifts), -1).mean(axis=1)
+    return np.asarray(covered + lies_in(depth, seen, shifts))
+
+
+def lies_in(depth: DepthView, seen: MapObject, shifts: FloatArray) -> FloatArray:
+    """What of an object laid aside by k shifts (k, 3) is supported, less what is contradicted: (k,) in [-1, 1]."""
+    cloud = seen.shape.points[:: len(seen.shape.points) // _SAMPLES + 1]
     laid = (cloud[None] + shifts[:, None]).reshape(-1, 3)
     told = check_visibility(depth, laid, seen.voxels.voxel_m)
     supported, contradicted = (
         each.reshape(len(shifts), -1).sum(axis=1) for each in (told.supported, told.contradicted)
     )
-    covered = seen.shape.near((points[None] - shifts[:, None]).reshape(-1, 3)).reshape(len(shifts), -1).mean(axis=1)
-    observable = supported + contradicted
-    lies = (supported - contradicted) / np.maximum(observable, 0.3 * len(cloud))
-    return np.asarray(covered + lies)
+    return np.asarray((supported - contradicted) / np.maximum(supported + contradicted, 0.3 * len(cloud)))

@@ -9,7 +9,9 @@ import numpy as np
 
 from supermap_cli.geometry.arrays import BoolArray, Float32Array, FloatArray, Int32Array, IntArray, UInt8Array
 from supermap_cli.geometry.percentiles import percentiles
+from supermap_cli.geometry.se3 import inverse, transform_points
 from supermap_cli.geometry.voxels import (
+    dilate_codes,
     is_member,
     neighbour_counts,
     pack_keys,
@@ -152,6 +154,21 @@ class VoxelMap:
             self.outside[order],
             self.rgb[order],
         )
+
+    def carried(self, T_target_source: FloatArray) -> VoxelMap:
+        """The same object in another frame, on that frame's grid.
+
+        Each voxel there is what the old voxel at its centre was: other ways round, a turned grid would leave holes.
+        """
+        if not len(self):
+            return VoxelMap(self.voxel_m)
+        near = voxel_keys(transform_points(T_target_source, self.centers()), self.voxel_m)
+        codes = dilate_codes(np.unique(pack_keys(near)))
+        centers = voxel_centers(unpack_codes(codes), self.voxel_m)
+        source = pack_keys(voxel_keys(transform_points(inverse(T_target_source), centers), self.voxel_m))
+        taken = is_member(source, self.codes)
+        at = np.searchsorted(self.codes, source[taken])
+        return VoxelMap(self.voxel_m, codes[taken], self.log_odds[at], self.inside[at], self.outside[at], self.rgb[at])
 
     def solid(self) -> BoolArray:
         """(n,) the voxels that are believed to be the object's: occupied, mostly inside its masks, not alone."""

@@ -31,9 +31,13 @@ class InstanceIds:
 
 def traversal_name(recording: str, taken: Collection[str]) -> str:
     """A recording's name without folder and suffix, made unique by a counter ("monday", "monday-2")."""
-    stem = Path(recording).stem or "traversal"
-    name, counter = stem, 1
+    return unique_name(Path(recording).stem or "traversal", taken)
+
+
+def unique_name(wanted: str, taken: Collection[str]) -> str:
+    """A name, with a counter where it is taken."""
+    name, counter = wanted, 1
     while name in taken:
         counter += 1
-        name = f"{stem}-{counter}"
+        name = f"{wanted}-{counter}"
     return name

@@ -308,6 +308,18 @@ def added_visit(before: StoredVisit | None, row: Row, survivor: int) -> StoredVi
     )
 
 
+def visit(row: Row) -> Visit:
+    """A visit's row."""
+    return Visit(
+        object_number=row.instance_number,
+        supported=row.supported,
+        in_view=row.in_view,
+        contradicted=row.contradicted,
+        first_support_ns=row.first_support_ns,
+        last_support_ns=row.last_support_ns,
+    )
+
+
 def spatial_edge_values(edge: SpatialEdge, traversal_id: int) -> Values:
     """The row of a spatial edge."""
     return {

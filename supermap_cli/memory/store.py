@@ -12,6 +12,7 @@ from sqlalchemy.exc import DatabaseError, IntegrityError
 from supermap_cli.errors import MemoryStoreError
 from supermap_cli.memory import rows
 from supermap_cli.memory.databases import Database, Lock, dialect_of
+from supermap_cli.memory.joining import Incoming, take_in
 from supermap_cli.memory.names import traversal_name
 from supermap_cli.memory.numbers import BATCH
 from supermap_cli.memory.reading import MapReader, select_traversals
@@ -26,7 +27,7 @@ from supermap_cli.memory.retention import (
 from supermap_cli.memory.undo import drop_before_images, take_out
 from supermap_cli.memory.values import Checkpoint, StoredTraversal, TraversalStart
 from supermap_cli.memory.writing import write_checkpoint, write_delta
-from supermap_cli.types.memory import InstanceRecord, KeyframeRecord, MapDelta, SpatialEdge, StateRecord
+from supermap_cli.types.memory import InstanceRecord, KeyframeRecord, MapDelta, SpatialEdge, StateRecord, Visit
 from supermap_schema import models
 
 if TYPE_CHECKING:
@@ -147,6 +148,11 @@ class MapStore:
                 changes["end_ns"] = int(end_ns)
             _update_traversal(connection, traversal_id, **changes)
 
+    def take_in(self, other: MapStore, incoming: Incoming) -> None:
+        """Take another map's traversals in, in one transaction; the other map is only read."""
+        with self._writing() as target, other._reading() as source:
+            take_in(target, source, incoming)
+
     def discard_traversal(self, traversal_id: int) -> None:
         """Take an unfinished traversal out again: the map is as it was before.
 
@@ -225,6 +231,12 @@ class MapStore:
         if open_only:
             statement = statement.where(models.SpatialEdge.until_ns.is_(None))
         return tuple(map(rows.spatial_edge, self._rows(statement)))
+
+    def load_visits(self) -> tuple[tuple[int, Visit], ...]:
+        """All visits, each with its traversal's id."""
+        order = (models.Visit.traversal_id, models.Visit.instance_number)
+        found = self._rows(select(models.Visit.__table__).order_by(*order))
+        return tuple((row.traversal_id, rows.visit(row)) for row in found)
 
     def keyframe_depths(
         self, traversal_ids: Collection[int] | None = None, *, until_ns: int | None = None

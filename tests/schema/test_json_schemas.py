@@ -14,7 +14,7 @@ NAMES = (
     *("answer", "show", "object", "history", "diff", "export"),
     *("inspect", "build", "plugins"),
     *("truth", "simulate", "simulate_list", "eval", "ablation", "benchmark", "bench", "perception"),
-    *("db_info", "db_check", "db_upgrade", "db_sql", "db_vacuum"),
+    *("db_info", "db_check", "db_upgrade", "db_sql", "db_merge", "db_vacuum"),
 )
 
 

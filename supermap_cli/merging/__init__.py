@@ -1,0 +1,1 @@
+"""Two memories of one place become one (`supermap db merge`)."""

@@ -1,0 +1,61 @@
+"""Spatial edges of two memories, joined: what held in both goes on, what stands now is judged anew."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+from supermap_cli.graph.predicates import GraphNode
+from supermap_cli.graph.scene_graph import SceneGraph
+from supermap_cli.mapping.objects import ObjectMap
+from supermap_cli.types.memory import SpatialEdge
+
+Key = tuple[int, str, int, int]
+
+
+def join_edges(
+    held: Sequence[SpatialEdge], others: Sequence[SpatialEdge], ends_ns: Mapping[int, int]
+) -> dict[Key, SpatialEdge]:
+    """The map's open edges that end or go on, and the other memory's, by their keys; all of the map's numbers and time.
+
+    `ends_ns`: when the state ended in which an object stood at the map's end, where it did.
+    """
+    changed: dict[Key, SpatialEdge] = {}
+    going_on = {(each.subject, each.relation, each.object): each for each in held}
+    for edge in sorted(others, key=lambda each: each.since_ns):
+        ends = (edge.subject, edge.relation, edge.object)
+        known = going_on.get(ends)
+        goes_on = known is not None and edge.since_ns < _end_ns(edge, ends_ns, edge.since_ns + 1)
+        joined = replace(edge, since_ns=going_on.pop(ends).since_ns) if goes_on else edge
+        changed[_key(joined)] = joined
+    for edge in going_on.values():
+        if edge.subject in ends_ns or edge.object in ends_ns:
+            changed[_key(edge)] = replace(edge, until_ns=max(_end_ns(edge, ends_ns, 0), edge.since_ns + 1))
+    return changed
+
+
+def judge_anew(
+    changed: dict[Key, SpatialEdge], held: Sequence[SpatialEdge], objects: ObjectMap, met: set[int], stamp_ns: int
+) -> None:
+    """Relations around the objects that were met, as all that is known of them now has them; what is new holds since
+    both stand there.
+    """
+    known = {_key(each): each for each in held} | changed
+    graph = SceneGraph()
+    graph.resume(each for each in known.values() if each.until_ns is None)
+    standing = [each for each in objects if each.confirmed and each.present and not each.doubted]
+    nodes = {each.number: GraphNode(each.number, each.label, each.shape.box, each.shape.points) for each in standing}
+    for edge in graph.update(nodes, met, stamp_ns):
+        if edge.since_ns == stamp_ns:
+            both_ns = max(objects[each].state.first_seen_ns for each in (edge.subject, edge.object))
+            changed[edge.subject, edge.relation, edge.object, both_ns] = replace(edge, since_ns=both_ns)
+        else:
+            changed[_key(edge)] = edge
+
+
+def _end_ns(edge: SpatialEdge, ends_ns: Mapping[int, int], default_ns: int) -> int:
+    return min((ends_ns[each] for each in (edge.subject, edge.object) if each in ends_ns), default=default_ns)
+
+
+def _key(edge: SpatialEdge) -> Key:
+    return edge.subject, edge.relation, edge.object, edge.since_ns

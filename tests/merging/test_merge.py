@@ -1,0 +1,299 @@
+"""Two memories of one place become one."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import fakes as f
+import memories as m
+import scenes as s
+from supermap_cli.errors import AlignmentError, MemoryStoreError
+from supermap_cli.geometry.se3 import make_transform, transform_points
+from supermap_cli.memory import MapStore, open_store
+from supermap_cli.memory import joining as joining_module
+from supermap_cli.memory.checking import check
+from supermap_cli.merging.merge import MemoryMerge, MergeSummary
+from supermap_cli.traversal_build import TraversalBuild
+from test_pipeline import contents
+
+DAY_S = 86_400.0
+STOOL = s.Thing("stool", (2.2, -0.9, 0.25), (0.35, 0.35, 0.5), (40, 160, 60))
+BOX = s.Thing("box", (1.5, 1.2, 0.2), (0.4, 0.4, 0.4), (160, 120, 60))
+CONFIG = f.config(keyframes={"depth_step": 2})
+
+
+def film(
+    things: Sequence[s.Thing], start_s: float, images: int = 24, room: tuple[s.Thing, ...] = s.ROOM
+) -> tuple[s.Scene, ...]:
+    """A look at a room from the right to the left."""
+    return f.film((*room, *things), images, start_s=start_s, target=(1.8, 0, 0.3))
+
+
+def build(
+    path: Path, name: str, things: Sequence[s.Thing], start_s: float = 0.0, room: tuple[s.Thing, ...] = s.ROOM
+) -> Path:
+    """A memory with one more traversal."""
+    with open_store(str(path), create=True) as store:
+        recording = f.FakeRecording(film(things, start_s, room=room), Path(f"{name}.fake"))
+        TraversalBuild(recording, f.FakePlugins().load(), CONFIG, store).run(align="none")
+    return path
+
+
+def merge(path: Path, other: Path, align: str = "none", **options: bool) -> MergeSummary:
+    with open_store(str(path)) as store, open_store(str(other), read_only=True) as source:
+        summary = MemoryMerge(store, source, again=options.get("again", False)).run(
+            align, dry_run=options.get("dry_run", False)
+        )
+    with open_store(str(path), read_only=True) as store, store.reader() as reader:
+        assert check(reader) == []
+    return summary
+
+
+def told(summary: MergeSummary) -> dict[str, tuple[str, str]]:
+    """By the id there: the id here, of what was here before, and how it is known."""
+    return {summary.other_ids[each.other]: (summary.ids.get(each.number, "new"), each.how) for each in summary.joined}
+
+
+def lives(store: MapStore) -> dict[str, list[tuple[bool, list[float]]]]:
+    """By id: whether each of its states ended, and where it was, to 5 cm."""
+    ids = store.instance_ids()
+    found: dict[str, list[tuple[bool, list[float]]]] = {}
+    for each in store.load_states():
+        place = (each.centroid_map / 0.05).round().tolist()
+        found.setdefault(ids[each.object_number], []).append((each.gone_ns is not None, place))
+    return found
+
+
+def presences(store: MapStore) -> dict[str, str]:
+    ids = store.instance_ids()
+    return {ids[each.number]: each.presence for each in store.load_instances()}
+
+
+def events(path: Path) -> set[tuple[str, str, str]]:
+    with open_store(str(path), read_only=True) as store, store.reader() as reader:
+        return {
+            (each.kind, reader.text_ids[each.from_number], reader.text_ids[each.to_number])
+            for each in reader.temporal_edges()
+        }
+
+
+@pytest.fixture
+def monday(tmp_path: Path) -> Path:
+    return build(tmp_path / "monday.db", "monday", (s.TABLE, s.CUP, STOOL))
+
+
+# -- identity and change
+
+
+def test_what_stands_in_its_place_keeps_its_id_and_its_state_goes_on(monday: Path, tmp_path: Path) -> None:
+    tuesday = build(tmp_path / "tuesday.db", "tuesday", (s.TABLE, s.CUP, STOOL), DAY_S)
+    summary = merge(monday, tuesday)
+    assert dict(told(summary).values()) == {
+        "dining-table-1": "in place",
+        "cup-1": "in place",
+        "stool-1": "in place",
+    }
+    with open_store(str(monday), read_only=True) as store:
+        assert [each.name for each in store.traversals()] == ["monday", "tuesday"]
+        assert {each.label for each in store.load_instances()} == {"dining table", "cup", "stool"}
+        assert all(each.first_seen_ns < s.ns(DAY_S) <= each.last_seen_ns for each in store.load_states())
+        assert all(each.gone_ns is None for each in store.load_states())
+    with open_store(str(monday), read_only=True) as store, store.reader() as reader:
+        for each in reader.instances:
+            assert [visit.supported > 0 for visit in each.visits] == [True, True]
+            assert len(reader.observations(each)) == each.observations
+
+
+def test_a_merge_tells_what_a_build_in_sequence_tells(monday: Path, tmp_path: Path) -> None:
+    after = (s.TABLE, STOOL.at(1.2, 0.9), BOX)
+    sequence = tmp_path / "sequence.db"
+    sequence.write_bytes(monday.read_bytes())
+    build(sequence, "tuesday", after, DAY_S)
+    merge(monday, build(tmp_path / "tuesday.db", "tuesday", after, DAY_S))
+    with open_store(str(monday), read_only=True) as joined, open_store(str(sequence), read_only=True) as built:
+        assert {id_: [gone for gone, _ in states] for id_, states in lives(joined).items()} == {
+            id_: [gone for gone, _ in states] for id_, states in lives(built).items()
+        }
+        for id_, states in lives(joined).items():
+            for (_, here), (_, there) in zip(states, lives(built)[id_], strict=True):
+                np.testing.assert_allclose(here, there, atol=2)
+        assert presences(joined) == presences(built)
+    assert events(monday) >= {
+        ("disappeared", "cup-1", "cup-1"),
+        ("moved", "stool-1", "stool-1"),
+        ("appeared", "box-1", "box-1"),
+    }
+    assert {each for each in events(sequence) if each[0] != "merged"} == events(monday)
+
+
+def test_bounds_of_changes_lie_between_the_looks_that_tell(monday: Path, tmp_path: Path) -> None:
+    merge(monday, build(tmp_path / "tuesday.db", "tuesday", (s.TABLE, STOOL), DAY_S))
+    with open_store(str(monday), read_only=True) as store, store.reader() as reader:
+        (edge,) = reader.temporal_edges()
+        assert edge.kind == "disappeared"
+        assert edge.not_before_ns is not None
+        assert edge.not_before_ns < s.ns(60) < s.ns(DAY_S) <= edge.not_after_ns
+        (cup,) = (each for each in reader.instances if each.label == "cup")
+        (visit,) = (each for each in cup.visits if each.supported == 0)
+        assert visit.contradicted >= 3
+        assert cup.presence == "absent"
+
+
+def test_what_nobody_looked_at_is_not_gone(monday: Path, tmp_path: Path) -> None:
+    """The box hides the stool on tuesday."""
+    hiding = s.Thing("box", (1.2, -0.5, 0.6), (0.1, 1.4, 1.2), (90, 60, 30))
+    merge(monday, build(tmp_path / "tuesday.db", "tuesday", (s.TABLE, s.CUP, hiding), DAY_S))
+    with open_store(str(monday), read_only=True) as store:
+        (stool,) = (each for each in store.load_instances() if each.label == "stool")
+        assert stool.presence == "present"
+    assert not [each for each in events(monday) if each[1] == "stool-1"]
+
+
+def test_what_had_gone_may_be_back_in_its_place(monday: Path, tmp_path: Path) -> None:
+    build(monday, "noon", (s.TABLE, STOOL), 3600.0)
+    summary = merge(monday, build(tmp_path / "tuesday.db", "tuesday", (s.TABLE, STOOL, s.CUP), DAY_S))
+    assert ("cup-1", "back in place") in told(summary).values()
+    with open_store(str(monday), read_only=True) as store:
+        assert [gone for gone, _ in lives(store)["cup-1"]] == [True, False]
+    assert {("disappeared", "cup-1", "cup-1"), ("reappeared", "cup-1", "cup-1")} <= events(monday)
+
+
+def test_two_alike_that_may_be_one_are_linked_and_stay_two(monday: Path, tmp_path: Path) -> None:
+    after = (s.TABLE, s.CUP, STOOL.at(1.2, 0.9), STOOL.at(1.5, 1.4))
+    merge(monday, build(tmp_path / "tuesday.db", "tuesday", after, DAY_S))
+    kinds = [each for each in events(monday) if each[0] in {"candidate", "moved"}]
+    assert {each[0] for each in kinds} == {"candidate"}
+    assert len(kinds) == 2
+
+
+def test_relations_that_hold_in_both_go_on_and_those_of_what_left_end(monday: Path, tmp_path: Path) -> None:
+    merge(monday, build(tmp_path / "tuesday.db", "tuesday", (s.TABLE, STOOL, BOX), DAY_S))
+    with open_store(str(monday), read_only=True) as store:
+        ids = store.instance_ids()
+        edges = store.load_spatial_edges(open_only=False)
+        states = store.load_states()
+    cup = [each for each in edges if "cup-1" in {ids[each.subject], ids[each.object]}]
+    assert cup
+    assert all(each.until_ns is not None and each.until_ns <= s.ns(DAY_S + 60) for each in cup)
+    keys = [(each.subject, each.relation, each.object) for each in edges if each.until_ns is None]
+    assert len(keys) == len(set(keys))
+    first_ns = {each.object_number: each.first_seen_ns for each in reversed(states)}
+    assert all(each.since_ns >= max(first_ns[each.subject], first_ns[each.object]) for each in edges)
+
+
+# -- frame and time
+
+
+@pytest.mark.parametrize("yaw_deg", [0.0, 37.0, 180.0])
+def test_another_frame_is_turned_into_the_maps(monday: Path, tmp_path: Path, yaw_deg: float) -> None:
+    """The other memory has the same things in a frame of its own."""
+    yaw = np.radians(yaw_deg)
+    T_map_other = make_transform(
+        [[np.cos(yaw), -np.sin(yaw), 0], [np.sin(yaw), np.cos(yaw), 0], [0, 0, 1]], [1.5, -2.0, 0.0]
+    )
+    tuesday = tmp_path / "tuesday.db"
+    with open_store(str(tuesday), create=True) as store:
+        recording = f.FakeRecording(film((s.TABLE, s.CUP, STOOL), DAY_S), Path("tuesday.fake"))
+        where = f"{-1.5 * np.cos(yaw) + 2.0 * np.sin(yaw)} {1.5 * np.sin(yaw) + 2.0 * np.cos(yaw)} 0 {-yaw_deg}"
+        TraversalBuild(recording, f.FakePlugins().load(), CONFIG, store).run(align=where)
+        there = {each.label: each for each in store.load_instances()}
+    summary = merge(monday, tuesday, f"1.5 -2 0 {yaw_deg}")
+    assert {how for _, how in told(summary).values()} == {"in place"}
+    with open_store(str(monday), read_only=True) as store:
+        for each in store.load_instances():
+            moved = transform_points(T_map_other, there[each.label].centroid_map[None])[0]
+            np.testing.assert_allclose(each.centroid_map, moved, atol=0.04)
+        first, second = ([each.T_map_camera for each in store.keyframe_depths([one.id])] for one in store.traversals())
+        np.testing.assert_allclose(first, second, atol=5e-3)  # drift is put right
+        observed = {each.label: each for each in store.load_instances()}
+        assert observed["stool"].box.size[0] == pytest.approx(0.35, abs=0.06)
+
+
+def test_clocks_that_overlap_keep_the_order_given(monday: Path, tmp_path: Path) -> None:
+    tuesday = build(tmp_path / "tuesday.db", "monday", (s.TABLE, s.CUP, STOOL), 1.0)
+    summary = merge(monday, tuesday)
+    assert [each for each in summary.warnings if "the order given is kept" in each]
+    with open_store(str(monday), read_only=True) as store:
+        first, second = store.traversals()
+        assert (first.name, second.name) == ("monday", "monday-2")
+        assert second.clock_shift_ns == summary.time.shift_ns > 0
+        assert second.start_ns == s.ns(1) + second.clock_shift_ns > first.end_ns
+
+
+# -- what may go wrong
+
+
+def test_the_other_memory_is_not_changed(monday: Path, tmp_path: Path) -> None:
+    tuesday = build(tmp_path / "tuesday.db", "tuesday", (s.TABLE, STOOL), DAY_S)
+    before = hashlib.sha256(tuesday.read_bytes()).hexdigest()
+    merge(monday, tuesday)
+    assert hashlib.sha256(tuesday.read_bytes()).hexdigest() == before
+
+
+def test_a_dry_run_writes_nothing_and_tells_the_same(monday: Path, tmp_path: Path) -> None:
+    tuesday = build(tmp_path / "tuesday.db", "tuesday", (s.TABLE, STOOL.at(1.2, 0.9)), DAY_S)
+    before = contents(monday)
+    dry = merge(monday, tuesday, dry_run=True)
+    assert contents(monday) == before
+    wet = merge(monday, tuesday)
+    assert dry.joined == wet.joined
+    assert contents(monday) != before
+
+
+@pytest.mark.parametrize("failing", ["_take_keyframes", "write_delta", "_take_observations"])
+def test_a_merge_that_fails_leaves_the_map_as_it_was(
+    monday: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, failing: str
+) -> None:
+    tuesday = build(tmp_path / "tuesday.db", "tuesday", (s.TABLE, STOOL), DAY_S)
+    before = contents(monday)
+    done = getattr(joining_module, failing)
+
+    def fail(*arguments: object) -> None:
+        done(*arguments)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(joining_module, failing, fail)
+    with pytest.raises(KeyboardInterrupt):
+        merge(monday, tuesday)
+    assert contents(monday) == before
+
+
+def test_the_same_recording_in_both_is_refused_unless_again(monday: Path, tmp_path: Path) -> None:
+    other = build(tmp_path / "other.db", "monday", (s.TABLE, s.CUP, STOOL))
+    with pytest.raises(MemoryStoreError, match="the same recording is in both maps: 'monday' is 'monday'"):
+        merge(monday, other)
+    summary = merge(monday, other, again=True)
+    assert {how for _, how in told(summary).values()} == {"in place"}
+
+
+def test_a_map_is_not_merged_with_itself(monday: Path) -> None:
+    with open_store(str(monday)) as store, pytest.raises(MemoryStoreError, match="with itself"):
+        MemoryMerge(store, store).run()
+
+
+def test_a_map_whose_build_has_not_ended_is_refused(monday: Path, tmp_path: Path) -> None:
+    other = build(tmp_path / "other.db", "tuesday", (s.TABLE,), DAY_S)
+    with open_store(str(other)) as store:
+        store.begin_traversal(m.start("wednesday", (0, 1)))
+    with pytest.raises(MemoryStoreError, match="the build of 'wednesday' has not come to its end"):
+        merge(monday, other)
+
+
+def test_maps_that_fit_nowhere_are_an_error(monday: Path, tmp_path: Path) -> None:
+    other = build(tmp_path / "other.db", "tuesday", (s.CUP, s.CUP.at(1.4, 0.4)), DAY_S, room=())
+    before = contents(monday)
+    with pytest.raises(AlignmentError, match=r"the two maps cannot be laid over one another: .*--align"):
+        merge(monday, other, "auto")
+    with pytest.raises(AlignmentError, match="not a placement"):
+        merge(monday, other, "1 2")
+    assert contents(monday) == before
+
+
+def test_maps_of_one_frame_are_found_to_be(monday: Path, tmp_path: Path) -> None:
+    summary = merge(monday, build(tmp_path / "other.db", "tuesday", (s.TABLE, STOOL), DAY_S), "auto")
+    np.testing.assert_allclose(summary.placement.T_map_odom, np.eye(4), atol=0.03)
