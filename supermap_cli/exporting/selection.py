@@ -47,11 +47,10 @@ class Selection:
             return moment.states(instance)
         return instance.states[-1:] if self.presences == PRESENT else instance.states
 
-    def has_keyframe(self, traversal_id: int, stamp_ns: int) -> bool:
-        """Whether what was seen in a keyframe leaves."""
-        if self.traversal is not None:
-            return traversal_id == self.traversal.id
-        return self.at_ns is None or stamp_ns <= self.at_ns
+    @property
+    def keyframes(self) -> tuple[int | None, int | None]:
+        """What leaves of keyframes, and of what was seen in them: those of one traversal, and those until a time."""
+        return None if self.traversal is None else self.traversal.id, self.at_ns
 
     def has_traversal(self, traversal: StoredTraversal) -> bool:
         """Whether a traversal leaves: the one asked for, or those that had begun by the time."""

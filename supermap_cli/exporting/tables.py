@@ -88,11 +88,10 @@ def _traversals(source: Source) -> Iterator[Cells]:
 
 
 def _keyframes(source: Source) -> Iterator[Cells]:
-    for row in streaming.stream_keyframes(source.reader):
-        if source.selection.has_keyframe(row.traversal_id, row.stamp_ns):
-            x, y, z = (line[3] for line in json.loads(row.T_map_base)[:3])
-            traversal = source.traversal_names[row.traversal_id]
-            yield (row.id, traversal, row.stamp_ns, x, y, z, row.detected, row.T_map_base, row.T_map_camera, row.camera)
+    for row in streaming.stream_keyframes(source.reader, *source.selection.keyframes):
+        x, y, z = (line[3] for line in json.loads(row.T_map_base)[:3])
+        traversal = source.traversal_names[row.traversal_id]
+        yield (row.id, traversal, row.stamp_ns, x, y, z, row.detected, row.T_map_base, row.T_map_camera, row.camera)
 
 
 def _instances(source: Source) -> Iterator[Cells]:
@@ -120,9 +119,9 @@ def presence_in(instance: StoredInstance, state: StateRecord) -> str:
 
 
 def _observations(source: Source) -> Iterator[Cells]:
-    for row in streaming.stream_observations(source.reader):
+    for row in streaming.stream_observations(source.reader, *source.selection.keyframes):
         text_id = source.id_today(row.instance_number, row.instance_id)
-        if text_id is not None and source.selection.has_keyframe(row.traversal_id, row.stamp_ns):
+        if text_id is not None:
             yield (
                 *(row.id, text_id, row.keyframe_id, source.traversal_names[row.traversal_id], row.stamp_ns),
                 *(row.label, row.score, row.u_min, row.v_min, row.u_max, row.v_max, row.x, row.y, row.z),

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from sqlalchemy import Row, Select, select
+from sqlalchemy import ColumnElement, Row, Select, select
 from sqlalchemy.orm import aliased
 
 from supermap_cli.memory import blobs
@@ -37,8 +37,12 @@ def stream_geometry(reader: MapReader) -> Iterator[tuple[int, VoxelCloud]]:
         yield row.number, blobs.decode_voxels(row.voxels)
 
 
-def stream_observations(reader: MapReader) -> Iterator[AnyRow]:
-    """All observations without their crops, each with its keyframe's stamp and traversal and its `instance_id`."""
+def stream_observations(
+    reader: MapReader, traversal_id: int | None = None, until_ns: int | None = None
+) -> Iterator[AnyRow]:
+    """All observations without their crops, each with its keyframe's stamp and traversal and its `instance_id`; or only
+    those of one traversal, and those until a time.
+    """
     columns = [column for column in Observation.__table__.columns if column.name != "crop_jpeg"]
     statement = (
         select(
@@ -50,15 +54,19 @@ def stream_observations(reader: MapReader) -> Iterator[AnyRow]:
         )
         .join(Keyframe, Keyframe.id == Observation.keyframe_id)
         .join(Instance, Instance.number == Observation.instance_number)
+        .where(*_within(traversal_id, until_ns))
         .order_by(Observation.id)
     )
     return _stream(reader, statement)
 
 
-def stream_keyframes(reader: MapReader) -> Iterator[AnyRow]:
-    """All keyframes without their images, by traversal and time."""
+def stream_keyframes(
+    reader: MapReader, traversal_id: int | None = None, until_ns: int | None = None
+) -> Iterator[AnyRow]:
+    """All keyframes without their images, by traversal and time; or only those of one, and those until a time."""
     columns = [column for column in Keyframe.__table__.columns if column.name not in {"depth_png", "thumbnail_jpeg"}]
-    return _stream(reader, select(*columns).order_by(Keyframe.traversal_id, Keyframe.stamp_ns))
+    statement = select(*columns).where(*_within(traversal_id, until_ns))
+    return _stream(reader, statement.order_by(Keyframe.traversal_id, Keyframe.stamp_ns))
 
 
 def stream_spatial_edges(reader: MapReader) -> Iterator[AnyRow]:
@@ -87,3 +95,11 @@ def stream_temporal_edges(reader: MapReader) -> Iterator[AnyRow]:
 
 def _stream(reader: MapReader, statement: Select[*tuple[Any, ...]], *, most: int = 0) -> Iterator[AnyRow]:
     yield from reader.connection.execute(statement.execution_options(yield_per=most or FETCHED))
+
+
+def _within(traversal_id: int | None, until_ns: int | None) -> Iterator[ColumnElement[bool]]:
+    """What a keyframe must fulfil."""
+    if traversal_id is not None:
+        yield Keyframe.traversal_id == traversal_id
+    if until_ns is not None:
+        yield Keyframe.stamp_ns <= until_ns
