@@ -13,8 +13,11 @@ APPLICATION_ID = 0x534D4150
 CONNECTION_PRAGMAS = ("PRAGMA foreign_keys = ON", "PRAGMA busy_timeout = 5000")
 """For every connection."""
 
-WRITER_PRAGMAS = ("PRAGMA journal_mode = WAL", "PRAGMA synchronous = NORMAL")
-"""For the connection of a build: readers are never blocked, and a killed process loses no committed keyframe."""
+WRITER_PRAGMAS = ("PRAGMA auto_vacuum = INCREMENTAL", "PRAGMA journal_mode = WAL", "PRAGMA synchronous = NORMAL")
+"""For the connection of a build: readers are never blocked, and a killed process loses no committed keyframe.
+
+A new file, or one that is vacuumed, can give back what a build freed; that must be said before anything is written.
+"""
 
 READER_PRAGMAS = ("PRAGMA query_only = ON",)
 """For everybody else."""

@@ -147,6 +147,7 @@ class MapStore:
             if end_ns is not None:
                 changes["end_ns"] = int(end_ns)
             _update_traversal(connection, traversal_id, **changes)
+        self._database.give_back()  # checkpoints are large
 
     def take_in(self, other: MapStore, incoming: Incoming) -> None:
         """Take another map's traversals in, in one transaction; the other map is only read."""

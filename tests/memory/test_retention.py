@@ -24,6 +24,7 @@ from supermap_cli.errors import MemoryStoreError, QueryError
 from supermap_cli.memory import open_store
 from supermap_cli.memory.checking import check
 from supermap_cli.memory.retention import KeptFrom
+from supermap_cli.memory.values import Checkpoint
 from supermap_cli.query.keeping import kept_from
 from supermap_cli.types.memory import MapDelta, Observation
 
@@ -260,6 +261,19 @@ def test_ages_count_back_from_the_newest_time_in_the_map(db: Path, said: str, se
 def test_what_is_not_understood_is_an_error_that_shows_how_to_say_it(db: Path, words: tuple[str, ...]) -> None:
     with open_store(str(db), read_only=True) as store, store.reader() as reader, pytest.raises(QueryError):
         kept_from(words, reader)
+
+
+@pytest.mark.sqlite_only("a server looks after its disk itself")
+def test_what_checkpoints_took_is_given_back_when_a_build_is_done(tmp_path: Path) -> None:
+    db = tmp_path / "map.db"
+    with open_store(str(db), create=True) as store:
+        traversal_id = store.begin_traversal(m.start("monday", (0, 10)))
+        large = Checkpoint(m.ns(1), {"engine": os.urandom(2_000_000)})
+        store.commit(traversal_id, MapDelta(keyframes=m.keyframes([1])), large)
+        store.finish_traversal(traversal_id)
+    with closing(databases.connect(db)) as connection:
+        assert connection.execute("PRAGMA freelist_count").fetchone() == (0,)
+    assert db.stat().st_size < 500_000
 
 
 seconds = st.one_of(st.none(), st.integers(-5, 1200))

@@ -129,6 +129,9 @@ class PostgresqlSchema:
         size = f"SELECT coalesce(sum(pg_total_relation_size(oid)), 0)::bigint FROM ({_OWN_RELATIONS}) AS own"
         return int(connection.exec_driver_sql(size).scalar_one())
 
+    def give_back(self) -> None:
+        """The server's autovacuum does so."""
+
     def reclaim(self, engine: Engine) -> None:
         """VACUUM: the room is used again by what comes; to give it back to the system, the server would lock readers
         out (VACUUM FULL).

@@ -6,7 +6,7 @@ import os
 import shutil
 import sqlite3
 from collections.abc import Callable
-from contextlib import AbstractContextManager, closing
+from contextlib import AbstractContextManager, closing, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import quote
@@ -111,6 +111,11 @@ class SqliteFile:
     def size_bytes(self, connection: Connection) -> int:
         """The file without what a running build has not moved into it yet."""
         return self.path.stat().st_size
+
+    def give_back(self) -> None:
+        """The pages that are free go from the file's end, one by one; where that fails the next build uses them."""
+        with closing(self._connect_writer()) as connection, suppress(sqlite3.OperationalError):
+            connection.executescript("PRAGMA incremental_vacuum")  # `execute` takes one step, which is one page
 
     def reclaim(self, engine: Engine) -> None:
         """VACUUM: SQLite writes the whole map anew, beside the old one; then the file is cut to its new length.
