@@ -10,7 +10,6 @@ from supermap_cli.query.clock import clock_of
 from supermap_cli.query.grammar import RelatedTo, Things, parse
 from supermap_cli.query.moments import moment_of
 from supermap_cli.query.relations import STORED_FORMS, box_distance_m, holds
-from supermap_cli.query.standing import standing_at
 from supermap_cli.query.vocabulary import load_vocabulary, match_labels
 from supermap_cli.types.memory import SpatialEdge, StateRecord
 
@@ -44,9 +43,7 @@ class BruteForce:
         if self.moment.kind != "at" or self.things.relation is not None:
             return 0
         told = self.found().keys()
-        known = [
-            standing_at(each, int(self.moment.low_ns)) for each in self._called(self.things) if each.id not in told
-        ]
+        known = [self.moment.standing(each) for each in self._called(self.things) if each.id not in told]
         return sum(each is not None and each.presence == "unknown" for each in known)
 
     def nearest(self) -> list[tuple[str, float | None]]:

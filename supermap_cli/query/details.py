@@ -77,7 +77,7 @@ def details(reader: MapReader, text_id: str) -> ObjectDetails:
 def details_at(reader: MapReader, text_id: str, instant: Instant, clock: Clock) -> ObjectDetails:
     """One instance as of a time. Raises `QueryError` for an id that there never was, or that never was anywhere."""
     instance, at_ns = find_instance(reader, text_id), instant.at_ns
-    standing = standing_at(instance, at_ns)
+    standing = standing_at(instance, at_ns, instant.begun_ns)
     if standing is None:
         raise QueryError(f"{text_id!r} has stood nowhere", where=reader.where, cure="leave out --at")
     state, seen = standing.state, seen_by(reader, instance, instant)

@@ -34,6 +34,11 @@ class Instant:
     traversal: StoredTraversal | None = None
     note: str | None = None
 
+    @property
+    def begun_ns(self) -> int | None:
+        """The traversal's start; `None` for a plain time."""
+        return None if self.traversal is None else self.since_ns
+
 
 def instant_of(written: str, reader: MapReader, clock: Clock) -> Instant:
     """What a written time or traversal stands for. Raises `QueryError` for what is neither."""

@@ -101,7 +101,7 @@ def history(reader: MapReader, text_id: str, until: Instant | None = None, clock
     """
     instance = find_instance(reader, text_id)
     end_ns = None if until is None else until.at_ns
-    standing = None if end_ns is None else standing_at(instance, end_ns)
+    standing = None if until is None else standing_at(instance, until.at_ns, until.begun_ns)
     seen = [each for each in reader.observations(instance) if end_ns is None or each.stamp_ns <= end_ns]
     states = [each for each in instance.states if end_ns is None or each.first_seen_ns <= end_ns]
     edges = [

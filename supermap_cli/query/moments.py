@@ -11,7 +11,7 @@ from supermap_cli.memory.values import StoredInstance, StoredTraversal
 from supermap_cli.query.clock import Clock
 from supermap_cli.query.grammar import TimeKind, TimePhrase
 from supermap_cli.query.instants import Instant, find_traversal
-from supermap_cli.query.standing import held_at
+from supermap_cli.query.standing import Standing, held_at, standing_at
 from supermap_cli.types.memory import StateRecord
 
 
@@ -23,7 +23,8 @@ class Moment:
     - "earlier": states that ended, or held before `high_ns` (the latest traversal's start; with one traversal: now).
     - "traversal": states that `traversal` supported. "at": states that held at `low_ns` = `high_ns`.
 
-    `note`: what there is to say about how a written time was understood.
+    `note`: what there is to say about how a written time was understood; `since_ns`: the start of the traversal of
+    which it is the end.
     """
 
     kind: TimeKind
@@ -32,6 +33,7 @@ class Moment:
     high_ns: float = math.inf
     traversal: StoredTraversal | None = None
     note: str | None = None
+    since_ns: int | None = None
 
     def states(self, instance: StoredInstance) -> tuple[StateRecord, ...]:
         """The states of an instance that the moment speaks of, oldest first."""
@@ -57,9 +59,14 @@ class Moment:
         """The span within which an instance left, if the moment is one time in it; both ends are certain."""
         for state in self.states(instance) if self.kind == "at" else ():
             end_ns = state_end_ns(state, instance.states)
-            if state.last_seen_ns < self.low_ns < end_ns < math.inf:
+            seen_then = self.since_ns is not None and state.last_seen_ns >= self.since_ns
+            if state.last_seen_ns < self.low_ns < end_ns < math.inf and not seen_then:
                 return state.last_seen_ns, int(end_ns)
         return None
+
+    def standing(self, instance: StoredInstance) -> Standing | None:
+        """What is known of an instance at the moment, if that is one time."""
+        return standing_at(instance, int(self.low_ns), self.since_ns) if self.kind == "at" else None
 
     def reference_states(self, instance: StoredInstance) -> tuple[StateRecord, ...]:
         """The states that what is asked for may stand in relation to; that they hold together is checked later."""
@@ -103,7 +110,8 @@ def state_end_ns(state: StateRecord, states: Sequence[StateRecord]) -> float:
 
 def moment_at(instant: Instant) -> Moment:
     """The moment at which everything is asked for "as of" a time."""
-    return Moment("at", f"as of {instant.text}", instant.at_ns, instant.at_ns, note=instant.note)
+    text, at_ns = f"as of {instant.text}", instant.at_ns
+    return Moment("at", text, at_ns, at_ns, note=instant.note, since_ns=instant.begun_ns)
 
 
 def moment_of(phrase: TimePhrase, reader: MapReader, clock: Clock) -> Moment:

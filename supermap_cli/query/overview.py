@@ -70,7 +70,7 @@ def overview_at(reader: MapReader, instant: Instant, clock: Clock, limit: int = 
     totals: Counter[Known] = Counter()
     counts: Counter[str] = Counter()
     for each in _everything(reader):
-        standing = standing_at(each, instant.at_ns)
+        standing = standing_at(each, instant.at_ns, instant.begun_ns)
         if standing is None:
             continue
         totals[standing.presence] += 1
@@ -102,7 +102,7 @@ def _everything(reader: MapReader) -> Iterator[StoredInstance]:
 
 
 def _told_at(reader: MapReader, numbers: Collection[int], instant: Instant, clock: Clock) -> tuple[InstanceView, ...]:
-    known = ((each, standing_at(each, instant.at_ns)) for each in reader.instances_of(numbers))
+    known = ((each, standing_at(each, instant.at_ns, instant.begun_ns)) for each in reader.instances_of(numbers))
     return tuple(_summary_at(reader, each, standing, instant, clock) for each, standing in known if standing)
 
 

@@ -21,7 +21,7 @@ from supermap_cli.query.misses import NEAREST, closest, perhaps_called
 from supermap_cli.query.moments import Moment, moment_at, moment_of
 from supermap_cli.query.relating import Basis, Relating
 from supermap_cli.query.relations import RelationName
-from supermap_cli.query.standing import Known, Standing, in_words, standing_at, standing_view
+from supermap_cli.query.standing import Known, Standing, in_words, standing_view
 from supermap_cli.query.views import (
     LISTED,
     BoxView,
@@ -255,7 +255,7 @@ class Resolver:
 
     def standing(self, instance: StoredInstance) -> Standing | None:
         """What is known of an instance at the moment, if that is one time."""
-        return standing_at(instance, int(self.moment.low_ns)) if self.moment.kind == "at" else None
+        return self.moment.standing(instance)
 
     def note_time(self, question: Question, found: Iterable[Candidate], at: str | None = None) -> None:
         """Note what the question's time leaves open: its day, who had perhaps left, a traversal nobody knows."""

@@ -8,7 +8,7 @@ first seen later never to have come.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from supermap_cli.memory.values import StoredInstance
@@ -23,7 +23,9 @@ Cause = Literal["stands", "left", "came", "gone", "not yet", "not yet seen", "no
 class Standing:
     """What is known of one instance at one time, and why.
 
-    - present, "stands": supported at the time, or before it and never contradicted.
+    - present, "stands": supported at the time, or before it and never contradicted. As of a traversal's end also what
+      that traversal saw, and did not see leave; bounds then say when it was seen to have left later. (And what came
+      to a place that it saw empty is absent.)
     - unknown, "left" or "came": it left `state`, or came to it, within the bounds, which hold the time.
     - unknown, "not yet seen": first seen later, and its place had not been seen empty before.
     - unknown, "not seen since": lost without a contradiction.
@@ -49,19 +51,21 @@ class StandingView:
     not_after_ns: int | None
 
 
-def standing_at(instance: StoredInstance, at_ns: int) -> Standing | None:
-    """What is known of an instance at a time; `None` for one without any state."""
+def standing_at(instance: StoredInstance, at_ns: int, since_ns: int | None = None) -> Standing | None:
+    """What is known of an instance at a time, or at the end of a traversal that began at `since_ns`; `None` for one
+    without any state.
+    """
     states = sorted(instance.states, key=lambda each: each.index)
     if not states:
         return None
     begun = [each for each in states if each.first_seen_ns <= at_ns]
-    if not begun:
-        return _before(states[0], at_ns)
-    last = begun[-1]
-    if at_ns <= last.last_seen_ns:
+    last = begun[-1] if begun else None
+    if last is not None and at_ns <= last.last_seen_ns:
         return Standing("present", "stands", last, None, None)
     after = states[len(begun)] if len(begun) < len(states) else None
-    return _after(last, after, at_ns, lost=instance.presence == "absent")
+    lost = instance.presence == "absent"
+    known = _before(states[0], at_ns) if last is None else _after(last, after, at_ns, lost=lost)
+    return known if since_ns is None else _as_seen_since(known, since_ns)
 
 
 def held_at(states: Sequence[StateRecord], at_ns: int) -> StateRecord | None:
@@ -69,6 +73,16 @@ def held_at(states: Sequence[StateRecord], at_ns: int) -> StateRecord | None:
     begun = [each for each in states if each.first_seen_ns <= at_ns]
     last = max(begun, key=lambda each: each.index, default=None)
     return None if last is None or (last.gone_ns is not None and last.gone_ns <= at_ns) else last
+
+
+def _as_seen_since(known: Standing, since_ns: int) -> Standing:
+    """At the end of a traversal: what it saw stands, and what it saw empty is empty."""
+    empty_ns = known.state.empty_before_ns
+    if known.cause == "left" and known.state.last_seen_ns >= since_ns:
+        return replace(known, presence="present", cause="stands")
+    if known.cause == "came" and empty_ns is not None and empty_ns >= since_ns:
+        return replace(known, presence="absent", cause="not yet")
+    return known
 
 
 def _before(first: StateRecord, at_ns: int) -> Standing:
@@ -109,9 +123,12 @@ def in_words(standing: Standing, at_ns: int, clock: Clock) -> str:
     """What is known, and why not more."""
     first_ns, seen_ns = standing.state.first_seen_ns, standing.state.last_seen_ns
     between = clock.between(standing.not_before_ns, standing.not_after_ns)
-    lately = at_ns > seen_ns
+    lately, later = at_ns > seen_ns, standing.not_after_ns is not None
+    stands = f"last seen {clock.text(seen_ns)}, " + (
+        f"left {between}" if later else "and nothing said since that it left"
+    )
     words: dict[Cause, str] = {
-        "stands": f"last seen {clock.text(seen_ns)}, and nothing said since that it left" if lately else "stands there",
+        "stands": stands if lately else "stands there",
         "left": f"left {between}; nobody can say for {clock.text(at_ns)}",
         "came": f"came {between}; nobody can say for {clock.text(at_ns)}",
         "not yet seen": f"first seen {clock.text(first_ns)}; nobody had seen its place empty before",

@@ -128,7 +128,8 @@ def test_a_thing_within_its_gap_is_shown_where_it_was_last(reader: MapReader) ->
         ("how many cups", "09:10", ["cup-1"], 0, 1),
         ("how many cups", "tuesday", [], 0, None),
         ("how many lamps", "monday", [], 0, 1),
-        ("how many chairs", "monday", ["chair-1", "chair-2"], 1, 2),
+        ("how many chairs", "monday", ["chair-1", "chair-2"], 2, None),
+        ("how many chairs", "100 s", ["chair-1", "chair-2"], 1, 2),
         ("where was the cup", "60 s", ["cup-1"], None, None),
         ("cup on the table", "60 s", ["cup-1"], None, None),
         ("what is on the table", "tuesday", ["vase-1"], None, None),
@@ -159,3 +160,15 @@ def test_a_thing_merged_later_is_the_thing_it_turned_out_to_be(tmp_path: Path) -
         shown = one_at(reader, "cup-2", "4.5 s")
         assert (shown.id, shown.asked_id, shown.presence) == ("cup-1", "cup-2", "present")
         assert [each.id for each in all_at(reader, "4.5 s").instances] == ["cup-1"]
+
+
+def test_what_a_traversal_saw_stands_at_its_end(reader: MapReader) -> None:
+    """The cup was seen last 10 s before monday's end, and found gone on tuesday."""
+    shown = one_at(reader, "cup-1", "monday")
+    assert shown.presence == "present"
+    assert shown.standing is not None
+    assert shown.standing.words == (
+        "last seen 2026-01-05T09:01:30.0Z, left between 2026-01-05T09:01:30.0Z and 2026-01-05T09:16:45.0Z"
+    )
+    assert one_at(reader, "cup-1", "100 s").presence == "unknown"
+    assert answer("cup", reader, "monday").notes == ()
