@@ -23,6 +23,7 @@ from supermap_cli.errors import (
 )
 from supermap_cli.graph.predicates import SpatialPredicate
 from supermap_cli.memory import MapStore, open_store
+from supermap_cli.memory.checking import check
 from supermap_cli.memory.values import TraversalStart
 from supermap_cli.traversal_build import BuildSummary, TraversalBuild
 from supermap_cli.types.memory import KeyframeRecord, MapDelta
@@ -206,6 +207,17 @@ def test_what_came_in_between_stands_where_the_first_traversal_saw_nothing(store
     (new,) = (each for each in store.load_open_states() if each.first_seen_ns >= s.ns(DAY_S))
     assert new.empty_before_ns is not None
     assert new.empty_before_ns < s.ns(DAY_S)
+
+
+def test_the_same_recording_again_finds_everything_unchanged(store: MapStore) -> None:
+    first = build(store, monday())
+    again = build(store, monday(), again=True)
+    assert again.tally.labels == first.tally.labels
+    assert [each.name for each in store.traversals()] == ["monday", "monday-2"]
+    assert again.clock_shift_ns > 0
+    with store.reader() as reader:
+        assert {edge.kind for edge in reader.temporal_edges()} <= {"persisted"}
+        assert check(reader) == []
 
 
 def test_the_same_recording_twice_is_refused(store: MapStore) -> None:
