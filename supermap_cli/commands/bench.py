@@ -6,10 +6,13 @@ import tempfile
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
+from supermap_cli.commands import bench_memory
+from supermap_cli.commands.bench_numbers import parse_objects
 from supermap_cli.commands.build import override, request
 from supermap_cli.commands.common import (
     AlignOption,
@@ -30,7 +33,6 @@ from supermap_cli.commands.common import (
     print_json,
 )
 from supermap_cli.commands.tables import print_table
-from supermap_cli.errors import ConfigError
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -48,12 +50,29 @@ Examples:
     supermap bench run.mcap --compare before.json
 
     supermap bench run.mcap --objects 40,400
+
+    supermap bench memory
 """
 
 
+class BenchGroup(TyperGroup):
+    """Measures recordings, unless the first word is the name of something else to measure."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """`bench run.mcap` is `bench recordings run.mcap`."""
+        if args and args[0] not in {*self.commands, "--help", "-h"}:
+            args = ["recordings", *args]
+        return super().parse_args(ctx, args)
+
+
 def register(app: typer.Typer) -> None:
-    """Add the command to the app."""
-    app.command(epilog=EXAMPLES)(bench)
+    """Add the group to the app."""
+    group = typer.Typer(
+        cls=BenchGroup, no_args_is_help=True, epilog=EXAMPLES, help="Measure what building or asking costs."
+    )
+    group.command("recordings", epilog=EXAMPLES)(bench)
+    group.command(epilog=bench_memory.EXAMPLES)(bench_memory.memory)
+    app.add_typer(group, name="bench")
 
 
 def bench(  # noqa: PLR0917 - a command line has many options
@@ -142,14 +161,6 @@ def measure(job: Job, recordings: list[Path], objects: tuple[int, ...], folder: 
         for wanted in objects
     ]
     return summarise(recordings, build, stages, decode, growth)
-
-
-def parse_objects(text: str | None) -> tuple[int, ...]:
-    """`"40,400"` -> (40, 400). Raises `ConfigError` for anything else."""
-    parts = [part.strip() for part in text.split(",")] if text is not None else []
-    if not all(part.isascii() and part.isdigit() and int(part) > 0 for part in parts):
-        raise ConfigError(f"--objects {text!r} is not understood", cure="write --objects 40,400")
-    return tuple(dict.fromkeys(map(int, parts)))
 
 
 def print_bench(console: Console, bench: Bench) -> None:

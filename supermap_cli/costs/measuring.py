@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import resource
-import sys
 import time
 from collections.abc import Iterator
-from pathlib import Path
 
 from supermap_cli.allocation import keep_freed_memory
 from supermap_cli.backends import choose_backends
 from supermap_cli.costs.filling import fill
 from supermap_cli.costs.job import BuildRun, DecodeRun, Job, Run, StagesRun
+from supermap_cli.costs.peak_memory import peak_memory_mb
 from supermap_cli.hookspecs import RecordingRequest
 from supermap_cli.keyframe_choice import choose_keyframes
 from supermap_cli.memory.opening import open_store
@@ -111,18 +110,3 @@ def _opened(job: Job, plugins: Plugins, wanted: RecordingRequest) -> Iterator[Re
     for path in job.recordings:
         opened: Recording | None = plugins.hook.open_recording(path=path, request=wanted)
         yield opened if opened is not None else open_bag_recording(path, wanted)
-
-
-def peak_memory_mb() -> float:
-    """The most memory this process had at a time, 10^6 bytes.
-
-    Linux counts what the process had before it became this program into `ru_maxrss` (getrusage(2)), so it is asked
-    otherwise there.
-    """
-    status = Path("/proc/self/status")
-    if status.is_file():
-        fields = dict(line.split(":", 1) for line in status.read_text(encoding="ascii").splitlines())
-        if "VmHWM" in fields:
-            return int(fields["VmHWM"].split()[0]) * 1024 / 1e6
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return (peak if sys.platform == "darwin" else peak * 1024) / 1e6

@@ -56,10 +56,10 @@ def make_memory(path: Path, things: int, traversals: int, seed: int, progress: P
     writer.add("traversal", (_traversal(course, len(seen_in[course.number])) for course in planned))
     _write_lives(writer, lives, rng)
     observations, keyframes = 0, 0
-    picture = _depth_png(rng)
+    depth_png, crop_jpeg = _pictures(rng)
     for course in planned:
-        writer.add("keyframe", _keyframes(course, keyframes, picture))
-        observations += _observe(writer, course, seen_in[course.number], keyframes, rng)
+        writer.add("keyframe", _keyframes(course, keyframes, depth_png))
+        observations += _observe(writer, course, seen_in[course.number], (keyframes, crop_jpeg), rng)
         keyframes += len(course.rooms) * LOOKS
         progress(f"{course.name}: {observations} observations")
     progress("making indices")
@@ -145,18 +145,21 @@ def _instance(life: Life, text_id: str, clouds: Sequence[VoxelCloud]) -> dict[st
     return rows.instance_values(record, life.seen[0].course.number, text_id)
 
 
-def _keyframes(course: Course, before: int, picture: bytes) -> Iterator[dict[str, object]]:
+def _keyframes(course: Course, before: int, depth_png: bytes) -> Iterator[dict[str, object]]:
     for at in range(len(course.rooms) * LOOKS):
         T_map_base = np.eye(4)
         T_map_base[:2, 3] = float(course.rooms[at // LOOKS]), float(at % LOOKS)
         keyframe = KeyframeRecord(
-            course.stamp_ns(at), T_map_base, T_map_base, _CAMERA, picture, 16, None, detected=True
+            course.stamp_ns(at), T_map_base, T_map_base, _CAMERA, depth_png, 16, None, detected=True
         )
         yield rows.keyframe_values(keyframe, course.number) | {"id": before + at + 1}
 
 
-def _observe(writer: BulkWriter, course: Course, seen: Sequence[Life], before: int, rng: np.random.Generator) -> int:
-    """All observations of a traversal, in the order of its keyframes."""
+def _observe(
+    writer: BulkWriter, course: Course, seen: Sequence[Life], given: tuple[int, bytes], rng: np.random.Generator
+) -> int:
+    """All observations of a traversal, in the order of its keyframes; given how many there are before, and a crop."""
+    before, crop_jpeg = given
     if not seen:
         return 0
     order = {room: at for at, room in enumerate(course.rooms)}
@@ -172,14 +175,14 @@ def _observe(writer: BulkWriter, course: Course, seen: Sequence[Life], before: i
     boxes = np.hstack((corners, corners + 40)).tolist()
     centers = np.array([each.thing.box.center for each in seen])[which[sequence]]
     places = np.round(centers + rng.normal(0, 0.01, (n, 3)), 4).tolist()
-    crops = iter((which[sequence] * LOOKS + looks[sequence]).tolist())
+    crops = [None if look % 101 else crop_jpeg for look in (which[sequence] * LOOKS + looks[sequence]).tolist()]
     writer.add_values(
         "observation",
         _OBSERVED,
         (
             (frame, life.thing.number, life.thing.number, life.thing.label, score, *box, *place, 400, 3, said, crop)
             for frame, life, score, box, place, said, crop in zip(
-                keyframe_ids, who, scores, boxes, places, _said(who, scores), map(_crop, crops), strict=True
+                keyframe_ids, who, scores, boxes, places, _said(who, scores), crops, strict=True
             )
         ),
     )
@@ -189,11 +192,6 @@ def _observe(writer: BulkWriter, course: Course, seen: Sequence[Life], before: i
 def _said(who: Sequence[Life], scores: Sequence[float]) -> Iterator[str]:
     for life, score in zip(who, scores, strict=True):
         yield f'[["{life.thing.label}",{score}],["bucket",{round((1 - score) / 2, 4)}],["box",0.01]]'
-
-
-def _crop(look: int) -> bytes | None:
-    """One of a hundred observations keeps a picture, as a build keeps an instance's best ones."""
-    return b"\xff\xd8" + bytes(2300) if look % 101 == 0 else None
 
 
 def _cloud(rng: np.random.Generator) -> VoxelCloud:
@@ -208,9 +206,12 @@ def _placed(cloud: VoxelCloud, thing: Thing) -> VoxelCloud:
     return VoxelCloud(cloud.voxel_m, cloud.keys + steps, cloud.log_odds, cloud.inside, cloud.outside, cloud.rgb)
 
 
-def _depth_png(rng: np.random.Generator) -> bytes:
-    """40 x 30 pixels of a depth image."""
+def _pictures(rng: np.random.Generator) -> tuple[bytes, bytes]:
+    """40 x 30 pixels of a depth image as PNG, and a crop as JPEG of 2 kB: a build keeps the best ones of an instance,
+    and here one of a hundred.
+    """
     import cv2  # noqa: PLC0415 - keeps start-up light
 
     depth_mm = (2000 + 20 * rng.standard_normal((30, 40))).astype(np.uint16)
-    return cv2.imencode(".png", depth_mm)[1].tobytes()
+    crop = rng.integers(0, 255, (48, 48, 3)).astype(np.uint8)
+    return cv2.imencode(".png", depth_mm)[1].tobytes(), cv2.imencode(".jpg", crop)[1].tobytes()

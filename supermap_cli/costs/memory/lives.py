@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -68,11 +68,12 @@ def merge(life: Life, into: Life) -> None:
     """A part that was taken for a thing of its own in its first visit."""
     life.seen = life.seen[:1]
     life.visits = life.visits[:1]
-    life.states, life.written_by, life.events = [], [], []
+    stamp_ns = life.seen[0].last_ns
+    life.states = [replace(life.states[0], last_seen_ns=stamp_ns, gone_ns=None)]
+    life.written_by, life.events = life.written_by[:1], []
     life.presence = "present"
     life.merged_into = into.thing.number
-    stamp_ns = life.seen[0].last_ns
-    edge = TemporalEdge("merged", life.thing.number, None, into.thing.number, 0, stamp_ns, stamp_ns, 1.0)
+    edge = TemporalEdge("merged", life.thing.number, 0, into.thing.number, 0, stamp_ns, stamp_ns, 1.0)
     life.events.append((life.seen[0].course.number, edge))
 
 
@@ -113,7 +114,7 @@ def _event(life: Life, kind: str, visit: Visit, steps: tuple[int, int], distance
     """What happened to the state just closed, or between it and the one `steps` after it."""
     at, number = len(life.states) - 1, life.thing.number
     ends = (number, at + steps[0], number, at + steps[1])
-    bounds = (life.states[-1].last_seen_ns, visit.first_ns)
+    bounds = (life.states[-1].last_seen_ns, visit.first_ns + steps[1] * STEP_NS)
     life.events.append((visit.course.number, TemporalEdge(kind, *ends, *bounds, 0.95, distance_m)))  # type: ignore[arg-type]
 
 

@@ -1,0 +1,127 @@
+"""The figures of `supermap bench memory`: the document it prints with --json."""
+
+from __future__ import annotations
+
+import shutil
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from supermap_cli.costs.children import run_process
+from supermap_cli.costs.memory.asking import AskedRun, MemoryJob
+from supermap_cli.costs.memory.building import rooms_for
+from supermap_cli.costs.memory.filling import make_memory
+from supermap_cli.costs.memory.questions import Asked, Bound, questions
+from supermap_cli.costs.memory.visits import courses
+from supermap_cli.costs.report import Machine, this_machine
+from supermap_cli.errors import EvaluationError
+from supermap_cli.memory import open_store
+
+BYTES_OF_AN_INSTANCE = 45_000
+"""On the disk, with its hundred observations and its share of the keyframes."""
+
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class MadeUp:
+    """One made-up memory; sizes in 10^6 bytes. `made_s` is `None` where it was there already."""
+
+    instances: int
+    observations: int
+    keyframes: int
+    traversals: int
+    size_mb: float
+    made_s: float | None
+
+
+@dataclass(frozen=True)
+class MemoryRow:
+    """One question to the smaller and the larger memory; ratios are larger / smaller, of the times when asked again."""
+
+    question: str
+    kind: str
+    bound: Bound
+    small: AskedRun
+    large: AskedRun
+    ratio: float
+    ratio_first: float
+
+
+@dataclass(frozen=True)
+class MemoryBench:
+    """All figures: `worst_ratio` is of the questions whose answers do not grow, or are listed in part."""
+
+    machine: Machine
+    seed: int
+    small: MadeUp
+    large: MadeUp
+    questions: tuple[MemoryRow, ...]
+    worst_ratio: float
+    worst_over_mb: float
+
+
+def measure_memories(
+    instances: tuple[int, int], traversals: int, seed: int, folder: Path, progress: Progress
+) -> MemoryBench:
+    """Make up two memories, unless they are in the folder, and ask both everything."""
+    paths = [folder / f"memory-{each}-{traversals}-{seed}.db" for each in instances]
+    check_disk(folder, [each for each, path in zip(instances, paths, strict=True) if not path.exists()])
+    small, large = (_made(path, each, traversals, seed, progress) for path, each in zip(paths, instances, strict=True))
+    rows = []
+    for asked in questions(courses(traversals, rooms_for(instances[0]))):
+        progress(f"asking: {asked.text}")
+        rows.append(_row(asked, *(_ask(asked, path, folder) for path in paths)))
+    bounded = [row for row in rows if row.bound != "grows"]
+    return MemoryBench(
+        machine=this_machine(),
+        seed=seed,
+        small=small,
+        large=large,
+        questions=tuple(rows),
+        worst_ratio=max(row.ratio for row in bounded),
+        worst_over_mb=max(row.large.over_mb for row in bounded),
+    )
+
+
+def check_disk(folder: Path, instances: Sequence[int]) -> None:
+    """Raise `EvaluationError` where the memories would not fit."""
+    needed, free = BYTES_OF_AN_INSTANCE * sum(instances), shutil.disk_usage(folder).free
+    if needed > free:
+        raise EvaluationError(
+            f"{needed / 1e9:.1f} GB are needed for the memories, {free / 1e9:.1f} GB are free",
+            where=str(folder),
+            cure="name a folder on a larger disk with --folder, or fewer --instances",
+        )
+
+
+def _made(path: Path, instances: int, traversals: int, seed: int, progress: Progress) -> MadeUp:
+    began, made_s = time.perf_counter(), None
+    if not path.exists():
+        progress(f"making up a memory of {instances} instances")
+        unfinished = path.with_suffix(".unfinished")
+        unfinished.unlink(missing_ok=True)
+        make_memory(unfinished, instances, traversals, seed, progress)
+        unfinished.rename(path)
+        made_s = time.perf_counter() - began
+    with open_store(str(path), read_only=True) as store, store.reader() as reader:
+        counts = reader.counts()
+    return MadeUp(
+        instances=counts["instances"],
+        observations=counts["observations"],
+        keyframes=counts["keyframes"],
+        traversals=counts["traversals"],
+        size_mb=path.stat().st_size / 1e6,
+        made_s=made_s,
+    )
+
+
+def _ask(asked: Asked, path: Path, folder: Path) -> AskedRun:
+    job = MemoryJob(db=path, command=asked.command, arguments=asked.arguments)
+    return run_process("supermap_cli.costs.memory", job, AskedRun, folder / "question")
+
+
+def _row(asked: Asked, small: AskedRun, large: AskedRun) -> MemoryRow:
+    ratio, first = large.again_ms / small.again_ms, large.first_ms / small.first_ms
+    return MemoryRow(asked.text, asked.kind, asked.bound, small, large, ratio, first)

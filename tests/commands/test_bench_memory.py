@@ -1,0 +1,134 @@
+"""`supermap bench memory`, and the memories that it makes up."""
+
+from __future__ import annotations
+
+import sqlite3
+from collections import Counter
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from cli import document, supermap
+from supermap_cli.commands.bench_memory import parse_two
+from supermap_cli.costs.memory import report
+from supermap_cli.costs.memory.asking import MemoryJob, ask
+from supermap_cli.costs.memory.building import RARE, RARE_OF_EACH, rooms_for
+from supermap_cli.costs.memory.filling import Made, make_memory
+from supermap_cli.costs.memory.questions import questions
+from supermap_cli.costs.memory.visits import LOOKS, SHORT_ROOMS, courses
+from supermap_cli.errors import ConfigError, EvaluationError
+from supermap_cli.memory import open_store
+from supermap_cli.memory.checking import check
+
+THINGS, TRAVERSALS = 400, 24
+
+
+def make(path: Path, seed: int = 2, things: int = THINGS) -> Made:
+    return make_memory(path, things, TRAVERSALS, seed, progress=lambda _: None)
+
+
+@pytest.fixture(scope="module")
+def memory(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("memory") / "map.db"
+    make(path)
+    return path
+
+
+def rows(path: Path, statement: str) -> list[tuple[object, ...]]:
+    with closing(sqlite3.connect(path)) as connection:
+        return connection.execute(statement).fetchall()
+
+
+def test_a_made_up_memory_keeps_every_invariant(memory):
+    with open_store(str(memory), read_only=True) as store, store.reader() as reader:
+        assert check(reader) == []
+
+
+def test_it_has_everything_that_a_memory_can_have(memory):
+    for statement in (
+        "SELECT 1 FROM state WHERE state_index > 0",
+        "SELECT 1 FROM instance WHERE merged_into IS NOT NULL",
+        "SELECT 1 FROM instance WHERE presence = 'absent'",
+        "SELECT 1 FROM spatial_edge WHERE relation = 'on'",
+        "SELECT 1 FROM temporal_edge WHERE kind = 'moved'",
+        "SELECT 1 FROM observation WHERE crop_jpeg IS NOT NULL",
+    ):
+        assert rows(memory, statement), statement
+
+
+def test_common_things_grow_with_it_and_rare_ones_do_not(memory, tmp_path):
+    make(tmp_path / "larger.db", things=3 * THINGS)
+    few, many = (
+        Counter(dict(rows(path, "SELECT label, count(*) FROM instance GROUP BY label")))
+        for path in (memory, tmp_path / "larger.db")
+    )
+    assert {few[label] for label in RARE} == {many[label] for label in RARE} == {RARE_OF_EACH}
+    assert many["chair"] == pytest.approx(3 * few["chair"], rel=0.1)
+    (small,), (large,) = (
+        rows(path, "SELECT (max(x) - min(x)) * (max(y) - min(y)) FROM instance")
+        for path in (memory, tmp_path / "larger.db")
+    )
+    assert large[0] == pytest.approx(3 * small[0], rel=0.3)
+
+
+def test_the_same_seed_makes_the_same_memory(memory, tmp_path):
+    make(tmp_path / "again.db")
+    make(tmp_path / "other.db", seed=3)
+    seen = "SELECT instance_number, keyframe_id, score, x, y, z FROM observation ORDER BY id"
+    assert rows(memory, seen) == rows(tmp_path / "again.db", seen)
+    assert rows(memory, seen) != rows(tmp_path / "other.db", seen)
+
+
+def test_the_first_and_the_last_traversals_are_short_and_all_rooms_are_seen():
+    planned = courses(100, rooms_for(20_000))
+    lengths = [len(course.rooms) for course in planned]
+    assert lengths[:2] == lengths[-2:] == [SHORT_ROOMS] * 2
+    assert min(lengths[2:-2]) > SHORT_ROOMS
+    looks = Counter(room for course in planned for room in course.rooms)
+    assert len(looks) == rooms_for(20_000)
+    assert sum(looks.values()) / len(looks) * LOOKS == pytest.approx(100, rel=0.05)
+
+
+@pytest.mark.parametrize("asked", questions(courses(TRAVERSALS, rooms_for(THINGS))), ids=lambda asked: asked.text)
+def test_every_question_can_be_asked(memory, monkeypatch, asked):
+    monkeypatch.setattr("supermap_cli.costs.memory.asking.REPEATS", 1)
+    run = ask(MemoryJob(db=memory, command=asked.command, arguments=asked.arguments))
+    assert min(run.first_ms, run.again_ms) > 0
+    assert run.listed > 0 or asked.kind in {"no such label", "inside", "attached", "beside"}
+
+
+def test_every_kind_of_command_is_asked():
+    asked = questions(courses(100, 56))
+    assert {each.command for each in asked} == {"query", "show", "history", "diff", "db info", "db sql"}
+    assert {each.bound for each in asked} == {"fixed", "listed", "grows"}
+    assert len({each.text for each in asked}) == len(asked)
+
+
+def test_both_memories_are_made_asked_and_kept(tmp_path, monkeypatch):
+    chosen = [each for each in questions(courses(6, rooms_for(60))) if each.text in {"query piano", "db info"}]
+    monkeypatch.setattr(report, "questions", lambda _: chosen)
+    arguments = ("bench", "memory", "--instances", "60,180", "--traversals", "6", "--folder", tmp_path)
+    found = document("bench_memory", *arguments)
+    assert (found["small"]["instances"], found["large"]["instances"]) == (60, 180)
+    assert found["small"]["made_s"] > 0
+    assert [each["question"] for each in found["questions"]] == ["query piano", "db info"]
+    for each in found["questions"]:
+        assert each["ratio"] == pytest.approx(each["large"]["again_ms"] / each["small"]["again_ms"])
+    assert found["worst_ratio"] == max(each["ratio"] for each in found["questions"])
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["memory-180-6-0.db", "memory-60-6-0.db"]
+    result = supermap(*arguments)
+    assert result.exit_code == 0, result.output
+    for words in ("was there", "query piano", "worst ratio", "fixed: the answer is as large in both memories"):
+        assert words in result.stdout
+
+
+def test_a_disk_that_is_too_small_is_an_error_before_anything_is_made(tmp_path):
+    with pytest.raises(EvaluationError, match="GB are needed"):
+        report.check_disk(tmp_path, [10**12])
+
+
+@pytest.mark.parametrize("text", ["", "1000", "1000,1000", "2000,1000", "1,2,3", "a,b"])
+def test_anything_but_a_small_and_a_large_number_is_an_error(text):
+    with pytest.raises(ConfigError, match="write"):
+        parse_two(text)
