@@ -166,6 +166,7 @@ class MapStore:
             if status not in {None, "building"}:
                 raise MemoryStoreError(f"traversal {traversal_id} is {status} and stays", where=self.where)
             take_out(connection, traversal_id)
+        self._database.give_back()
 
     def discard_if_created(self) -> bool:
         """Remove the database if this store made it and no complete traversal is in it; says whether it did."""

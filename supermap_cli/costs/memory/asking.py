@@ -96,7 +96,7 @@ def _show(reader: MapReader, arguments: tuple[str, ...]) -> object:
 _READS: dict[Command, Callable[[MapReader, tuple[str, ...]], Any]] = {
     "query": lambda reader, arguments: answer(" ".join(arguments), reader),
     "show": _show,
-    "history": lambda reader, arguments: history(reader, *arguments),
+    "history": lambda reader, arguments: history(reader, arguments[0]),
     "diff": lambda reader, arguments: diff(reader, *arguments),
     "db info": lambda reader, _: inventory(reader),
 }
