@@ -112,8 +112,8 @@ def export(  # noqa: PLR0917 - the options of the command
         selection = select_part(
             reader, label or (), presences=_presences(present, as_of=as_of), traversal=traversal, at=at
         )
-        source = Source(reader, selection)
-        with _working(f"writing {chosen}"):
+        with _working(f"writing {chosen}") as progress:
+            source = Source(reader, selection, progress)
             said = _WRITERS[chosen](source, Target(out, force, observations, ascii_text))
     if out != STDOUT:
         err().print(f"{out}: {said}", markup=False)
@@ -202,14 +202,14 @@ def _text_file(target: Target) -> Iterator[TextIO]:
 
 
 @contextmanager
-def _working(what: str) -> Iterator[None]:
-    """A spinner on stderr, where somebody looks."""
+def _working(what: str) -> Iterator[Callable[[str, int], None] | None]:
+    """A spinner on stderr, where somebody looks, with how far it is."""
     console = err()
     if not console.is_terminal:
-        yield
+        yield None
         return
-    with console.status(what):
-        yield
+    with console.status(what) as status:
+        yield lambda name, count: status.update(f"{what}: {count} {name.replace('_', ' ')}")
 
 
 def _rows(counts: dict[str, int]) -> str:

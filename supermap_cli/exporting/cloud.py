@@ -51,7 +51,7 @@ def write_cloud(source: Source, path: Path, *, ascii_text: bool = False) -> int:
             file.write(f"property {_PLY_TYPES[VERTEX[name].str]} {name}\n".encode())
         file.write(b"end_header\n")
         count = 0
-        for vertices in _vertices(source, labels):
+        for vertices in source.counted("objects", _vertices(source, labels)):
             file.write(_as_text(vertices) if ascii_text else vertices.tobytes())
             count += len(vertices)
         file.seek(count_at)

@@ -21,7 +21,7 @@ def _write(table: Table, source: Source, path: Path) -> int:
     with path.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(column.name for column in table.written_columns)
-        for row in table.written_rows(source):
+        for row in source.counted(table.name, table.written_rows(source)):
             writer.writerow(row)
             count += 1
     return count

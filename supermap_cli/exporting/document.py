@@ -49,7 +49,7 @@ def write_document(source: Source, file: TextIO, *, observations: bool = False) 
         parts.append(("observations", _objects(source, OBSERVATIONS)))
     for index, (name, values) in enumerate(parts):
         file.write(f"{',' if index else ''}\n{_dumps(name)}: ")
-        write_array(file.write, values)
+        write_array(file.write, source.counted(name, values))
     file.write("\n}\n")
 
 

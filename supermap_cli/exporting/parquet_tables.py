@@ -40,7 +40,7 @@ def _write(table: Table, source: Source, path: Path, pa: ModuleType, parquet: Mo
     schema = pa.schema([(column.name, types[column.kind]) for column in columns])
     count = 0
     with parquet.ParquetWriter(path, schema, compression="zstd") as writer:
-        for chunk in _chunks(table.written_rows(source)):
+        for chunk in _chunks(source.counted(table.name, table.written_rows(source))):
             arrays = [
                 pa.array(cells, type=field.type) for cells, field in zip(zip(*chunk, strict=True), schema, strict=True)
             ]

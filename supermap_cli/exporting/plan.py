@@ -26,7 +26,7 @@ def write_plan(source: Source, file: TextIO) -> None:
     """Write a FeatureCollection, a feature a line: a Polygon for each state that leaves, a line for each traversal."""
     file.write('{"type": "FeatureCollection", "crs": null,\n')
     file.write(f'"supermap": {json.dumps({"frame": "map", "unit": "m", "note": NOTE})},\n"features": [')
-    for index, feature in enumerate(_features(source)):
+    for index, feature in enumerate(source.counted("features", _features(source))):
         file.write(f"{',' if index else ''}\n{json.dumps(feature, ensure_ascii=False, allow_nan=False)}")
     file.write("\n]}\n")
 

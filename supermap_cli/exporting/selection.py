@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TypeVar
 
 from sqlalchemy import select
 
@@ -17,6 +18,8 @@ from supermap_cli.query.instants import find_traversal, instant_of
 from supermap_cli.query.moments import Moment
 from supermap_cli.types.memory import StateRecord
 from supermap_schema.models import PRESENCES, Instance
+
+Item = TypeVar("Item")
 
 PRESENT = frozenset({"present"})
 BELIEVED = frozenset({"present", "absent"})
@@ -110,9 +113,13 @@ def _known_labels(reader: MapReader, labels: Collection[str]) -> frozenset[str]:
 class Source:
     """A map and the part of it that leaves; what it holds at once is a number for each instance at most."""
 
-    def __init__(self, reader: MapReader, selection: Selection) -> None:
+    def __init__(
+        self, reader: MapReader, selection: Selection, progress: Callable[[str, int], None] | None = None
+    ) -> None:
+        """`progress` is told, now and then, how many of what have been written."""
         self.reader = reader
         self.selection = selection
+        self._progress = progress
         self.clock: Clock = clock_of(reader)
         self.traversals = tuple(filter(selection.has_traversal, reader.traversals))
         self.traversal_names = {each.id: each.name for each in reader.traversals}
@@ -123,6 +130,13 @@ class Source:
             states = self.selection.states(instance)
             if states:
                 yield instance, states
+
+    def counted(self, name: str, items: Iterable[Item]) -> Iterator[Item]:
+        """The items while they are written; progress is told of every thousandth."""
+        for index, item in enumerate(items):
+            if self._progress is not None and index % 1000 == 0:
+                self._progress(name, index)
+            yield item
 
     def id_today(self, number: int, own_id: str) -> str | None:
         """The id under which an instance leaves: that of what it was merged into; `None` if it stays."""

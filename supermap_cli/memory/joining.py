@@ -23,7 +23,10 @@ from supermap_cli.types.memory import MapDelta
 from supermap_schema.models import Base
 
 CHUNK = 200
-_TRAVERSAL_TIMES = ("start_ns", "end_ns", "mapped_ns", "crops_kept_from_ns", "observations_kept_from_ns")
+_TRAVERSAL_TIMES = (
+    *("start_ns", "end_ns", "mapped_ns"),
+    *("crops_kept_from_ns", "observations_kept_from_ns", "thumbnails_kept_from_ns"),
+)
 
 Values = dict[str, Any]
 
