@@ -165,7 +165,8 @@ class VoxelMap:
         near = voxel_keys(transform_points(T_target_source, self.centers()), self.voxel_m)
         codes = dilate_codes(np.unique(pack_keys(near)))
         centers = voxel_centers(unpack_codes(codes), self.voxel_m)
-        source = pack_keys(voxel_keys(transform_points(inverse(T_target_source), centers), self.voxel_m))
+        back = transform_points(inverse(T_target_source), centers) + 1e-6 * self.voxel_m  # off the voxels' very sides
+        source = pack_keys(voxel_keys(back, self.voxel_m))
         taken = is_member(source, self.codes)
         at = np.searchsorted(self.codes, source[taken])
         return VoxelMap(self.voxel_m, codes[taken], self.log_odds[at], self.inside[at], self.outside[at], self.rgb[at])

@@ -73,7 +73,7 @@ class Lives:
         elif aside is not None and aside.is_sure:
             since_ns = _earliest(aside.since_ns, came.first_seen_ns)
             self._close(known, since_ns)
-            self._move(known, other, (known.last_seen_ns, since_ns), known.last_seen_ns)
+            self._move(known, other, (known.last_seen_ns, came.first_seen_ns), known.last_seen_ns)
         else:
             self._stay(known, other)
 

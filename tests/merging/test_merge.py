@@ -169,6 +169,15 @@ def test_what_had_gone_may_be_back_in_its_place(monday: Path, tmp_path: Path) ->
     assert {("disappeared", "cup-1", "cup-1"), ("reappeared", "cup-1", "cup-1")} <= events(monday)
 
 
+def test_a_thing_pushed_aside_by_less_than_its_width_has_moved(tmp_path: Path) -> None:
+    armchair = s.Thing("armchair", (2.0, -0.2, 0.4), (0.7, 0.7, 0.8), (120, 40, 90))
+    path = build(tmp_path / "monday.db", "monday", (armchair,))
+    summary = merge(path, build(tmp_path / "tuesday.db", "tuesday", (armchair.at(2.0, 0.08),), DAY_S))
+    assert told(summary) == {"armchair-1": ("armchair-1", "moved")}
+    assert summary.joined[0].distance_m == pytest.approx(0.28, abs=0.08)
+    assert events(path) == {("moved", "armchair-1", "armchair-1")}
+
+
 def test_two_alike_that_may_be_one_are_linked_and_stay_two(monday: Path, tmp_path: Path) -> None:
     after = (s.TABLE, s.CUP, STOOL.at(1.2, 0.9), STOOL.at(1.5, 1.4))
     merge(monday, build(tmp_path / "tuesday.db", "tuesday", after, DAY_S))

@@ -56,7 +56,7 @@ def test_a_quarter_turn_and_whole_steps_lose_nothing() -> None:
 def test_a_turned_cloud_has_no_holes_and_its_size(T: np.ndarray) -> None:
     before = block()
     after = before.carried(T)
-    assert len(after) == pytest.approx(len(before), rel=0.12)
+    assert len(after) == pytest.approx(len(before), rel=0.15)
     back = transform_points(inverse(T), after.centers())
     low, high = before.centers().min(axis=0), before.centers().max(axis=0)
     assert (back > low - 0.00501).all()
