@@ -66,6 +66,8 @@ def test_commands_and_options_in_the_documents_exist(document, line):
     words = line.split("#")[0].split()
     while words and words[0] in getattr(command, "commands", {}):
         command = command.commands[words.pop(0)]
+    if hasattr(command, "unless_named") and words[:1] != ["--help"]:
+        command = command.commands[command.unless_named]
     known = {option for parameter in command.params for option in parameter.opts} | {"--help"}
     assert {word for word in words if word.startswith("--")} <= known
     assert not getattr(command, "commands", {}) or words[0] in known

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 from sqlalchemy import Connection, delete, insert, select, tuple_, update
 
 from supermap_cli.memory import rows
 from supermap_cli.memory.databases import dialect_of
-from supermap_cli.memory.names import InstanceIds
+from supermap_cli.memory.names import InstanceIds, label_slug
 from supermap_cli.memory.undo import keep_before_images
 from supermap_cli.memory.values import Checkpoint
 from supermap_cli.types.memory import (
@@ -59,9 +59,11 @@ def _replace_instances(connection: Connection, traversal_id: int, instances: Seq
         return
     newest = {record.number: record for record in instances}
     keep_before_images(connection, traversal_id, "instance", newest.keys())
-    stored = {row.number: row.id for row in connection.execute(select(models.Instance.number, models.Instance.id))}
-    ids = InstanceIds(stored.values())
-    for number in sorted(newest.keys() - stored.keys()):
+    known = select(models.Instance.number, models.Instance.id).where(models.Instance.number.in_(newest))
+    stored = {row.number: row.id for row in connection.execute(known)}
+    new = sorted(newest.keys() - stored.keys())
+    ids = InstanceIds(_taken(connection, {label_slug(newest[number].label) for number in new}))
+    for number in new:
         stored[number] = ids.next_id(newest[number].label)
     statement = dialect_of(connection).upsert(models.Instance)
     kept = {"number", "id", "traversal_id"}
@@ -70,6 +72,12 @@ def _replace_instances(connection: Connection, traversal_id: int, instances: Seq
         statement.on_conflict_do_update(index_elements=["number"], set_=changed),
         [rows.instance_values(record, traversal_id, stored[number]) for number, record in sorted(newest.items())],
     )
+
+
+def _taken(connection: Connection, slugs: Iterable[str]) -> Iterator[str]:
+    """The text ids that begin as those of new instances will."""
+    for slug in slugs:
+        yield from connection.execute(select(models.Instance.id).where(models.Instance.id.like(f"{slug}-%"))).scalars()
 
 
 def _add_observations(connection: Connection, traversal_id: int, observations: Sequence[Observation]) -> None:

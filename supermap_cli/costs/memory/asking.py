@@ -28,6 +28,8 @@ from supermap_cli.query.resolution import Answer, answer
 from supermap_cli.query.views import to_document
 
 REPEATS = 5
+ENOUGH_S = 5.0
+"""After so long nothing is asked once more."""
 
 
 class MemoryJob(BaseModel):
@@ -60,8 +62,10 @@ def ask(job: MemoryJob) -> AskedRun:
     before_mb = memory_mb()
     _forget(job.db)
     first_ms, listed = _timed(job)
-    again_ms = median(_timed(job)[0] for _ in range(REPEATS))
-    return AskedRun(first_ms, again_ms, max(peak_memory_mb() - before_mb, 0.0), listed)
+    times_ms = [_timed(job)[0]]
+    while len(times_ms) < REPEATS and sum(times_ms) < 1000 * ENOUGH_S:
+        times_ms.append(_timed(job)[0])
+    return AskedRun(first_ms, median(times_ms), max(peak_memory_mb() - before_mb, 0.0), listed)
 
 
 def _timed(job: MemoryJob) -> tuple[float, int]:
