@@ -21,6 +21,8 @@ from typing import Any
 
 import pytest
 
+from supermap_schema.models import Base
+
 SERVER = "SUPERMAP_TEST_POSTGRESQL_URL"
 ABSENT = "SUPERMAP_TEST_POSTGRESQL_ABSENT"
 SERVICE_USERS = ("postgres", "nobody")
@@ -48,6 +50,27 @@ def connect(path: str | Path) -> Any:
 
     url = make_url(place(path))
     return psycopg.connect(dbname=url.database, user=url.username, **url.query)
+
+
+def query(path: str | Path, sql: str) -> list[tuple[Any, ...]]:
+    """What a plain connection reads."""
+    with closing(connect(path)) as connection:
+        return [tuple(row) for row in connection.execute(sql).fetchall()]
+
+
+def contents(path: str | Path, but: tuple[str, ...] = ()) -> dict[str, list[tuple[Any, ...]]]:
+    """All rows of all tables but some, as they are stored."""
+    names = [table.name for table in Base.metadata.sorted_tables if table.name not in but]
+    return {name: query(path, f"SELECT * FROM {name} ORDER BY 1, 2, 3") for name in names}
+
+
+def refusals() -> tuple[type[Exception], ...]:
+    """What a plain connection raises when the database refuses a change."""
+    if not on_postgresql():
+        return (sqlite3.IntegrityError,)
+    import psycopg
+
+    return (psycopg.IntegrityError,)
 
 
 def run_sql(path: str | Path, script: str) -> None:

@@ -11,6 +11,7 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from multiprocessing.context import ForkServerProcess
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,7 @@ from typing import Any
 import numpy as np
 from sqlalchemy import Engine, event, select
 
+import databases
 import simulated
 import simulated_visits
 from supermap_cli.main import main
@@ -117,7 +119,8 @@ def start(
     folder: Path, *arguments: str | Path, prepare: Callable[[Any], None] | None = None, given: Any = None
 ) -> ForkServerProcess:
     """Start `supermap ARGUMENTS` in a folder; `prepare(given)` is called there first; its stderr is `stderr.txt`."""
-    process = _CONTEXT.Process(target=_run, args=([str(each) for each in arguments], str(folder), prepare, given))
+    told = [databases.place(each) if before == "--db" else str(each) for before, each in pairwise(("", *arguments))]
+    process = _CONTEXT.Process(target=_run, args=(told, str(folder), prepare, given))
     process.start()
     return process
 

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import sqlite3
 from collections.abc import Iterator
-from contextlib import closing
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+import databases
 import fakes as f
 import scenes as s
 from supermap_cli.config import BuildConfig
@@ -58,13 +57,6 @@ def tuesday(*things: s.Thing) -> f.FakeRecording:
     return f.FakeRecording(f.film((*s.ROOM, *things), start_s=DAY_S), Path("tuesday.fake"))
 
 
-def contents(path: Path, but: tuple[str, ...] = ()) -> list[str]:
-    """All rows of a database, without what search indices keep for themselves."""
-    left_out = (*but, 'INSERT INTO "state_box_', 'INSERT INTO "instance_label_')
-    with closing(sqlite3.connect(path)) as connection:
-        return [line for line in connection.iterdump() if not line.startswith(left_out)]
-
-
 # -- from end to end
 
 
@@ -97,7 +89,7 @@ def test_the_same_recording_gives_the_same_memory(tmp_path: Path) -> None:
         with open_store(str(path), create=True) as store:
             build(store, monday())
             build(store, tuesday(s.TABLE, s.CUP.at(1.4, 0.4)))
-        return contents(path, but=('INSERT INTO "traversal"',))
+        return databases.contents(path, but=("traversal",))
 
     one, other = build_both(tmp_path / "one.db"), build_both(tmp_path / "other.db")
     assert len(one) > 30
@@ -132,8 +124,7 @@ def test_keyframe_mapped_is_called_once_for_every_keyframe_after_its_batch_was_w
     seen: list[tuple[int, int, int]] = []
 
     def look_at_the_database(keyframe: KeyframeRecord, changes: MapDelta) -> None:
-        with closing(sqlite3.connect(tmp_path / "map.db")) as connection:
-            (written,) = connection.execute("SELECT count(*) FROM keyframe").fetchone()
+        ((written,),) = databases.query(tmp_path / "map.db", "SELECT count(*) FROM keyframe")
         seen.append((keyframe.stamp_ns, len(changes.keyframes), written))
 
     build(store, monday(), f.FakePlugins(on_keyframe=look_at_the_database), f.config(keyframes={"batch": 4}))
@@ -352,10 +343,10 @@ def test_a_build_that_comes_to_nothing_leaves_an_existing_database_as_it_was(
                 f.film((*s.ROOM, s.BOX.at(-1.6, 0)), start_s=-DAY_S, target=(-1.6, 0, 0.4)), Path("sunday.fake")
             ),
         )
-    before = contents(path)
+    before = databases.contents(path)
     with open_store(str(path)) as store, pytest.raises(error):
         build(store, recording(), f.FakePlugins(**given))  # type: ignore[operator, arg-type]
-    assert contents(path) == before
+    assert databases.contents(path) == before
 
 
 def test_a_bug_in_a_plugin_shows_itself_and_leaves_nothing(tmp_path: Path) -> None:
@@ -424,7 +415,7 @@ def test_the_map_does_not_depend_on_how_late_detections_come(tmp_path: Path, del
     two_days(at_once, {})
     summary = two_days(late, {"delay_s": delay_s})
     assert summary.warnings == ()
-    assert contents(late, but=('INSERT INTO "traversal"',)) == contents(at_once, but=('INSERT INTO "traversal"',))
+    assert databases.contents(late, but=("traversal",)) == databases.contents(at_once, but=("traversal",))
 
 
 def test_detections_that_come_too_late_are_left_out_with_a_warning(tmp_path: Path) -> None:
@@ -438,8 +429,8 @@ def test_with_fewer_detections_depth_tells_what_has_gone(tmp_path: Path, percept
     summary = two_days(tmp_path / "map.db", perception)
     assert 0 < summary.tally.perceived < summary.tally.keyframes == 12
     assert summary.tally.labels == {"cup": 1, "dining table": 1}
-    with closing(sqlite3.connect(tmp_path / "map.db")) as connection:
-        assert connection.execute("SELECT 1 FROM temporal_edge WHERE kind = 'moved'").fetchall() == [(1,)]
+    moves = databases.query(tmp_path / "map.db", "SELECT 1 FROM temporal_edge WHERE kind = 'moved'")
+    assert moves == [(1,)]
 
 
 def test_a_detector_that_never_answers_leaves_nothing_and_says_so(store: MapStore) -> None:
@@ -451,8 +442,7 @@ def test_a_detector_that_never_answers_leaves_nothing_and_says_so(store: MapStor
 def test_thumbnails_are_as_wide_as_wanted(tmp_path: Path, width: int, kept: bool) -> None:
     with open_store(str(tmp_path / "map.db"), create=True) as store:
         build(store, monday(), config=f.config(keyframes={"thumbnail_px": width}))
-    with closing(sqlite3.connect(tmp_path / "map.db")) as connection:
-        images = [row[0] for row in connection.execute("SELECT thumbnail_jpeg FROM keyframe")]
+    images = [row[0] for row in databases.query(tmp_path / "map.db", "SELECT thumbnail_jpeg FROM keyframe")]
     assert [image is not None for image in images] == [kept] * 6
 
 

@@ -46,6 +46,7 @@ def damaged_database(path: Path) -> None:
     path.write_bytes(b"SQLite format 3\x00" + b"\xff" * 5000)
 
 
+@pytest.mark.sqlite_only("about files")
 @pytest.mark.parametrize("mode", [{"create": True}, {}, {"read_only": True}])
 @pytest.mark.parametrize(
     ("make", "message"),
@@ -92,23 +93,26 @@ def test_a_database_without_any_table_is_filled(tmp_path: Path) -> None:
         assert [each.name for each in store.traversals()] == ["monday"]
 
 
+@pytest.mark.sqlite_only("about files")
 def test_a_missing_folder_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(MemoryStoreError, match="folder of the map database does not exist"):
         open_store(str(tmp_path / "no" / "map.db"), create=True)
 
 
+@pytest.mark.sqlite_only("about files")
 @pytest.mark.skipif(not Path("/proc/self").is_dir(), reason="needs a folder that even root cannot write: /proc")
 def test_an_unwritable_folder_is_an_error() -> None:
     with pytest.raises(MemoryStoreError, match=r"cannot be written.*--db"):
         open_store("/proc/map.db", create=True)
 
 
-@pytest.mark.parametrize("url", ["postgresql://host/map", "mysql://host/map", ""])
+@pytest.mark.parametrize("url", ["mysql://host/map", ""])
 def test_other_databases_are_refused(url: str) -> None:
     with pytest.raises(MemoryStoreError):
         open_store(url)
 
 
+@pytest.mark.sqlite_only("about files")
 def test_a_url_and_a_path_mean_the_same(tmp_path: Path) -> None:
     path = m.make_memory(tmp_path / "my map?.db", ("monday", (0, 10), MapDelta()))
     for url in (str(path), f"sqlite:///{path}"):
@@ -131,6 +135,7 @@ def test_a_second_build_is_refused_while_readers_are_not(tmp_path: Path) -> None
         pass
 
 
+@pytest.mark.sqlite_only("about files")
 def test_a_killed_build_gives_its_lock_back(tmp_path: Path) -> None:
     path = tmp_path / "map.db"
     program = (
@@ -143,6 +148,7 @@ def test_a_killed_build_gives_its_lock_back(tmp_path: Path) -> None:
     assert [each.name for each in tmp_path.iterdir()] == ["map.db"]
 
 
+@pytest.mark.sqlite_only("about files")
 def test_a_reader_leaves_no_files_behind_and_writes_nothing(tmp_path: Path) -> None:
     path = m.make_memory(tmp_path / "map.db", ("monday", (0, 10), MapDelta()))
     before = path.read_bytes()

@@ -18,6 +18,8 @@ from supermap_cli.memory import open_store
 from supermap_cli.memory.opening import read_sql
 from supermap_schema import SCHEMA_VERSION
 
+pytestmark = pytest.mark.sqlite_only("speaks SQLite's SQL; PostgreSQL's stands in test_postgresql_sql")
+
 
 @pytest.fixture
 def db(tmp_path: Path) -> Path:

@@ -147,6 +147,7 @@ def test_times_are_told_as_the_program_tells_them(told: tuple[Path, Clock], view
             assert shown == (None if stamp_ns is None else clock.text(stamp_ns))
 
 
+@pytest.mark.sqlite_only("reads SQLite's query plans")
 @pytest.mark.parametrize(
     "sql",
     [
@@ -164,6 +165,7 @@ def test_a_view_of_one_thing_reads_no_table_as_a_whole(memory: Path, sql: str) -
     assert scans == [], plan
 
 
+@pytest.mark.sqlite_only("reads SQLite's query plans")
 @pytest.mark.parametrize("view", VIEW_NAMES)
 def test_a_whole_view_looks_every_neighbour_up(memory: Path, view: str) -> None:
     """At most one table is read as a whole, and the least start of the few traversals."""
