@@ -21,6 +21,7 @@ from sqlalchemy import (
 from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
 
 from supermap_schema.columns import Blob, Int64, Json, Label, Real
+from supermap_schema.postgresql import MARK
 
 PRESENCES = ("present", "absent", "doubted")
 TRAVERSAL_STATUSES = ("building", "complete")
@@ -93,7 +94,7 @@ class Traversal(Base):
     __table_args__ = (
         CheckConstraint("end_ns >= start_ns", name="span"),
         CheckConstraint(_one_of("status", TRAVERSAL_STATUSES), name="status"),
-        STRICT,
+        STRICT | {"comment": MARK},
     )
 
 

@@ -147,6 +147,9 @@ _STATE_BOXES = (
     """,
 )
 
+_GAP = "nextlabel"
+"""A word between two labels, so that no phrase begins in one and ends in another."""
+
 _LABEL_WORDS = (
     "CREATE TEXT SEARCH DICTIONARY supermap_porter (TEMPLATE = pg_catalog.snowball, LANGUAGE = porter)",
     f"CREATE TEXT SEARCH CONFIGURATION {LABEL_SEARCH} (PARSER = pg_catalog.default)",
@@ -155,8 +158,8 @@ _LABEL_WORDS = (
     f"""
     CREATE FUNCTION label_words(id text, label text, label_belief text) RETURNS tsvector LANGUAGE sql IMMUTABLE
     RETURN to_tsvector('{LABEL_SEARCH}'::regconfig, regexp_replace(
-        id || ' ' || label || ' '
-          || coalesce((SELECT string_agg(key, ' ') FROM json_object_keys(label_belief::json) AS key), ''),
+        id || ' {_GAP} ' || label || ' {_GAP} '
+          || coalesce((SELECT string_agg(key, ' {_GAP} ') FROM json_object_keys(label_belief::json) AS key), ''),
         '[^[:alnum:]]+', ' ', 'g'))
     """,
     "CREATE INDEX ix_instance_label_words ON instance USING gin (label_words(id, label, label_belief))",

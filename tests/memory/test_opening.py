@@ -81,6 +81,7 @@ def test_a_missing_database_says_how_to_make_one(tmp_path: Path, read_only: bool
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.sqlite_only("about files")
 def test_a_database_without_any_table_is_filled(tmp_path: Path) -> None:
     """A build that is killed right after it made the file leaves such a one."""
     path = tmp_path / "map.db"

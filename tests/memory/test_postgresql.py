@@ -170,7 +170,7 @@ def test_a_newer_and_an_older_map_say_what_to_do(url: str) -> None:
 
 
 def test_several_maps_lie_in_one_database_each_in_its_schema(url: str) -> None:
-    office, home = (f"{url}&options=-csearch_path%3D{name}" for name in ("office", '"my%20home"'))
+    office, home = (f"{url}&options=-csearch_path%3D{name}" for name in ("office", '"my%5C%20home"'))
     with open_store(office, create=True) as first, open_store(home, create=True) as second:
         m.add_traversal(first, "monday", (0, 10), FRAME)
         m.add_traversal(second, "tuesday", (20, 30))

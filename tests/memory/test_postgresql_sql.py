@@ -46,7 +46,7 @@ def rows(db: Path, statement: str) -> list[tuple[object, ...]]:
             [("dining-table-1",)],
         ),
         ("SELECT count(*) FROM state_box WHERE min_x < 0 AND max_x > 0", [(3,)]),
-        ("SELECT count(*) FROM state_box WHERE ground && box(point(3, -1), point(4, 1))", [(2,)]),
+        ("SELECT count(*) FROM state_box WHERE ground && box(point(3, -1), point(4, 1))", [(1,)]),
         ("SELECT key FROM instance, json_each(label_belief::json) WHERE id = 'cup-1'", [("cup",), ("other",)]),
         ("SELECT version_num FROM alembic_version", [(f"{SCHEMA_VERSION:04}",)]),
         ("SELECT 1 WHERE false; -- nothing", []),

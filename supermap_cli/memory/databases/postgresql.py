@@ -34,6 +34,11 @@ _OWN_RELATIONS = """
 """
 """Tables and views of the schema, but for those that belong to an extension (PostGIS)."""
 
+_MARK_FOUND = """
+    SELECT obj_description(c.oid, 'pg_class') FROM pg_class c
+    WHERE c.relnamespace = current_schema()::regnamespace AND c.relname = 'traversal'
+"""
+
 
 @dataclass(frozen=True)
 class PostgresqlSchema:
@@ -64,28 +69,29 @@ class PostgresqlSchema:
     def stored_version(self) -> int | None:
         """The number of the newest migration, of a schema that is marked as a map."""
         with self._connected("AUTOCOMMIT") as connection:
-            if connection.exec_driver_sql("SHOW server_version_num").scalar_one() < str(postgresql.OLDEST_SERVER):
-                raise MemoryStoreError(
-                    f"the server is PostgreSQL {connection.exec_driver_sql('SHOW server_version').scalar_one()}",
-                    where=self.where,
-                    cure=f"use PostgreSQL {postgresql.OLDEST_SERVER // 10000} or newer",
-                )
-            tables = {row.relname: row.oid for row in connection.exec_driver_sql(_OWN_RELATIONS)}
-            if not tables:
-                return None
-            mark = None
-            if "traversal" in tables:
-                mark = connection.execute(
-                    text("SELECT obj_description(:oid, 'pg_class')"), {"oid": tables["traversal"]}
-                ).scalar_one()
-            if mark != postgresql.MARK:
-                schema = connection.exec_driver_sql("SELECT current_schema()").scalar_one()
-                raise MemoryStoreError(
-                    f"the schema {schema!r} holds tables, but no SuperMap map",
-                    where=self.where,
-                    cure="give the map a schema of its own: add ?options=-csearch_path%3Dsupermap to the URL",
-                )
-            return int(connection.exec_driver_sql("SELECT version_num FROM alembic_version").scalar_one())
+            try:
+                return self._version(connection)
+            except DatabaseError as error:
+                raise refused(error, self.where) from error
+
+    def _version(self, connection: Connection) -> int | None:
+        if int(connection.exec_driver_sql("SHOW server_version_num").scalar_one()) < postgresql.OLDEST_SERVER:
+            raise MemoryStoreError(
+                f"the server is PostgreSQL {connection.exec_driver_sql('SHOW server_version').scalar_one()}",
+                where=self.where,
+                cure=f"use PostgreSQL {postgresql.OLDEST_SERVER // 10000} or newer",
+            )
+        tables = {row.relname for row in connection.exec_driver_sql(_OWN_RELATIONS)}
+        if not tables:
+            return None
+        if connection.exec_driver_sql(_MARK_FOUND).scalar() != postgresql.MARK:
+            schema = connection.exec_driver_sql("SELECT current_schema()").scalar_one()
+            raise MemoryStoreError(
+                f"the schema {schema!r} holds tables, but no SuperMap map",
+                where=self.where,
+                cure="give the map a schema of its own: add ?options=-csearch_path%3Dsupermap to the URL",
+            )
+        return int(connection.exec_driver_sql("SELECT version_num FROM alembic_version").scalar_one())
 
     def take_lock(self) -> AdvisoryLock:
         """An advisory lock on a connection of its own."""
@@ -185,4 +191,4 @@ class PostgresqlSchema:
 
 def _without_secrets(url: URL) -> str:
     """The driver would take a password in the query as well."""
-    return url.set(password=None).difference_update_query(_SECRETS).render_as_string()
+    return url._replace(password=None).difference_update_query(_SECRETS).render_as_string()

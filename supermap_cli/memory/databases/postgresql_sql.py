@@ -99,7 +99,7 @@ def _plain_values(connection: psycopg.Connection[Any]) -> None:
     for each in connection.adapters.types:
         if each.name not in {"int2", "int4", "int8", "oid", "float4", "float8", "bytea"}:
             connection.adapters.register_loader(each.oid, TextLoader)
-            if each.array_oid:
-                connection.adapters.register_loader(each.array_oid, TextLoader)
+        if each.array_oid:
+            connection.adapters.register_loader(each.array_oid, TextLoader)
     connection.adapters.register_loader("bool", Truth)
     connection.adapters.register_loader("numeric", Exact)
