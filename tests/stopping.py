@@ -119,7 +119,10 @@ def start(
     folder: Path, *arguments: str | Path, prepare: Callable[[Any], None] | None = None, given: Any = None
 ) -> ForkServerProcess:
     """Start `supermap ARGUMENTS` in a folder; `prepare(given)` is called there first; its stderr is `stderr.txt`."""
-    told = [databases.place(each) if before == "--db" else str(each) for before, each in pairwise(("", *arguments))]
+    told = [str(each) for each in arguments]
+    if databases.on_postgresql():
+        after = {"--db": lambda path: databases.place(folder / path)}
+        told = [after.get(option, str)(each) for option, each in pairwise(("", *told))]
     process = _CONTEXT.Process(target=_run, args=(told, str(folder), prepare, given))
     process.start()
     return process

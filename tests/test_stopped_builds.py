@@ -127,6 +127,7 @@ def test_what_is_in_the_map_is_passed_over_by_a_build_that_goes_on(
     assert stopping.rows(undisturbed) == before
 
 
+@pytest.mark.sqlite_only("about files")
 @pytest.mark.parametrize("size_kb", [200, 500, 900])
 def test_a_full_disk_is_a_clear_error_and_costs_nothing_that_was_committed(
     recordings: tuple[Path, ...], undisturbed: Path, folder: Path, size_kb: int

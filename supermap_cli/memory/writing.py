@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 
-from sqlalchemy import Connection, delete, insert, select, tuple_, update
+from sqlalchemy import Connection, bindparam, delete, insert, select, tuple_, update
 
 from supermap_cli.memory import rows
 from supermap_cli.memory.databases import dialect_of
@@ -154,16 +154,20 @@ def _replace_spatial_edges(connection: Connection, traversal_id: int, edges: Seq
     keep_before_images(connection, traversal_id, "spatial_edge", [known[key] for key in newest if key in known])
     empty = [key for key, edge in newest.items() if edge.until_ns is not None and edge.until_ns <= edge.since_ns]
     connection.execute(delete(table).where(table.id.in_([known[key] for key in empty if key in known])))
-    values = [rows.spatial_edge_values(edge, traversal_id) for key, edge in newest.items() if key not in empty]
-    if values:
-        statement = dialect_of(connection).upsert(table)
-        connection.execute(
-            statement.on_conflict_do_update(
-                index_elements=["subject_number", "relation", "object_number", "since_ns"],
-                set_={"until_ns": statement.excluded.until_ns, "confidence": statement.excluded.confidence},
-            ),
-            values,
-        )
+    lasting = [
+        (known.get(key), rows.spatial_edge_values(newest[key], traversal_id)) for key in newest if key not in empty
+    ]
+    changed = [
+        {"row_id": row_id, "until": values["until_ns"], "sure": values["confidence"]}
+        for row_id, values in lasting
+        if row_id is not None
+    ]
+    if changed:  # an upsert would use up an id for every row that is there
+        statement = update(table).where(table.id == bindparam("row_id"))
+        connection.execute(statement.values(until_ns=bindparam("until"), confidence=bindparam("sure")), changed)
+    new = [values for row_id, values in lasting if row_id is None]
+    if new:
+        connection.execute(insert(table), new)
 
 
 def _add_temporal_edges(connection: Connection, traversal_id: int, edges: Sequence[TemporalEdge]) -> None:

@@ -48,6 +48,7 @@ def run_main(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> int:
 # -- what it does
 
 
+@pytest.mark.sqlite_only("about a file")
 def test_a_recording_is_built_into_the_database_here(plugins: f.FakePlugins, tmp_path: Path) -> None:
     result = supermap("build", "monday.fake")
     assert result.exit_code == 0, result.output

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+import databases
 import kitchen
 from cli import document, supermap
 from supermap_cli.errors import MemoryStoreError, QueryError
@@ -71,7 +72,7 @@ def test_a_question_not_understood_and_a_missing_map_are_errors(db: Path, tmp_pa
 def test_a_query_imports_nothing_heavy(db: Path) -> None:
     program = (
         "import sys; from supermap_cli.main import make_app;"
-        f"make_app()(['query', 'chairs', '--db', {str(db)!r}], standalone_mode=False);"
+        f"make_app()(['query', 'chairs', '--db', {databases.place(db)!r}], standalone_mode=False);"
         "heavy = {'open3d', 'onnxruntime', 'cv2', 'rosbags', 'kiss_icp', 'scipy', 'alembic'};"
         "print('heavy:', sorted(heavy & set(sys.modules)))"
     )

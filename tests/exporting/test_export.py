@@ -345,6 +345,7 @@ def test_wrong_usage_is_exit_code_2(db: Path, options: tuple[str, ...]) -> None:
 # Size
 
 
+@pytest.mark.sqlite_only("blows an SQLite file up")
 @pytest.mark.parametrize(
     "options",
     [

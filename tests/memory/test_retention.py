@@ -280,6 +280,7 @@ seconds = st.one_of(st.none(), st.integers(-5, 1200))
 limits = st.tuples(seconds, seconds, seconds, st.booleans())
 
 
+@pytest.mark.sqlite_only("about files")
 @settings(max_examples=15)
 @given(limits)
 def test_whatever_is_given_up_the_map_is_sound_and_every_state_has_its_evidence(

@@ -21,6 +21,8 @@ from supermap_cli.query.life import history
 from supermap_cli.query.overview import overview
 from supermap_cli.query.resolution import answer
 
+pytestmark = pytest.mark.sqlite_only("reads SQLite's query plans")
+
 LARGE = {"keyframe", "instance", "observation", "state", "visit", "spatial_edge", "temporal_edge"}
 
 QUESTIONS = (

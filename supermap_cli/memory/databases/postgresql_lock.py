@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass
 
 from sqlalchemy import Connection, text
 
 from supermap_cli.errors import MemoryStoreError
 from supermap_schema.sqlite import APPLICATION_ID
+
+_PATIENCE_S = 2.0
+"""The server takes a moment to see that a build was killed."""
 
 _SCHEMA = "coalesce(current_schema()::text, btrim(split_part(current_setting('search_path'), ',', 1), ' \"'))"
 _KEY = f"{APPLICATION_ID}, hashtext({_SCHEMA})"
@@ -27,7 +31,11 @@ class AdvisoryLock:
     @classmethod
     def taken(cls, connection: Connection, where: str) -> AdvisoryLock:
         """Take the lock with a connection. Raises `MemoryStoreError`, naming the holder, if another build has it."""
-        if not connection.exec_driver_sql(f"SELECT pg_try_advisory_lock({_KEY})").scalar_one():
+        patient_until = time.monotonic() + _PATIENCE_S
+        while not connection.exec_driver_sql(f"SELECT pg_try_advisory_lock({_KEY})").scalar_one():
+            if time.monotonic() < patient_until:
+                time.sleep(0.05)
+                continue
             holder = connection.exec_driver_sql(
                 "SELECT coalesce(nullif(a.application_name, ''), 'process ' || l.pid || ' of the server') "
                 "|| ', since ' || to_char(a.backend_start AT TIME ZONE 'UTC', 'YYYY-MM-DD HH24:MI:SS') || ' UTC' "
