@@ -159,7 +159,7 @@ def test_readers_see_a_sound_past_while_a_build_writes_and_a_second_build_is_ref
     elsewhere.mkdir()
     code, told = stopping.run(elsewhere, "build", recordings[1], "--db", db)
     assert code == 1
-    assert f"another build is writing this map (process {build.pid})" in told
+    assert f"another build is writing this map (process {build.pid}" in told
     while build.is_alive():
         with open_store(str(db), read_only=True) as store, store.reader() as reader:
             at_first = reader.counts()

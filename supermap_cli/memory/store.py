@@ -126,6 +126,7 @@ class MapStore:
     def commit(self, traversal_id: int, delta: MapDelta, checkpoint: Checkpoint | None = None) -> None:
         """Write all that a batch of whole keyframes changed, in one transaction; a checkpoint replaces the last one."""
         with self._writing() as connection:
+            dialect_of(connection).align_row_ids(connection)
             write_delta(connection, traversal_id, delta)
             if checkpoint is not None:
                 write_checkpoint(connection, traversal_id, checkpoint)

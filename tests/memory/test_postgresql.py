@@ -206,7 +206,7 @@ def test_another_build_is_told_who_writes(url: str) -> None:
     ) as process:
         assert process.stdout is not None
         process.stdout.readline()
-        with pytest.raises(MemoryStoreError, match=rf"another build .*supermap, process {process.pid} on .*, since 20"):
+        with pytest.raises(MemoryStoreError, match=rf"another build .*process {process.pid} on .*, since 20"):
             open_store(url, create=True)
         open_store(f"{url}&options=-csearch_path%3Doffice", create=True).close()
         process.kill()

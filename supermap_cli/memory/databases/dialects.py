@@ -211,12 +211,20 @@ class Postgresql:
 
     def align_row_ids(self, connection: Connection) -> None:
         """Sequences also count what was taken out or rolled back."""
-        for each in models.Base.metadata.sorted_tables:
-            if each.autoincrement_column is not None:
-                largest = select(func.max(each.autoincrement_column)).scalar_subquery()
-                sequence = func.pg_get_serial_sequence(each.name, each.autoincrement_column.name)
-                next_id = func.coalesce(largest + 1, literal(1))
-                connection.execute(select(func.setval(sequence, next_id, literal(False))))  # noqa: FBT003
+        counted = ((each.name, each.autoincrement_column) for each in models.Base.metadata.sorted_tables)
+        connection.execute(
+            select(
+                *(
+                    func.setval(
+                        func.pg_get_serial_sequence(name, row_id.name),
+                        func.coalesce(select(func.max(row_id)).scalar_subquery() + 1, literal(1)),
+                        literal(False),  # noqa: FBT003 - the next one is that itself
+                    )
+                    for name, row_id in counted
+                    if row_id is not None
+                )
+            )
+        )
 
     def objects(self, connection: Connection) -> set[str]:
         """Of the schema, without indices and constraints that are not valid and triggers that are switched off."""
