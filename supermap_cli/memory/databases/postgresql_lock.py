@@ -37,7 +37,7 @@ class AdvisoryLock:
                 time.sleep(0.05)
                 continue
             holder = connection.exec_driver_sql(
-                "SELECT coalesce(nullif(replace(a.application_name, 'supermap, ', ''), ''), 'server process ' || l.pid) "
+                "SELECT coalesce(nullif(replace(a.application_name, 'supermap, ', ''), ''), 'process ' || l.pid) "
                 "|| ', since ' || to_char(a.backend_start AT TIME ZONE 'UTC', 'YYYY-MM-DD HH24:MI:SS') || ' UTC' "
                 f"FROM pg_locks l LEFT JOIN pg_stat_activity a ON a.pid = l.pid WHERE {_HELD}"
             ).scalar()
