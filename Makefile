@@ -2,6 +2,7 @@
 #
 #   make demo     set up, then simulate two recordings of one place, build, query, diff and evaluate
 #   make test     set up, then everything CI checks: format, lint, types, imports, tests
+#   make test-postgresql   the tests that touch a database, on a PostgreSQL server that they start for themselves
 #   make benchmark   simulate, build and score the README's tables; SEEDS=11,12,13, WORLDS=folder
 #   make setup    only set up: .venv with SuperMap and its tools
 #   make lint     ruff, mypy --strict, import-linter       make format   let ruff format and fix
@@ -19,7 +20,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup demo benchmark test lint format wheel clean
+.PHONY: help setup demo benchmark test test-postgresql lint format wheel clean
 
 help:
 	@sed -n 's/^#   //p' Makefile
@@ -55,6 +56,12 @@ $(BIN)/python:
 test: lint
 	@echo "== pytest"
 	@$(BIN)/python -m pytest -n $(WORKERS)
+
+ON_POSTGRESQL := $(addprefix tests/,memory query schema exporting test_pipeline.py test_stopped_builds.py \
+  $(addprefix commands/test_,db.py db_sql.py build.py diff.py history.py query.py show.py))
+
+test-postgresql: $(INSTALLED)
+	@SUPERMAP_TEST_DATABASE=postgresql $(BIN)/python -m pytest -n $(WORKERS) -rs $(ON_POSTGRESQL)
 
 lint: $(INSTALLED)
 	@echo "== ruff format"
