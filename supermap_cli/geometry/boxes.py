@@ -110,6 +110,16 @@ def footprint_overlap_m2(first: Box3D, second: Box3D) -> float:
     return _area_m2(_clipped(first.outline, second.outline))
 
 
+def displacement_m(first: Box3D, second: Box3D) -> float:
+    """How far a thing has moved between two boxes of it.
+
+    By their middles, which depend less than its points' mean on the sides that were seen; and upwards by whichever of
+    top and bottom moved less, because the other may have been hidden once.
+    """
+    low, high = abs(second.z_min - first.z_min), abs(second.z_max - first.z_max)
+    return float(np.hypot(np.linalg.norm(second.center[:2] - first.center[:2]), min(low, high)))
+
+
 def footprint_gap_m(first: Box3D, second: Box3D) -> float:
     """Shortest horizontal distance between two boxes, 0 where they overlap."""
     a, b = first.outline, second.outline

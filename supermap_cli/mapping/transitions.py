@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from supermap_cli.geometry.arrays import FloatArray
+from supermap_cli.geometry.boxes import displacement_m
 from supermap_cli.mapping.changes import Changes, instance_record, open_state
 from supermap_cli.mapping.lifecycle import join
 from supermap_cli.mapping.objects import MapObject, ObjectMap, OpenState
@@ -101,7 +102,7 @@ class Transitions:
 
     def take_over(self, old: MapObject, found: MapObject) -> None:
         """`old`, which was gone, is what was `found` elsewhere; a stored `found` becomes part of it."""
-        origin, before, gone_ns, left_ns = old.shape.centroid, old.state.index, old.gone_ns, old.last_seen_ns
+        origin, before, gone_ns, left_ns = old.shape.box, old.state.index, old.gone_ns, old.last_seen_ns
         if gone_ns is None or gone_ns > found.state.first_seen_ns:
             gone_ns = found.state.first_seen_ns
             self.changes.closed_states.append(open_state(old, gone_ns))
@@ -120,7 +121,7 @@ class Transitions:
         old.pending = [replace(each, object_number=old.number) for each in found.pending]
         self.objects.remove(found.number)
         self._flush(old)
-        distance_m = float(np.linalg.norm(old.shape.centroid - origin))
+        distance_m = displacement_m(origin, old.shape.box)
         since_ns = left_ns if old.state.empty_before_ns is None else max(left_ns, old.state.empty_before_ns)
         self._note("moved", old, before, (since_ns, old.state.first_seen_ns), distance_m)
 

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from supermap_cli.geometry.boxes import displacement_m
 from supermap_cli.query.clock import Clock
 from supermap_cli.query.life import History, SightingsView, SurroundingsView
-from supermap_cli.query.views import EventView, IntervalView, Vector
+from supermap_cli.query.views import EventView, IntervalView, Vector, box_of
 
 MOST_SENTENCES = 40
 """A longer story is told from its beginning and its end."""
@@ -53,8 +54,7 @@ def _came(
     bounds = clock.between(before.last_seen_ns, interval.first_seen_ns)
     if event is not None and event.kind == "reappeared":
         return f"back {clock.between(before.gone_ns, interval.first_seen_ns)} {where}"
-    far = distance_m(before.position, interval.position)
-    how = f"moved {far:.2f} m"
+    how = f"moved {displacement_m(box_of(before.box), box_of(interval.box)):.2f} m"
     if event is not None and event.kind == "moved" and event.not_before_ns is not None:
         bounds = clock.between(event.not_before_ns, event.not_after_ns)
     return f"{how} {bounds}: stands {where}"
@@ -128,12 +128,6 @@ def _event_to(told: History, state: int) -> EventView | None:
 def place(position: Vector) -> str:
     """A place in words, metres."""
     return "(" + ", ".join(f"{value:.2f}" for value in position) + ")"
-
-
-def distance_m(first: Vector, second: Vector) -> float:
-    """How far apart two places are."""
-    squares = ((a - b) ** 2 for a, b in zip(first, second, strict=True))
-    return float(sum(squares) ** 0.5)
 
 
 def _names(names: Sequence[str]) -> str:

@@ -11,8 +11,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
-import numpy as np
-
+from supermap_cli.geometry.boxes import displacement_m
 from supermap_cli.memory.values import StoredInstance, StoredTraversal
 from supermap_cli.query.instants import Instant
 from supermap_cli.query.standing import held_at
@@ -33,7 +32,7 @@ KINDS: tuple[ChangeKind, ...] = (
 """In the order of reports: changes, what stayed, and what cannot be told."""
 
 MOVE_M = 0.1
-"""Two states whose centroids lie closer than this are one place."""
+"""Two states that lie closer together than this are one place."""
 
 
 @dataclass(frozen=True)
@@ -247,5 +246,5 @@ class Case:
 
 
 def distance(first: StateRecord, second: StateRecord) -> float:
-    """How far apart two places are, in metres between their centroids."""
-    return float(np.linalg.norm(first.centroid_map - second.centroid_map))
+    """How far apart two places are, in metres."""
+    return displacement_m(first.box, second.box)

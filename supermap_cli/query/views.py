@@ -152,6 +152,11 @@ def box_view(box: Box3D) -> BoxView:
     return BoxView(vector(box.center), vector(box.size), round(float(box.yaw), 5))
 
 
+def box_of(view: BoxView) -> Box3D:
+    """The box that a view shows."""
+    return Box3D(np.array(view.center), np.array(view.size), view.yaw)
+
+
 def interval_view(state: StateRecord) -> IntervalView:
     """A state as it leaves the program."""
     return IntervalView(

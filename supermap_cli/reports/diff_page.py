@@ -11,8 +11,8 @@ from supermap_cli.memory.pictures import SmallImage, crop_jpegs, small_images
 from supermap_cli.memory.reading import MapReader
 from supermap_cli.query.clock import Clock, clock_of
 from supermap_cli.query.diff import HAPPENED, Change, Diff
-from supermap_cli.query.views import EvidenceView, IntervalView
-from supermap_cli.reports.diff_plan import box_of, shown_before_after
+from supermap_cli.query.views import EvidenceView, IntervalView, box_of
+from supermap_cli.reports.diff_plan import shown_before_after
 from supermap_cli.reports.files import write_file
 from supermap_cli.reports.page import badge, page, picture, table
 from supermap_cli.reports.pictures import cut_out, data_uri
@@ -81,9 +81,8 @@ class Pictures:
             return picture(data_uri(self.crops[crop]), f"{'before' if before else 'after'}: observation {crop}")
         place = own or change.interval_after or change.interval_before
         for stamp_ns in _stamps(change, before=before):
-            cut = (
-                None if place is None or stamp_ns not in self.images else cut_out(self.images[stamp_ns], box_of(place))
-            )
+            image = self.images.get(stamp_ns)
+            cut = None if place is None or image is None else cut_out(image, box_of(place.box))
             if cut is not None:
                 what = "seen" if own is not None else "its place, seen empty"
                 return picture(data_uri(cut), f"{'before' if before else 'after'}: {what} {self.clock.brief(stamp_ns)}")

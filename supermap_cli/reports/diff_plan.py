@@ -8,10 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from supermap_cli.geometry.arrays import FloatArray
-from supermap_cli.geometry.boxes import Box3D
 from supermap_cli.memory.reading import MapReader
 from supermap_cli.query.diff import Change, Diff, EndView
-from supermap_cli.query.views import IntervalView
+from supermap_cli.query.views import box_of
 from supermap_cli.reports.page import css_name
 from supermap_cli.reports.plan import Arrow, Extent, Outline, extent_of
 
@@ -34,12 +33,12 @@ def shown_before_after(found: Diff, reader: MapReader) -> tuple[Panel, Panel]:
     """The two drawings, with the ways of the robot of those sides that are traversals."""
     ways = [_way(end, reader) for end in (found.before, found.after)]
     intervals = [each for change in found.changes for each in (change.interval_before, change.interval_after) if each]
-    extent = extent_of([*(box_of(each).footprint() for each in intervals), *ways])
+    extent = extent_of([*(box_of(each.box).footprint() for each in intervals), *ways])
     naming = len(found.changes) <= MOST_NAMES
     before = [each for change in found.changes for each in _outlines(change, before=True, naming=naming)]
     after = [each for change in found.changes for each in _outlines(change, before=False, naming=naming)]
     arrows = [
-        Arrow(box_of(change.interval_before).center[:2], box_of(change.interval_after).center[:2])
+        Arrow(box_of(change.interval_before.box).center[:2], box_of(change.interval_after.box).center[:2])
         for change in found.changes
         if change.kind == "moved" and change.interval_before is not None and change.interval_after is not None
     ]
@@ -47,11 +46,6 @@ def shown_before_after(found: Diff, reader: MapReader) -> tuple[Panel, Panel]:
         Panel(f"Before: {found.before.name}", extent, before, [], ways[:1]),
         Panel(f"After: {found.after.name}", extent, after, arrows, ways[1:]),
     )
-
-
-def box_of(interval: IntervalView) -> Box3D:
-    """The box of a state."""
-    return Box3D(np.array(interval.box.center), np.array(interval.box.size), interval.box.yaw)
 
 
 def _outlines(change: Change, *, before: bool, naming: bool) -> list[Outline]:
@@ -65,7 +59,7 @@ def _outlines(change: Change, *, before: bool, naming: bool) -> list[Outline]:
         named = change.kind != "unchanged" or naming
         drawn.append(
             Outline(
-                box_of(own).footprint(),
+                box_of(own.box).footprint(),
                 change.id if named else "",
                 f"{change.id}: {change.kind}, {change.reason}",
                 style,
@@ -73,7 +67,7 @@ def _outlines(change: Change, *, before: bool, naming: bool) -> list[Outline]:
         )
     if other is not None and (own is None or change.kind == "moved") and not (before and change.kind == "moved"):
         told = change.id if own is None and change.kind in {"disappeared", "appeared"} else ""
-        drawn.append(Outline(box_of(other).footprint(), told, f"{change.id}: {change.kind}", f"{style} ghost"))
+        drawn.append(Outline(box_of(other.box).footprint(), told, f"{change.id}: {change.kind}", f"{style} ghost"))
     return drawn
 
 

@@ -13,7 +13,7 @@ from supermap_cli.memory.reading import MapReader
 from supermap_cli.query.clock import Clock, clock_of
 from supermap_cli.query.life import History
 from supermap_cli.query.story import place, story
-from supermap_cli.reports.diff_plan import box_of
+from supermap_cli.query.views import box_of
 from supermap_cli.reports.files import write_file
 from supermap_cli.reports.page import page, picture, table
 from supermap_cli.reports.pictures import data_uri
@@ -56,7 +56,7 @@ def life_page(told: History, reader: MapReader) -> str:
 
 def _places(told: History) -> str:
     shown = told.intervals[-MOST_PLACES:]
-    corners = [box_of(each).footprint() for each in shown]
+    corners = [box_of(each.box).footprint() for each in shown]
     newest = len(shown) - 1
     outlines = [
         Outline(

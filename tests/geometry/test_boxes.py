@@ -12,6 +12,7 @@ from supermap_cli.geometry.boxes import (
     Box3D,
     box_iou,
     clip_convex,
+    displacement_m,
     footprint_gap_m,
     footprint_overlap_m2,
     pairwise_iou,
@@ -164,3 +165,12 @@ def test_image_boxes_overlap_by_their_share() -> None:
     a = np.array([[0, 0, 10, 10], [0, 0, 0, 0]], np.float32)
     b = np.array([[0, 0, 10, 10], [5, 0, 15, 10], [20, 20, 30, 30], [0, 0, 10, 5]], np.float32)
     np.testing.assert_allclose(pairwise_iou(a, b), [[1, 1 / 3, 0, 0.5], [0, 0, 0, 0]])
+
+
+def test_a_thing_has_moved_as_far_as_its_box_whatever_was_hidden_of_its_height() -> None:
+    whole = Box3D(np.array([0, 0, 0.5]), np.array([0.6, 0.6, 1.0]), 0.0)
+    top_only = Box3D(np.array([0.3, 0.4, 0.8]), np.array([0.6, 0.6, 0.4]), 0.0)
+    lifted = Box3D(np.array([0, 0, 1.25]), np.array([0.6, 0.6, 1.0]), 0.0)
+    assert displacement_m(whole, top_only) == displacement_m(top_only, whole) == pytest.approx(0.5)
+    assert displacement_m(whole, lifted) == pytest.approx(0.75)
+    assert displacement_m(whole, whole) == 0.0
