@@ -125,10 +125,10 @@ class SqliteFile:
         needed = self.path.stat().st_size
         free = shutil.disk_usage(self.path.absolute().parent).free
         no_room = MemoryStoreError(
-            f"the map cannot be made smaller: that takes up to {needed / 1e6:.0f} MB, {free / 1e6:.0f} MB are free",
+            f"the map cannot be made smaller: that takes up to {needed / 1e6:.0f} MB beside it, and as much where "
+            f"SQLite keeps temporary files ($SQLITE_TMPDIR); {free / 1e6:.0f} MB are free beside it",
             where=self.where,
-            cure="free space, here and where SQLite keeps temporary files ($SQLITE_TMPDIR), and try again; "
-            "what was given up stays so",
+            cure="free space and try again; what was given up stays so",
         )
         if free < needed:
             raise no_room
