@@ -187,11 +187,9 @@ class Lives:
     def _take_over(self, known: MapObject, found: Met) -> None:
         """A thing of the map that is gone is one that was found elsewhere (as `transitions.take_over`)."""
         came = found.first.state
-        gone_ns = known.gone_ns
-        if gone_ns is None or gone_ns > came.first_seen_ns:
-            gone_ns = came.first_seen_ns
-            self._close(known, gone_ns)
-        since_ns = gone_ns if came.empty_before_ns is None else came.empty_before_ns
+        if known.gone_ns is None or known.gone_ns > came.first_seen_ns:
+            self._close(known, came.first_seen_ns)
+        since_ns = _latest(known.last_seen_ns, came.empty_before_ns)
         self._move(known, found, (since_ns, came.first_seen_ns), came.empty_before_ns)
 
     def _enter(self, other: Met, candidates: Sequence[Relocation]) -> None:

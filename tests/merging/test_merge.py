@@ -169,6 +169,19 @@ def test_what_had_gone_may_be_back_in_its_place(monday: Path, tmp_path: Path) ->
     assert {("disappeared", "cup-1", "cup-1"), ("reappeared", "cup-1", "cup-1")} <= events(monday)
 
 
+def test_a_place_seen_empty_before_the_thing_was_known_bounds_no_move(tmp_path: Path) -> None:
+    """The stool came at noon; it is found where the map saw an empty place in the morning only."""
+    hiding = s.Thing("", (0.9, 0.6, 0.7), (0.1, 1.0, 1.4), (90, 60, 30))
+    path = build(tmp_path / "monday.db", "morning", (s.TABLE,))
+    build(path, "noon", (s.TABLE, STOOL, hiding), 3600.0)
+    summary = merge(path, build(tmp_path / "tuesday.db", "tuesday", (s.TABLE, STOOL.at(1.5, 1.0)), DAY_S))
+    assert ("stool-1", "moved") in told(summary).values()
+    with open_store(str(path), read_only=True) as store, store.reader() as reader:
+        (moved,) = (each for each in reader.temporal_edges() if each.kind == "moved")
+        assert moved.not_before_ns is not None
+        assert s.ns(3600) < moved.not_before_ns < s.ns(DAY_S) <= moved.not_after_ns
+
+
 def test_a_thing_pushed_aside_by_less_than_its_width_has_moved(tmp_path: Path) -> None:
     armchair = s.Thing("armchair", (2.0, -0.2, 0.4), (0.7, 0.7, 0.8), (120, 40, 90))
     path = build(tmp_path / "monday.db", "monday", (armchair,))
