@@ -15,6 +15,9 @@ if TYPE_CHECKING:
     from supermap_cli.query.diff import Change, Diff
 
 
+MOST_ROWS, MOST_NAMES = 60, 200
+"""Of a large place all is printed that changed; of what nobody can tell, and what stayed, no more than this."""
+
 EXAMPLES = """
 Examples:
 
@@ -87,18 +90,27 @@ def diff(  # noqa: PLR0917 - a command line has many options
 
 
 def _print(found: Diff, clock: Clock) -> None:
+    from supermap_cli.query.diff import HAPPENED  # noqa: PLC0415 - keeps start-up light
+
     console = out()
     counts = ", ".join(f"{count} {kind}" for kind, count in found.counts.items())
     console.print(f"from {found.before.name} to {found.after.name}: {counts}", markup=False)
     for note in found.notes:
         console.print(f"note: {note}", markup=False)
     columns = ("what", "id", "why", "when", "distance (m)#", "confidence#", "seen before", "seen after")
-    rows = [_row(change, clock) for change in found.changes if change.kind != "unchanged"]
-    if rows:
-        print_table(console, "", columns, rows)
+    told = [change for change in found.changes if change.kind != "unchanged"]
+    seen_to_change = sum(found.counts[kind] for kind in HAPPENED)
+    shown = told[: max(seen_to_change, MOST_ROWS)]
+    if shown:
+        print_table(console, "", columns, (_row(change, clock) for change in shown))
+    if len(shown) < len(told):
+        console.print(
+            f"{len(told) - len(shown)} more of which nobody can tell; --json and --html have all", markup=False
+        )
     unchanged = [change.id for change in found.changes if change.kind == "unchanged"]
     if unchanged:
-        console.print(f"unchanged: {', '.join(unchanged)}", markup=False)
+        more = f" and {len(unchanged) - MOST_NAMES} more" if len(unchanged) > MOST_NAMES else ""
+        console.print(f"unchanged: {', '.join(unchanged[:MOST_NAMES])}{more}", markup=False)
 
 
 def _row(change: Change, clock: Clock) -> tuple[str, ...]:

@@ -42,3 +42,23 @@ def test_a_turned_order_is_said(db: Path, names: tuple[str, ...], turned: bool) 
 def test_one_traversal_is_an_error(tmp_path: Path) -> None:
     path = m.make_memory(tmp_path / "map.db", ("monday", (0, 10), MapDelta()))
     assert isinstance(supermap("diff", "--db", path).exception, QueryError)
+
+
+def test_of_a_large_place_all_changes_are_printed_and_the_rest_is_counted(tmp_path: Path) -> None:
+    things = range(1, 301)
+    monday = MapDelta(
+        keyframes=m.keyframes([1, 90]),
+        instances=tuple(m.instance(number, "chair", (number, 0, 0.5), seen=(1, 90)) for number in things),
+        states=tuple(m.state(number, 0, (1, 90), (number, 0, 0.5)) for number in things),
+        visits=tuple(m.visit(number, 2, 2, 0, (1, 90)) for number in things),
+    )
+    tuesday = MapDelta(
+        keyframes=m.keyframes([1001]),
+        states=tuple(m.state(number, 0, (1, 90), (number, 0, 0.5), gone=1001) for number in range(1, 81)),
+    )
+    path = m.make_memory(tmp_path / "map.db", ("monday", (0, 100), monday), ("tuesday", (1000, 1100), tuesday))
+    printed = supermap("diff", "--db", path).stdout.splitlines()
+    assert sum(line.startswith("disappeared") for line in printed) == 80
+    assert not any(line.startswith("not observed again") for line in printed)
+    assert printed[-1] == "220 more of which nobody can tell; --json and --html have all"
+    assert len(document("diff", "diff", "--db", path)["changes"]) == 300
