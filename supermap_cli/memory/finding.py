@@ -72,8 +72,8 @@ class Finder:
 
     def counts(self) -> dict[str, int]:
         """How many are present of each label."""
-        statement = select(Instance.label, func.count()).where(*_stands(["present"])).group_by(Instance.label)
-        return {row[0]: row[1] for row in self._connection.execute(statement.order_by(Instance.label))}
+        counts = {label: self.count([label], ["present"]) for label in sorted(self.labels_today())}
+        return {label: count for label, count in counts.items() if count}
 
     def called(
         self, labels: Collection[str] | None, presences: Collection[Presence] = BELIEVED, *, begun_ns: float = math.inf

@@ -71,8 +71,9 @@ def measure_memories(
     small, large = (_made(path, each, traversals, seed, progress) for path, each in zip(paths, instances, strict=True))
     rows = []
     for asked in questions(courses(traversals, rooms_for(instances[0]))):
-        progress(f"asking: {asked.text}")
-        rows.append(_row(asked, *(_ask(asked, path, folder) for path in paths)))
+        row = _row(asked, *(_ask(asked, path, folder) for path in paths))
+        progress(f"{row.question}: {row.small.again_ms:.0f} and {row.large.again_ms:.0f} ms")
+        rows.append(row)
     bounded = [row for row in rows if row.bound != "grows"]
     return MemoryBench(
         machine=this_machine(),
