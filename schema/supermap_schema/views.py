@@ -66,7 +66,7 @@ def _current_objects(words: Words) -> str:
     SELECT instance.id, instance.label, {words.reals("state.confidence")},
            {words.reals("instance.x", "instance.y", "instance.z")},
            {words.reals("instance.size_x", "instance.size_y", "instance.size_z", "instance.yaw")},
-           (SELECT {words.joined("edge.relation || ' ' || other.id", "edge.id")}
+           (SELECT {words.joined("edge.relation || ' ' || other.id", "edge.relation, edge.object_number")}
             FROM spatial_edge AS edge JOIN instance AS other ON other.number = edge.object_number
             WHERE edge.subject_number = instance.number AND edge.until_ns IS NULL
             AND edge.relation <> 'near') AS stands,

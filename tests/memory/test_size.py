@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 import memories as m
 from supermap_cli.memory import open_store
@@ -35,6 +36,7 @@ def pages(path: Path) -> tuple[int, int]:
         )
 
 
+@pytest.mark.sqlite_only("about the pages of an SQLite file")
 def test_before_images_leave_no_holes_behind(tmp_path: Path) -> None:
     path = m.make_memory(tmp_path / "map.db", ("monday", (0, 10), things(0, "chair")))
     _, before = pages(path)
@@ -49,6 +51,7 @@ def test_before_images_leave_no_holes_behind(tmp_path: Path) -> None:
         assert {each.label for each in reader.instances} == {"armchair"}
 
 
+@pytest.mark.sqlite_only("about the pages of an SQLite file")
 def test_a_traversal_that_is_discarded_leaves_no_holes_behind(tmp_path: Path) -> None:
     path = m.make_memory(tmp_path / "map.db", ("monday", (0, 10), things(0, "chair")))
     _, before = pages(path)
