@@ -117,12 +117,15 @@ class MapReader:
         number = self.connection.execute(statement).scalar()
         return None if number is None else self.instances_of([number])[0]
 
-    def instances_of(self, numbers: Collection[int], *, visits: bool = True) -> tuple[StoredInstance, ...]:
+    def instances_of(
+        self, numbers: Collection[int], *, visits: bool = True, traversal_ids: Collection[int] | None = None
+    ) -> tuple[StoredInstance, ...]:
         """The instances that the given numbers are part of today, each once, in the order of their numbers; without
-        their visits, if these are not wanted.
+        their visits, or with those of some traversals only, if no others are wanted.
         """
         survivors = sorted(set(self.survivors.of(numbers).values()))
-        return tuple(instance for batch in batches(survivors) for instance in self._whole(batch, visits=visits))
+        wanted = traversal_ids if visits else ()
+        return tuple(instance for batch in batches(survivors) for instance in self._whole(batch, wanted))
 
     def lives_of(self, numbers: Collection[int], traversal_ids: Collection[int] = ()) -> dict[int, StoredInstance]:
         """Instances that were not merged, by their numbers, with the visits of the given traversals only: enough to
@@ -149,7 +152,7 @@ class MapReader:
         statement = select(instance.number).where(instance.merged_into.is_(None)).order_by(instance.number)
         numbers = self.connection.execute(statement.limit(BATCH)).scalars().all()
         while numbers:
-            yield from self._whole(numbers, visits=visits)
+            yield from self._whole(numbers, None if visits else ())
             later = statement.where(instance.number > numbers[-1])
             numbers = self.connection.execute(later.limit(BATCH)).scalars().all()
 
@@ -309,10 +312,11 @@ class MapReader:
                 seen.add(further)
         return {number: survivor for number, survivor in end.items() if number in into}
 
-    def _whole(self, survivors: Sequence[int], *, visits: bool = True) -> Iterator[StoredInstance]:
-        """Instances that were not merged, with all that belongs to them."""
+    def _whole(self, survivors: Sequence[int], traversal_ids: Collection[int] | None) -> Iterator[StoredInstance]:
+        """Instances that were not merged, with all that belongs to them, and the visits of the traversals (all)."""
         parts = self.parts_of(survivors)
-        return self._instances(survivors, parts, self._visits(parts) if visits else defaultdict(list))
+        looked = traversal_ids is None or len(traversal_ids) > 0
+        return self._instances(survivors, parts, self._visits(parts, traversal_ids) if looked else defaultdict(list))
 
     def _instances(
         self, survivors: Collection[int], parts: dict[int, int], visits: dict[int, list[StoredVisit]]

@@ -149,6 +149,20 @@ class Sighting:
     score: float
 
 
+@dataclass(frozen=True, slots=True)
+class Said:
+    """One observation without its place: which, in which traversal, when, what it called the thing and how surely, and
+    whether there is a crop of it.
+    """
+
+    id: int
+    traversal_id: int
+    stamp_ns: int
+    label: str
+    score: float
+    cropped: bool
+
+
 @dataclass(frozen=True)
 class Invariant:
     """A rule; `violations` is SQL that gives one column, the name of every row that breaks it."""

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from supermap_cli.errors import QueryError
-from supermap_cli.memory.pictures import Crop, crops_of
+from supermap_cli.memory.numbers import batches
 from supermap_cli.memory.reading import MapReader
-from supermap_cli.memory.values import ObservationRef, StoredInstance, StoredTraversal
+from supermap_cli.memory.said import Hearing
+from supermap_cli.memory.values import Said, StoredInstance, StoredTraversal
 from supermap_cli.query.clock import clock_of
 from supermap_cli.query.instants import Instant, instant_of, of_traversal
 from supermap_cli.query.keeping import given_up_notes
@@ -102,9 +103,8 @@ def diff(reader: MapReader, first: str | None = None, second: str | None = None)
     given = _choose(reader, first, second)
     before, after = sorted(given, key=lambda each: each.at_ns)
     ends = ends_of(before, after, reader.traversals)
-    things = [each for each in _spoken_of(reader, ends) if each.presence != "doubted" and each.label not in ANIMATE]
-    comparison = Comparison(reader, ends, things)
-    found = [change for each in things if (change := comparison.change(each)) is not None]
+    comparison = Comparison(reader, ends)
+    found = [change for part in batches(_spoken_of(reader, ends)) for change in comparison.changes(part)]
     found.sort(key=lambda change: KINDS.index(change.kind))
     tally = Counter(change.kind for change in found)
     notes = [end.note for end in given if end.note is not None]
@@ -121,30 +121,40 @@ def diff(reader: MapReader, first: str | None = None, second: str | None = None)
 
 
 class Comparison:
-    """Two ends in one map, and all instances that may be spoken of, with what was read of them together."""
+    """Two ends in one map, and what became of the things that they may speak of, read a part at a time.
 
-    def __init__(self, reader: MapReader, ends: Ends, things: Sequence[StoredInstance]) -> None:
+    Of two traversals only their own observations matter; of a plain time all that came before it may.
+    """
+
+    def __init__(self, reader: MapReader, ends: Ends) -> None:
         self.reader = reader
         self.ends = ends
+        heard = [end.traversal.id for end in (ends.before, ends.after) if end.traversal is not None]
+        self._hearing = Hearing(reader, heard if len(heard) == 2 else None)
         self._aside: dict[str, list[str]] = defaultdict(list)
-        self._edges: dict[int, list[TemporalEdge]] = defaultdict(list)
-        numbers = {number for each in things for number in each.numbers}
-        reader.text_ids.of(numbers)
-        for edge in reader.temporal_edges(numbers):
-            for number in {edge.from_number, edge.to_number}:
-                self._edges[number].append(edge)
-        self._crops = crops_of(reader, [each.number for each in things])
 
-    def change(self, instance: StoredInstance) -> Change | None:
-        """What became of an instance; `None` if neither end speaks of it."""
-        edges = self._edges_of(instance)
-        case = Case(instance, self.ends, edges, self.reader.text_ids)
+    def changes(self, numbers: Sequence[int]) -> Iterator[Change]:
+        """What became of each of some instances, if either end speaks of it; who walked by is left out."""
+        looked = self.ends.looked_before | self.ends.looked_after
+        found = self.reader.instances_of(numbers, traversal_ids=looked)
+        things = [each for each in found if each.presence != "doubted" and each.label not in ANIMATE]
+        edges = self._edges(things)
+        cases = [Case(each, self.ends, edges[each.number], self.reader.text_ids) for each in things]
+        verdicts = [(case, verdict) for case in cases if (verdict := self._verdict(case)) is not None]
+        said = self._hearing.of([case.instance for case, _ in verdicts])
+        for case, verdict in verdicts:
+            yield self._change(case, verdict, said.get(case.instance.number, []))
+
+    def _verdict(self, case: Case) -> Verdict | None:
+        """The judgement of one case; where there is none, what happened all the same is kept for the notes."""
         verdict = case.verdict()
-        if verdict is None:
-            if (aside := case.aside()) is not None:
-                self._aside[aside].append(instance.id)
-            return None
-        seen = self.reader.observations(instance)
+        if verdict is None and (aside := case.aside()) is not None:
+            self._aside[aside].append(case.instance.id)
+        return verdict
+
+    def _change(self, case: Case, verdict: Verdict, seen: Sequence[Said]) -> Change:
+        """A verdict with its evidence."""
+        instance = case.instance
         names = self._names(seen)
         verdict = _relabelled(verdict, names, seen, self.ends)
         before, after = verdict.before, verdict.after
@@ -170,11 +180,11 @@ class Comparison:
             label_after=labels[1],
             interval_before=None if before is None else interval_view(before),
             interval_after=None if after is None else interval_view(after),
-            may_be=self._candidates(instance, edges),
+            may_be=self._candidates(instance, case.edges),
             evidence_before=self._evidence(instance, sides[0], self.ends.looked_before),
             evidence_after=self._evidence(instance, sides[1], self.ends.looked_after),
-            crop_before=_best_crop(self._crops.get(instance.number, []), sides[0]),
-            crop_after=_best_crop(self._crops.get(instance.number, []), sides[1]),
+            crop_before=_best_crop(sides[0]),
+            crop_after=_best_crop(sides[1]),
         )
 
     def asides(self) -> list[str]:
@@ -186,10 +196,18 @@ class Comparison:
         }
         return [f"{words[aside]}: {_named(ids)}" for aside, ids in sorted(self._aside.items())]
 
-    def _edges_of(self, instance: StoredInstance) -> list[TemporalEdge]:
-        return [edge for number in instance.numbers for edge in self._edges.get(number, ())]
+    def _edges(self, things: Sequence[StoredInstance]) -> dict[int, list[TemporalEdge]]:
+        """The temporal edges that touch some instances, by instance; the names of all their ends are known then."""
+        touching = self.reader.temporal_edges({part for each in things for part in each.numbers})
+        ends = {number for edge in touching for number in (edge.from_number, edge.to_number)}
+        self.reader.text_ids.of(set(self.reader.survivors.of(ends).values()) | ends)
+        edges: dict[int, list[TemporalEdge]] = defaultdict(list)
+        for edge in touching:
+            for number in {edge.from_number, edge.to_number}:
+                edges[number].append(edge)
+        return {each.number: [edge for part in each.numbers for edge in edges[part]] for each in things}
 
-    def _names(self, seen: Sequence[ObservationRef]) -> tuple[Name | None, Name | None]:
+    def _names(self, seen: Sequence[Said]) -> tuple[Name | None, Name | None]:
         """What it was surely called at either end."""
         own = by_traversal(seen)
 
@@ -198,9 +216,7 @@ class Comparison:
 
         return name(self.ends.before), name(self.ends.after)
 
-    def _side(
-        self, end: Instant, seen: Sequence[ObservationRef], state: StateRecord | None
-    ) -> Sequence[ObservationRef]:
+    def _side(self, end: Instant, seen: Sequence[Said], state: StateRecord | None) -> Sequence[Said]:
         """The observations that speak for an end: a traversal's own; of a plain time those of the state until then, or
         for the later end those since the earlier one.
         """
@@ -211,9 +227,7 @@ class Comparison:
         low_ns = self.ends.before.at_ns + 1 if end is self.ends.after else state.first_seen_ns
         return [each for each in seen if max(low_ns, state.first_seen_ns) <= each.stamp_ns <= end.at_ns]
 
-    def _evidence(
-        self, instance: StoredInstance, seen: Sequence[ObservationRef], traversal_ids: frozenset[int]
-    ) -> EvidenceView:
+    def _evidence(self, instance: StoredInstance, seen: Sequence[Said], traversal_ids: frozenset[int]) -> EvidenceView:
         visits = [each for each in instance.visits if each.traversal_id in traversal_ids]
         return evidence_of(seen, visits, self.reader.traversals)
 
@@ -227,9 +241,7 @@ class Comparison:
         return tuple(CandidateView(text_id, probability) for text_id, probability in sorted(found.items()))
 
 
-def _relabelled(
-    verdict: Verdict, names: tuple[Name | None, Name | None], seen: Sequence[ObservationRef], ends: Ends
-) -> Verdict:
+def _relabelled(verdict: Verdict, names: tuple[Name | None, Name | None], seen: Sequence[Said], ends: Ends) -> Verdict:
     """Only where each end by itself is sure of its label, and they differ; a thing that moved, too, has moved."""
     old, new = names
     if old is None or new is None or old.label == new.label or old.traversal_id == new.traversal_id:
@@ -249,19 +261,18 @@ def _relabelled(
     )
 
 
-def _best_crop(crops: Sequence[Crop], side: Sequence[ObservationRef]) -> int | None:
+def _best_crop(side: Sequence[Said]) -> int | None:
     """The best crop of one side; one is only kept where it is clearly better than those before."""
-    ids = {each.id for each in side}
-    return next((each.observation for each in reversed(crops) if each.observation in ids), None)
+    return next((each.id for each in reversed(side) if each.cropped), None)
 
 
-def _spoken_of(reader: MapReader, ends: Ends) -> tuple[StoredInstance, ...]:
+def _spoken_of(reader: MapReader, ends: Ends) -> list[int]:
     """The instances that either end may speak of: those that it saw, and those that came, went or stood in between."""
     traversals = [end.traversal.id for end in (ends.before, ends.after) if end.traversal is not None]
     seen = reader.supported_in(traversals) if traversals else ()
     standing = reader.standing_at(ends.before.at_ns) if ends.before.traversal is None else ()
     changed = reader.changed_within(ends.before.at_ns, ends.after.at_ns)
-    return reader.instances_of({*seen, *standing, *changed})
+    return sorted({*seen, *standing, *changed})
 
 
 def _choose(reader: MapReader, first: str | None, second: str | None) -> tuple[Instant, Instant]:

@@ -5,8 +5,12 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
-from supermap_cli.memory.values import ObservationRef
+from supermap_cli.memory.values import ObservationRef, Said
+
+Naming = ObservationRef | Said
+N = TypeVar("N", ObservationRef, Said)
 
 SURE_SHARE = 0.6
 SURE_OBSERVATIONS = 3
@@ -22,7 +26,7 @@ class Name:
     traversal_id: int
 
 
-def label_shares(seen: Iterable[ObservationRef]) -> dict[str, float]:
+def label_shares(seen: Iterable[Naming]) -> dict[str, float]:
     """How much of what was observed says which label, weighed by score, the likeliest first."""
     weights: dict[str, float] = defaultdict(float)
     for each in seen:
@@ -32,15 +36,15 @@ def label_shares(seen: Iterable[ObservationRef]) -> dict[str, float]:
     return {label: weight / whole for label, weight in ranked} if whole > 0 else {}
 
 
-def by_traversal(seen: Iterable[ObservationRef]) -> dict[int, list[ObservationRef]]:
+def by_traversal(seen: Iterable[N]) -> dict[int, list[N]]:
     """Observations by the traversal that made them, in the order of time."""
-    grouped: dict[int, list[ObservationRef]] = defaultdict(list)
+    grouped: dict[int, list[N]] = defaultdict(list)
     for each in seen:
         grouped[each.traversal_id].append(each)
     return dict(grouped)
 
 
-def sure_name(seen: Sequence[ObservationRef]) -> Name | None:
+def sure_name(seen: Sequence[Naming]) -> Name | None:
     """What one traversal's observations agree on; `None` where they are too few, or at odds."""
     if len(seen) < SURE_OBSERVATIONS:
         return None
@@ -48,7 +52,7 @@ def sure_name(seen: Sequence[ObservationRef]) -> Name | None:
     return Name(label, share, seen[0].traversal_id) if share >= SURE_SHARE else None
 
 
-def name_by(seen: Iterable[ObservationRef], at_ns: int) -> Name | None:
+def name_by(seen: Iterable[N], at_ns: int) -> Name | None:
     """What a thing was called by a time: by the last traversal that was sure by then."""
     until = [each for each in seen if each.stamp_ns <= at_ns]
     names = [name for of_one in by_traversal(until).values() if (name := sure_name(of_one)) is not None]

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ import numpy as np
 from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.geometry.boxes import Box3D
 from supermap_cli.memory.reading import MapReader
-from supermap_cli.memory.values import ObservationRef, Sighting, StoredInstance, StoredTraversal, StoredVisit
+from supermap_cli.memory.values import ObservationRef, Said, Sighting, StoredInstance, StoredTraversal, StoredVisit
 from supermap_cli.query.standing import Known, StandingView
 from supermap_cli.types.memory import Presence, StateRecord, TemporalEdge
 
@@ -222,7 +223,7 @@ def evidence_view(
     return evidence_of(seen, visits, reader.traversals)
 
 
-Seen = ObservationRef | Sighting
+Seen = ObservationRef | Sighting | Said
 
 
 def evidence_of(
@@ -259,17 +260,19 @@ def support_spans(states: tuple[StateRecord, ...]) -> tuple[tuple[int, int], ...
 
 def to_document(value: object) -> Any:
     """A view as JSON's types. A field whose metadata say `optional` is left out where it is `None`."""
-    if is_dataclass(value) and not isinstance(value, type):
-        named = ((each, getattr(value, each.name)) for each in fields(value))
-        return {
-            each.name: to_document(content)
-            for each, content in named
-            if not (content is None and each.metadata.get("optional"))
-        }
-    if isinstance(value, dict):
-        return {str(key): to_document(content) for key, content in value.items()}
+    if value is None or isinstance(value, str | int | float):
+        return value.item() if isinstance(value, np.generic) else value
     if isinstance(value, list | tuple):
         return [to_document(each) for each in value]
-    if isinstance(value, np.generic):
-        return value.item()
-    return value
+    if isinstance(value, dict):
+        return {str(key): to_document(content) for key, content in value.items()}
+    if is_dataclass(value) and not isinstance(value, type):
+        named = ((name, optional, getattr(value, name)) for name, optional in _named_fields(type(value)))
+        return {name: to_document(content) for name, optional, content in named if not (content is None and optional)}
+    return value.item() if isinstance(value, np.generic) else value
+
+
+@cache
+def _named_fields(kind: type[Any]) -> tuple[tuple[str, bool], ...]:
+    """The names of a view's fields, and whether they may be left out."""
+    return tuple((each.name, bool(each.metadata.get("optional"))) for each in fields(kind))

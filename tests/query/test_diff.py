@@ -13,7 +13,9 @@ import memories as m
 from supermap_cli.errors import QueryError
 from supermap_cli.memory import open_store
 from supermap_cli.memory.checking import check
+from supermap_cli.memory.numbers import batches
 from supermap_cli.memory.reading import MapReader
+from supermap_cli.memory.said import Hearing
 from supermap_cli.query.diff import Change, diff
 from supermap_cli.query.life import history
 from supermap_cli.types.memory import InstanceRecord, MapDelta, StateRecord, Visit
@@ -242,3 +244,43 @@ def test_what_came_and_went_in_between_is_noted(tmp_path: Path) -> None:
     with open_store(str(path), read_only=True) as store, store.reader() as reader:
         found = diff(reader)
     assert (found.changes, found.notes) == ((), ("came and went between a and b: chair-1",))
+
+
+def test_a_diff_read_in_parts_is_the_diff_read_at_once(reader: MapReader, monkeypatch: pytest.MonkeyPatch) -> None:
+    sides = ((None, None), ("60 s", "09:18:20"), ("monday", "09:18:20"))
+    whole = [diff(reader, *each) for each in sides]
+    monkeypatch.setattr("supermap_cli.query.diff.batches", lambda numbers: batches(numbers, 1))
+    monkeypatch.setattr("supermap_cli.memory.said.batches", lambda numbers: batches(numbers, 1))
+    assert [diff(reader, *each) for each in sides] == whole
+
+
+@pytest.mark.parametrize("heard", [None, [1], [2, 3], [3, 1]])
+def test_what_is_heard_of_some_traversals_is_what_they_said(tmp_path: Path, heard: list[int] | None) -> None:
+    def said(at: float) -> MapDelta:
+        pictures = [replace(m.observation(number, at), crop_jpeg=b"jpeg" if at > 100 else None) for number in (1, 2)]
+        chairs = tuple(m.instance(number, "chair", seen=(1, at)) for number in (1, 2, 3))
+        chairs = (chairs[0], replace(chairs[1], merged_into=1), chairs[2])
+        return MapDelta(keyframes=m.keyframes([at]), observations=tuple(pictures), instances=chairs)
+
+    path = tmp_path / "map.db"
+    with open_store(str(path), create=True) as store:
+        for number in (1, 2, 3):
+            m.add_traversal(
+                store, str(number), (100 * number, 100 * number + 10), *map(said, (100 * number, 100.0 * number + 5))
+            )
+    with open_store(str(path), read_only=True) as store, store.reader() as reader:
+        things = reader.instances
+        found = Hearing(reader, heard).of(things)
+        told = {
+            each.number: [seen for seen in reader.observations(each) if heard is None or seen.traversal_id in heard]
+            for each in things
+        }
+    assert told[1]
+    assert {
+        number: [(it.id, it.traversal_id, it.stamp_ns, it.label, it.score) for it in of] for number, of in found.items()
+    } == {
+        number: [(it.id, it.traversal_id, it.stamp_ns, it.label, it.score) for it in of]
+        for number, of in told.items()
+        if of
+    }
+    assert all(each.cropped == (each.stamp_ns > m.ns(100)) for of in found.values() for each in of)
