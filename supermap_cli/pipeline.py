@@ -10,17 +10,19 @@ from typing import cast
 import cv2
 import numpy as np
 
-from supermap_cli.backends import Backends
-from supermap_cli.checkpoints import AheadMark, AheadMarks, BuildState, make_checkpoint, read_checkpoint
+from supermap_cli.building.backends import Backends
+from supermap_cli.building.checkpoints import AheadMark, AheadMarks, BuildState, make_checkpoint, read_checkpoint
+from supermap_cli.building.keyframe_choice import KeyframeChoice, choose_keyframes
+from supermap_cli.building.late_results import LateResults
+from supermap_cli.building.lookahead import LookAhead
+from supermap_cli.building.placing import Placement
+from supermap_cli.building.tally import Tally
 from supermap_cli.config import BuildConfig
 from supermap_cli.errors import MemoryStoreError
 from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.geometry.cameras import camera_to_json
 from supermap_cli.graph.predicates import PREDICATES, GraphNode
 from supermap_cli.graph.scene_graph import SceneGraph
-from supermap_cli.keyframe_choice import KeyframeChoice, choose_keyframes
-from supermap_cli.late_results import LateResults
-from supermap_cli.lookahead import LookAhead
 from supermap_cli.mapping.drift import DriftCorrection
 from supermap_cli.mapping.engine import MappingEngine
 from supermap_cli.mapping.free_space import encode_small_depth
@@ -30,11 +32,9 @@ from supermap_cli.mapping.snapshot import restore_drift, restore_engine
 from supermap_cli.mapping.structure import coarse_depth, stored_depth
 from supermap_cli.memory.store import MapStore
 from supermap_cli.memory.values import Checkpoint, StoredTraversal
-from supermap_cli.placing import Placement
 from supermap_cli.plugin_manager import Plugins
 from supermap_cli.protocols import Recording, Resumable
 from supermap_cli.recordings.lidar_depth import SweepDepth
-from supermap_cli.tally import Tally
 from supermap_cli.timing import StageClock
 from supermap_cli.types.detections import Detections
 from supermap_cli.types.keyframe import Keyframe

@@ -7,19 +7,19 @@ from contextlib import closing, suppress
 from dataclasses import dataclass
 from typing import Literal
 
-from supermap_cli.backends import choose_backends
-from supermap_cli.checkpoints import Cadence, first_difference, is_resumable
+from supermap_cli.building.backends import choose_backends
+from supermap_cli.building.checkpoints import Cadence, first_difference, is_resumable
+from supermap_cli.building.placing import Placement, place_traversal
+from supermap_cli.building.stopping import PoliteStop
+from supermap_cli.building.tally import Tally
+from supermap_cli.building.time_order import follow_in_time
 from supermap_cli.config import BuildConfig
 from supermap_cli.errors import BuildStoppedError, ConfigError, MemoryStoreError
 from supermap_cli.memory.store import MapStore
 from supermap_cli.memory.values import Checkpoint, StoredTraversal, TraversalStart
 from supermap_cli.pipeline import FramePipeline, Progress
-from supermap_cli.placing import Placement, place_traversal
 from supermap_cli.plugin_manager import Plugins
 from supermap_cli.protocols import Recording
-from supermap_cli.stopping import PoliteStop
-from supermap_cli.tally import Tally
-from supermap_cli.time_order import follow_in_time
 from supermap_cli.timing import StageClock, StageTiming
 from supermap_cli.types.memory import MapDelta
 from supermap_cli.version import __version__

@@ -7,12 +7,12 @@ import time
 from collections.abc import Iterator
 
 from supermap_cli.allocation import keep_freed_memory
-from supermap_cli.backends import choose_backends
+from supermap_cli.building.backends import choose_backends
+from supermap_cli.building.keyframe_choice import choose_keyframes
 from supermap_cli.costs.filling import fill
 from supermap_cli.costs.job import BuildRun, DecodeRun, Job, Run, StagesRun
 from supermap_cli.costs.peak_memory import peak_memory_mb
 from supermap_cli.hookspecs import RecordingRequest
-from supermap_cli.keyframe_choice import choose_keyframes
 from supermap_cli.memory.opening import open_store
 from supermap_cli.memory.store import MapStore
 from supermap_cli.plugin_manager import Plugins, load_plugins

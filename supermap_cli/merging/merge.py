@@ -6,6 +6,8 @@ from collections import defaultdict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
+from supermap_cli.building.placing import Placement
+from supermap_cli.building.time_order import TimeShift, shift_to_follow
 from supermap_cli.errors import MemoryStoreError
 from supermap_cli.mapping.free_space import FreeSpaceMemory
 from supermap_cli.mapping.objects import ObjectMap
@@ -21,8 +23,6 @@ from supermap_cli.merging.passage import Passage
 from supermap_cli.merging.placing import place_memory
 from supermap_cli.merging.relations import join_edges, judge_anew
 from supermap_cli.merging.witnessing import Witness
-from supermap_cli.placing import Placement
-from supermap_cli.time_order import TimeShift, shift_to_follow
 from supermap_cli.types.labels import ANIMATE
 from supermap_cli.types.memory import MapDelta, SpatialEdge, StateRecord, TemporalEdge, Visit
 

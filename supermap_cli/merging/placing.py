@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from supermap_cli.building.placing import Placement, describe_alignment
 from supermap_cli.errors import AlignmentError
 from supermap_cli.geometry.se3 import inverse
 from supermap_cli.mapping.alignment import align, placed_by_hand
 from supermap_cli.mapping.structure import CoarseDepth, stored_depth
 from supermap_cli.memory.store import MapStore
-from supermap_cli.placing import Placement, describe_alignment
 
 SAMPLED_KEYFRAMES = 40
 """Stored depth images, spread over each memory, by which they are laid over one another."""

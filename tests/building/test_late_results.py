@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import scenes as s
+from supermap_cli.building.late_results import FixedLag, Lateness, LateResults
 from supermap_cli.config import PerceptionConfig
-from supermap_cli.late_results import FixedLag, Lateness, LateResults
 from supermap_cli.types.detections import Detections, no_detections
 from supermap_cli.types.keyframe import Keyframe
 

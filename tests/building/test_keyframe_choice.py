@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import scenes as s
-from supermap_cli.keyframe_choice import choose_keyframes, fill_gaps
+from supermap_cli.building.keyframe_choice import choose_keyframes, fill_gaps
 
 
 def stamps(rate_hz: float, seconds: float = 10.0, jitter_ns: int = 0) -> np.ndarray:

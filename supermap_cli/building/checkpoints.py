@@ -13,13 +13,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from supermap_cli.building.placing import Placement
+from supermap_cli.building.tally import Tally
 from supermap_cli.mapping.drift import DriftCorrection, DriftMark
 from supermap_cli.mapping.engine import MappingEngine
 from supermap_cli.mapping.snapshot import drift_snapshot, engine_snapshot
 from supermap_cli.memory.values import Checkpoint
-from supermap_cli.placing import Placement
 from supermap_cli.protocols import Resumable, Tracker
-from supermap_cli.tally import Tally
 from supermap_cli.types.memory import SpatialEdge
 from supermap_cli.types.packing import pack, unpack
 
