@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
+import signal
+import threading
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from types import FrameType
+from typing import NoReturn
 
 from supermap_cli.errors import ExportError
+
+_PARTIAL, _REPLACED = "partial", "replaced"
 
 
 @contextmanager
@@ -17,17 +24,18 @@ def whole_file(path: Path, *, force: bool) -> Iterator[Path]:
 
     Raises `ExportError` if there is such a file already (unless `force`), and where it cannot be written.
     """
-    _check_target(path, force=force)
-    if path.is_dir():
-        raise ExportError("a folder, not a file", where=str(path), cure="name a file with --out")
-    partial = _partial(path)
-    try:
-        with _refusals_as_export_errors(path):
-            yield partial
-            _settle(partial)
-            partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)
+    with _stopped_as_by_ctrl_c():
+        _check_target(path, force=force)
+        if path.is_dir():
+            raise ExportError("a folder, not a file", where=str(path), cure="name a file with --out")
+        partial = _beside(path, _PARTIAL)
+        try:
+            with _refusals_as_export_errors(path):
+                yield partial
+                _settle(partial)
+                partial.replace(path)
+        finally:
+            partial.unlink(missing_ok=True)
 
 
 @contextmanager
@@ -37,41 +45,107 @@ def whole_folder(path: Path, names: Collection[str], *, force: bool) -> Iterator
     With `force` an earlier export there is replaced; a folder with anything else in it never is. Raises `ExportError`
     as `whole_file` does.
     """
-    _check_target(path, force=force)
-    if path.exists():
-        found = {each.name for each in path.iterdir()} if path.is_dir() else {path.name}
-        others = sorted(found - set(names))
-        if others:
-            raise ExportError(
-                f"holds other things than an export: {', '.join(others[:3])}",
-                where=str(path),
-                cure="name a folder of its own with --out",
-            )
-    partial = _partial(path)
-    replaced = partial.with_suffix(".replaced")
+    with _stopped_as_by_ctrl_c():
+        _check_target(path, force=force)
+        if path.exists():
+            found = {each.name for each in path.iterdir()} if path.is_dir() else {path.name}
+            others = sorted(found - set(names))
+            if others:
+                raise ExportError(
+                    f"holds other things than an export: {', '.join(others[:3])}",
+                    where=str(path),
+                    cure="name a folder of its own with --out",
+                )
+        partial, replaced = _beside(path, _PARTIAL), _beside(path, _REPLACED)
+        try:
+            with _refusals_as_export_errors(path):
+                partial.mkdir()
+                yield partial
+                for file in partial.iterdir():
+                    _settle(file)
+                _take_place(partial, replaced, path)
+        finally:
+            shutil.rmtree(partial, ignore_errors=True)
+
+
+def _take_place(partial: Path, replaced: Path, path: Path) -> None:
+    """Give a whole folder its name. What was there goes only then, and comes back where that fails.
+
+    No system renames a folder over one that is not empty, so for a moment neither has the name. A process killed in it
+    leaves both folders, and the next export there puts the old one back first.
+    """
+    if not path.exists():
+        partial.rename(path)
+        return
     try:
-        with _refusals_as_export_errors(path):
-            partial.mkdir()
-            yield partial
-            for file in partial.iterdir():
-                _settle(file)
-            if path.exists():
-                path.rename(replaced)
-            partial.rename(path)
-    finally:
-        for leftover in (partial, replaced):
-            shutil.rmtree(leftover, ignore_errors=True)
+        path.rename(replaced)
+        partial.rename(path)
+    except BaseException:
+        if replaced.exists() and not path.exists():
+            replaced.rename(path)
+        raise
+    replaced.rename(partial)  # from now on it is litter, whatever happens
 
 
 def _check_target(path: Path, *, force: bool) -> None:
-    if path.exists() and not force:
-        raise ExportError("is there already", where=str(path), cure="add --force to replace it, or change --out")
     if not path.absolute().parent.is_dir():
         raise ExportError("the folder for the export does not exist", where=str(path), cure="make it, or change --out")
+    with _refusals_as_export_errors(path):
+        _clear_leftovers(path)
+    if path.exists() and not force:
+        raise ExportError("is there already", where=str(path), cure="add --force to replace it, or change --out")
 
 
-def _partial(path: Path) -> Path:
-    return path.with_name(f".{path.name}.{os.getpid()}.partial")
+def _beside(path: Path, what: str) -> Path:
+    return path.with_name(f".{path.name}.{os.getpid()}.{what}")
+
+
+def _clear_leftovers(path: Path) -> None:
+    """Take away what exports to `path` left that were killed; what they had moved aside takes its place again."""
+    named = re.compile(rf"\.{re.escape(path.name)}\.(\d+)\.({_PARTIAL}|{_REPLACED})")
+    for each in path.absolute().parent.iterdir():
+        found = named.fullmatch(each.name)
+        if found is None or _runs(int(found[1])):
+            continue
+        if found[2] == _REPLACED and not path.exists():
+            each.rename(path)
+        elif each.is_dir():
+            shutil.rmtree(each, ignore_errors=True)
+        else:
+            each.unlink(missing_ok=True)
+
+
+def _runs(pid: int) -> bool:
+    """Whether another process of this number runs on this machine, whosever it is."""
+    if pid == os.getpid():
+        return False
+    try:
+        os.kill(pid, 0)
+    except (ProcessLookupError, OverflowError):
+        return False
+    except PermissionError:
+        pass
+    return True
+
+
+@contextmanager
+def _stopped_as_by_ctrl_c() -> Iterator[None]:
+    """While it is entered, SIGTERM stops as Ctrl-C does: what is half is taken away on the way out.
+
+    Outside the main thread, which alone gets signals, it changes nothing.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    former = signal.signal(signal.SIGTERM, _stop)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, former)
+
+
+def _stop(number: int, frame: FrameType | None) -> NoReturn:  # noqa: ARG001 - what a signal's receiver is given
+    raise KeyboardInterrupt
 
 
 def _settle(file: Path) -> None:

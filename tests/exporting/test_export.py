@@ -4,12 +4,8 @@ from __future__ import annotations
 
 import csv
 import json
-import os
-import signal
-import subprocess
 import sys
 import tracemalloc
-from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +20,6 @@ import memories as m
 from cli import supermap
 from supermap_cli.errors import ExportError, QueryError
 from supermap_cli.exporting import parquet_tables
-from supermap_cli.exporting.destination import whole_file, whole_folder
 from supermap_cli.geometry.boxes import polygon_area_m2
 from supermap_cli.geometry.open3d_loader import load_open3d
 from supermap_cli.memory import open_store, reading, streaming
@@ -255,7 +250,7 @@ def test_parquet_without_pyarrow_says_how_to_get_it(db: Path, tmp_path: Path, mo
     assert [each.name for each in tmp_path.iterdir() if "tables" in each.name] == []
 
 
-# Files
+# Files (see test_destination.py)
 
 
 def test_what_is_there_stays_without_force(db: Path, tmp_path: Path) -> None:
@@ -275,40 +270,6 @@ def test_a_folder_with_other_things_is_never_replaced(db: Path, tmp_path: Path) 
     (out / "thesis.tex").write_text("mine")
     assert isinstance(supermap("export", "--db", db, "--out", out, "--format", "csv", "--force").exception, ExportError)
     assert (out / "thesis.tex").read_text() == "mine"
-
-
-def fill_the_disk(writing: AbstractContextManager[Path]) -> None:
-    with writing as partial:
-        (partial / "x" if partial.is_dir() else partial).write_text("half")
-        raise OSError(28, "No space left on device")
-
-
-def test_a_failed_export_leaves_nothing(tmp_path: Path) -> None:
-    for writing in (whole_file(tmp_path / "a", force=False), whole_folder(tmp_path / "b", ("x",), force=False)):
-        with pytest.raises(ExportError, match="No space left"):
-            fill_the_disk(writing)
-    assert list(tmp_path.iterdir()) == []
-
-
-KILLED = """
-import sys, time
-from pathlib import Path
-from supermap_cli.exporting.destination import whole_file
-with whole_file(Path(sys.argv[1]), force=True) as partial:
-    partial.write_text("half")
-    print("half", flush=True)
-    time.sleep(60)
-"""
-
-
-def test_a_killed_export_leaves_the_file_as_it_was(tmp_path: Path) -> None:
-    out = tmp_path / "plan.geojson"
-    out.write_text("whole")
-    with subprocess.Popen([sys.executable, "-c", KILLED, out], stdout=subprocess.PIPE, env=os.environ) as process:
-        assert process.stdout is not None
-        assert process.stdout.readline() == b"half\n"
-        process.send_signal(signal.SIGKILL)
-    assert out.read_text() == "whole"
 
 
 @pytest.mark.parametrize(
