@@ -17,6 +17,7 @@ from sqlalchemy import Connection, Select, and_, func, or_, select, text
 
 from supermap_cli.geometry.arrays import FloatArray, IntArray
 from supermap_cli.memory import blobs, rows
+from supermap_cli.memory.as_of import AsOf
 from supermap_cli.memory.databases import Database
 from supermap_cli.memory.finding import Finder
 from supermap_cli.memory.numbers import BATCH, batches
@@ -65,6 +66,7 @@ class MapReader:
     def __init__(self, connection: Connection, database: Database) -> None:
         self.connection = connection
         self._database = database
+        self._times: dict[tuple[int, int | None], AsOf] = {}
 
     @property
     def where(self) -> str:
@@ -89,6 +91,10 @@ class MapReader:
     def finder(self) -> Finder:
         """Finds instances by what they are called, when and where they stood."""
         return Finder(self.connection)
+
+    def as_of(self, at_ns: int, since_ns: int | None = None) -> AsOf:
+        """All that stood at a time, or at the end of a traversal that began at `since_ns`."""
+        return self._times.setdefault((at_ns, since_ns), AsOf(self.connection, at_ns, since_ns))
 
     @cached_property
     def survivors(self) -> LookedUp[int]:

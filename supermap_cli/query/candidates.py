@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from itertools import chain, islice
 from typing import Protocol
 
+from supermap_cli.memory.as_of import AsOf
 from supermap_cli.memory.finding import BELIEVED
 from supermap_cli.memory.reading import MapReader
 from supermap_cli.memory.values import StoredInstance
@@ -31,6 +32,14 @@ class Candidate:
     def key(self) -> tuple[int, int]:
         """The instance's number and the state's index."""
         return self.instance.number, self.state.index
+
+
+@dataclass(frozen=True)
+class Counted:
+    """How many instances fit, and how many of them surely stood there."""
+
+    fits: int
+    sure: int
 
 
 class Pool(Protocol):
@@ -89,6 +98,21 @@ class Called:
         if self.labels is None:
             return math.inf
         return self.reader.finder.count(self.labels, ["present"] if self.moment.kind == "now" else BELIEVED)
+
+    def counted(self) -> Counted | None:
+        """How many fit, where the database can count them without reading them."""
+        kind = self.moment.kind
+        if self.number is not None or kind not in {"now", "last", "at"}:
+            return None
+        if kind == "at":
+            tally = self.as_of().tally(self.labels)
+            return Counted(tally.fits, tally.sure)
+        count = self.reader.finder.count(self.labels, ["present"] if kind == "now" else BELIEVED)
+        return Counted(count, count)
+
+    def as_of(self) -> AsOf:
+        """Everything at the moment, which is one time."""
+        return self.reader.as_of(int(self.moment.low_ns), self.moment.since_ns)
 
     def parts(self) -> Iterator[list[Candidate]]:
         """All of them; those seen last come first."""

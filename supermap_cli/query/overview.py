@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass, field
 from itertools import islice
 
 from supermap_cli.memory.reading import MapReader
 from supermap_cli.memory.values import ObservationRef, StoredInstance
-from supermap_cli.query.candidates import PART, label_in
+from supermap_cli.query.candidates import label_in
 from supermap_cli.query.clock import Clock
 from supermap_cli.query.instants import Instant
 from supermap_cli.query.naming import name_by
-from supermap_cli.query.standing import Known, Standing, standing_at, standing_view
+from supermap_cli.query.standing import Standing, standing_at, standing_view
 from supermap_cli.query.views import (
     LISTED,
     InstanceView,
@@ -66,23 +66,19 @@ def overview(reader: MapReader, limit: int = LISTED) -> Overview:
 
 def overview_at(reader: MapReader, instant: Instant, clock: Clock, limit: int = LISTED) -> Overview:
     """All that stood at a time, and all of which nobody can say whether it did, so many of each listed."""
-    listed: dict[Known, list[int]] = {"present": [], "unknown": [], "absent": []}
-    totals: Counter[Known] = Counter()
+    as_of = reader.as_of(instant.at_ns, instant.begun_ns)
+    stood, doubtful = (_standing(reader, as_of.first(known, limit), instant) for known in ("present", "unknown"))
+    totals: Counter[str] = Counter()
     counts: Counter[str] = Counter()
-    for each in _everything(reader):
-        standing = standing_at(each, instant.at_ns, instant.begun_ns)
-        if standing is None:
-            continue
-        totals[standing.presence] += 1
-        if totals[standing.presence] <= limit:
-            listed[standing.presence].append(each.number)
-        elif standing.presence == "present":
-            counts[label_in(each, standing.state)] += 1
-    there, unknown = (_told_at(reader, listed[known], instant, clock) for known in ("present", "unknown"))
+    for (known, called), count in as_of.counts().items():
+        totals[known] += count
+        counts[called] += count if known == "present" else 0
+    there, unknown = (_told_at(reader, each, instant, clock) for each in (stood, doubtful))
+    counts.subtract(label_in(each, standing.state) for each, standing in stood)
     counts.update(each.label for each in there)
     return Overview(
         instances=there,
-        counts=dict(sorted(counts.items())),
+        counts={called: count for called, count in sorted(counts.items()) if count},
         absent=totals["absent"],
         traversals=tuple(traversal_view(each) for each in reader.traversals if each.start_ns <= instant.at_ns),
         more=totals["present"] - len(there),
@@ -93,17 +89,16 @@ def overview_at(reader: MapReader, instant: Instant, clock: Clock, limit: int = 
     )
 
 
-def _everything(reader: MapReader) -> Iterator[StoredInstance]:
-    """All instances that are believed, those seen last first, a part at a time."""
-    numbers = reader.finder.called(None)
-    while part := list(islice(numbers, PART)):
-        lives = reader.lives_of(part)
-        yield from (lives[number] for number in part)
-
-
-def _told_at(reader: MapReader, numbers: Collection[int], instant: Instant, clock: Clock) -> tuple[InstanceView, ...]:
+def _standing(reader: MapReader, numbers: Collection[int], instant: Instant) -> list[tuple[StoredInstance, Standing]]:
+    """Some instances in the order of their numbers, with what is known of them."""
     known = ((each, standing_at(each, instant.at_ns, instant.begun_ns)) for each in reader.instances_of(numbers))
-    return tuple(_summary_at(reader, each, standing, instant, clock) for each, standing in known if standing)
+    return [(each, standing) for each, standing in known if standing is not None]
+
+
+def _told_at(
+    reader: MapReader, standing: Iterable[tuple[StoredInstance, Standing]], instant: Instant, clock: Clock
+) -> tuple[InstanceView, ...]:
+    return tuple(_summary_at(reader, each, known, instant, clock) for each, known in standing)
 
 
 def seen_by(reader: MapReader, instance: StoredInstance, instant: Instant) -> list[ObservationRef]:

@@ -8,7 +8,6 @@ from functools import cache
 from itertools import chain
 
 from supermap_cli.errors import QueryError
-from supermap_cli.memory.finding import BELIEVED
 from supermap_cli.memory.reading import MapReader
 from supermap_cli.memory.values import StoredInstance
 from supermap_cli.query import wording
@@ -22,6 +21,7 @@ from supermap_cli.query.moments import Moment, moment_at, moment_of
 from supermap_cli.query.relating import Basis, Relating
 from supermap_cli.query.relations import RelationName
 from supermap_cli.query.standing import Known, Standing, in_words, standing_view
+from supermap_cli.query.unsure import NOBODY, NOTED, Perhaps, perhaps
 from supermap_cli.query.views import (
     LISTED,
     BoxView,
@@ -35,12 +35,6 @@ from supermap_cli.query.views import (
 )
 from supermap_cli.query.vocabulary import LabelMatch, match_labels
 from supermap_cli.types.memory import Presence, StateRecord
-
-NOTED = 5
-"""Of how many things an answer says that nobody can tell."""
-
-LOOKED_AT = 400
-"""Among how many it looks for those of which nobody can tell, where it need not count."""
 
 
 @dataclass(frozen=True)
@@ -99,17 +93,6 @@ class Found:
     sure: int
 
 
-@dataclass(frozen=True)
-class Perhaps:
-    """Those of which nobody can say whether they stood there: the first few, and how many there are of `looked_at`
-    (`None`: of all).
-    """
-
-    told: list[StoredInstance]
-    count: int
-    looked_at: int | None
-
-
 def answer(text: str, reader: MapReader, at: str | None = None, limit: int = LISTED) -> Answer:
     """Answer a question, and list so many instances at most; `at` asks it as of a time or a traversal.
 
@@ -129,7 +112,7 @@ def answer(text: str, reader: MapReader, at: str | None = None, limit: int = LIS
     resolver.note_time(question, found.candidates, at)
     given_up = evidence_notes((each.evidence for each in instances), clock)
     count = found.sure if counting else None
-    at_most = len(instances) + (found.more or 0) + perhaps.count
+    at_most = len(instances) + (found.more or 0) + perhaps.besides
     when = moment.text if at else None
     return Answer(
         query=text,
@@ -166,7 +149,7 @@ class Resolver:
         """
         pool = self._called(things)
         relating = None if things.relation is None else self._relating(things.relation)
-        known = self._counted(pool) if relating is None else None
+        known = pool.counted() if relating is None and (counting or self.moment.kind != "at") else None
         numbers: set[int] = set()
         listed: dict[int, Basis] = {}
         sure, complete = 0, True
@@ -183,7 +166,7 @@ class Resolver:
             if len(listed) < self.limit:
                 listed[number] = basis
         if known is not None and not complete:
-            return Found(self._complete(pool, relating, listed), known - len(listed), known)
+            return Found(self._complete(pool, relating, listed), known.fits - len(listed), known.sure)
         more = len(numbers) - len(listed) if complete else None
         return Found(self._complete(pool, relating, listed), more, sure)
 
@@ -226,24 +209,12 @@ class Resolver:
         return None if things.relation is None else self.missing(things.relation.reference)
 
     def perhaps(self, things: Things, found: Iterable[InstanceView], *, counting: bool) -> Perhaps:
-        """Those of a name of which nobody can say whether they stood there at the time: they were seen later, and their
-        place had not been seen empty before; or they were on their way. Of relations nothing is guessed.
+        """Those of a name of which nobody can say whether they stood there at the time. Of relations nothing is
+        guessed.
         """
-        if self.moment.kind != "at" or things.relation is not None:
-            return Perhaps([], 0, None)
-        told = {each.id for each in found}
-        unsure: dict[int, StoredInstance] = {}
-        count = 0
-        for looked_at, each in enumerate(self._lives(things)):
-            if looked_at == LOOKED_AT and not counting:
-                return Perhaps(_by_number(unsure), count, LOOKED_AT)
-            standing = self.standing(each)
-            if each.id not in told and standing is not None and standing.presence == "unknown":
-                count += 1
-                unsure[each.number] = each
-                if len(unsure) > LOOKED_AT:
-                    unsure.pop(max(unsure))
-        return Perhaps(_by_number(unsure), count, None)
+        if things.relation is not None:
+            return NOBODY
+        return perhaps(self._called(things, ever=True), found, counting=counting)
 
     def notes_of(self, perhaps: Perhaps) -> list[str]:
         """What is known of those that perhaps stood there."""
@@ -337,21 +308,11 @@ class Resolver:
     def _relating(self, related: RelatedTo) -> Relating:
         return Relating(self.reader, self.moment, related.name, self._pool(related.reference, as_reference=True))
 
-    def _counted(self, pool: Called) -> int | None:
-        """How many fit, where the labels' index knows it."""
-        if pool.number is not None or self.moment.kind not in {"now", "last"}:
-            return None
-        return self.reader.finder.count(pool.labels, ["present"] if self.moment.kind == "now" else BELIEVED)
-
     def _complete(self, pool: Called, relating: Relating | None, listed: dict[int, Basis]) -> list[Candidate]:
         candidates = pool.among(listed)
         return (
             candidates if relating is None or not listed else relating.complete(candidates, next(iter(listed.values())))
         )
-
-    def _lives(self, things: Things) -> Iterator[StoredInstance]:
-        """All that were ever called so."""
-        return self._called(things, ever=True).lives()
 
     def _first_called(self, things: Things) -> list[StoredInstance]:
         """The first few that were ever called so, and stood somewhere."""

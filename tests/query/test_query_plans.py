@@ -18,7 +18,7 @@ from supermap_cli.query.diff import diff
 from supermap_cli.query.instants import Instant, instant_of
 from supermap_cli.query.inventory import inventory
 from supermap_cli.query.life import history
-from supermap_cli.query.overview import overview
+from supermap_cli.query.overview import overview, overview_at
 from supermap_cli.query.resolution import answer
 
 pytestmark = pytest.mark.sqlite_only("reads SQLite's query plans")
@@ -30,6 +30,7 @@ QUESTIONS = (
     *("piano earlier", "chairs at 2026-02-10T10:00:00Z", "chairs in day-003", "how many pianos in day-050"),
     *("chair near the piano", "vase on the desk", "desk under the vase", "lamp next to the monitor", "cup on desk-1"),
     *("chair near a desk near a piano", "everything near the piano", "keyboard above the desk earlier"),
+    *("how many chairs at 2026-02-10T10:00:00Z",),
     *("unicorn", "pianoo", "stool", "piano on the globe", "chairs inside the sink", "chair attached to the chair"),
 )
 ALLOWED = {
@@ -100,6 +101,7 @@ def test_no_question_scans_a_large_table(memory: Path, text: str) -> None:
     ("name", "ask"),
     [
         ("show", overview),
+        ("show at", lambda reader: overview_at(reader, *day(reader, "day-003"))),
         ("show ID", lambda reader: details(reader, "desk-3")),
         ("show ID at", lambda reader: details_at(reader, "desk-3", *day(reader, "day-003"))),
         ("history", lambda reader: history(reader, "chair-1")),
