@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, TextIO
 
 import typer
 
-from supermap_cli.commands.common import DbOption, database_url, err
+from supermap_cli.commands.common import AtOption, DbOption, database_url, err
 
 if TYPE_CHECKING:
     from supermap_cli.exporting.selection import Source
@@ -81,12 +81,13 @@ def export(  # noqa: PLR0917 - the options of the command
         bool | None,
         typer.Option(
             "--present/--all",
-            help="What stands now, or all that ever did. [default: --present for geojson and ply, else --all]",
+            help="What stands now, or all that ever did; with --at, then. [default: --present for geojson and ply, "
+            "else --all; with --at, what stood and what perhaps did]",
             show_default=False,
         ),
     ] = None,
     traversal: Annotated[str | None, typer.Option(help="What this traversal saw, where it saw it.")] = None,
-    at: Annotated[str | None, typer.Option(metavar="TIME", help="What stood where at a time, e.g. 10:21.")] = None,
+    at: AtOption = None,
     observations: Annotated[
         bool, typer.Option("--observations", help="json: every observation, too, without its crop.")
     ] = False,
@@ -97,7 +98,8 @@ def export(  # noqa: PLR0917 - the options of the command
 
     `json`: everything, by the schema `export`. `geojson`: footprints and the robot's ways from above, in metres.
     `ply`: the objects' voxels with colour, instance and label. `csv`, `parquet`: a folder with a file for each table.
-    An export that is stopped leaves nothing half.
+    With --at, what left or came within a gap in which nobody looked is in it, its `presence` "unknown", with the bounds
+    of that gap. An export that is stopped leaves nothing half.
     """
     from supermap_cli.exporting.selection import Source, select_part  # noqa: PLC0415 - keeps start-up light
     from supermap_cli.memory import open_store  # noqa: PLC0415
@@ -105,13 +107,9 @@ def export(  # noqa: PLR0917 - the options of the command
     chosen = format_ or _SUFFIXES.get(out.suffix.lower())
     _check_usage(chosen, out, observations=observations, ascii_text=ascii_text)
     assert chosen is not None  # noqa: S101 - `_check_usage` holds that
-    as_of = traversal is not None or at is not None
-    if present is None:
-        present = chosen in _OF_WHAT_STANDS and not as_of
+    presences = _presences(chosen, present, traversal=traversal is not None, at=at is not None)
     with open_store(database_url(db), read_only=True) as store, store.reader() as reader:
-        selection = select_part(
-            reader, label or (), presences=_presences(present, as_of=as_of), traversal=traversal, at=at
-        )
+        selection = select_part(reader, label or (), presences=presences, traversal=traversal, at=at)
         with _working(f"writing {chosen}") as progress:
             source = Source(reader, selection, progress)
             said = _WRITERS[chosen](source, Target(out, force, observations, ascii_text))
@@ -119,13 +117,24 @@ def export(  # noqa: PLR0917 - the options of the command
         err().print(f"{out}: {said}", markup=False)
 
 
-def _presences(present: bool, *, as_of: bool) -> frozenset[str]:
-    """What is doubted today was, as far as anybody knows, never there: only the whole memory has it."""
-    from supermap_cli.exporting.selection import BELIEVED, EVERYTHING, PRESENT  # noqa: PLC0415 - keeps start-up light
+def _presences(chosen: Format, present: bool | None, *, traversal: bool, at: bool) -> frozenset[str]:
+    """The presences that leave: today's, but as of a time those of then.
 
-    if present:
+    What is doubted today was, as far as anybody knows, never there: only the whole memory has it.
+    """
+    from supermap_cli.exporting.selection import (  # noqa: PLC0415 - keeps start-up light
+        BELIEVED,
+        EVERYTHING,
+        KNOWN,
+        PERHAPS_THERE,
+        PRESENT,
+    )
+
+    if present or (present is None and chosen in _OF_WHAT_STANDS and not (traversal or at)):
         return PRESENT
-    return BELIEVED if as_of else EVERYTHING
+    if at:
+        return PERHAPS_THERE if present is None else KNOWN
+    return BELIEVED if traversal else EVERYTHING
 
 
 def _check_usage(chosen: Format | None, out: Path, *, observations: bool, ascii_text: bool) -> None:

@@ -4,6 +4,10 @@ A header comment for every instance and label says what the numbers stand for:
 
     comment instance 7 chair-7 label 0
     comment label 0 chair
+
+and as of a time, what is known of each then:
+
+    comment instance 7 is unknown: left between 10:21:03 and 10:22:40; nobody can say for 10:22:00
 """
 
 from __future__ import annotations
@@ -15,12 +19,13 @@ from typing import BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
+from supermap_cli.exporting.leaving import Leaving
 from supermap_cli.exporting.selection import Source
 from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.mapping.voxel_map import voxel_map_from_cloud
 from supermap_cli.memory.streaming import stream_geometry
-from supermap_cli.memory.values import StoredInstance
-from supermap_cli.types.memory import StateRecord, VoxelCloud
+from supermap_cli.query.standing import in_words
+from supermap_cli.types.memory import VoxelCloud
 
 VERTEX = np.dtype(
     [
@@ -59,38 +64,42 @@ def write_cloud(source: Source, path: Path, *, ascii_text: bool = False) -> int:
     return count
 
 
-def _write_catalogue(source: Source, file: BinaryIO) -> dict[str, int]:
-    """The comments; returns the index of every label."""
+def _write_catalogue(source: Source, file: BinaryIO) -> dict[int, int]:
+    """The comments; returns the index of every instance's label."""
     labels: dict[str, int] = {}
-    for instance, states in source.instances():
-        label = labels.setdefault(instance.label, len(labels))
-        _comment(file, f"instance {instance.number} {instance.id} label {label}")
-        for state, shift_m in zip(states, _shifts_m(instance, states), strict=True):
+    of_instance: dict[int, int] = {}
+    for each in source.instances():
+        label = of_instance[each.number] = labels.setdefault(each.label, len(labels))
+        _comment(file, f"instance {each.number} {each.id} label {label}")
+        if each.standing is not None and source.selection.at is not None:
+            why = in_words(each.standing, source.selection.at.at_ns, source.clock)
+            _comment(file, f"instance {each.number} is {each.presence}: {why}")
+        for state, shift_m in zip(each.states, _shifts_m(each), strict=True):
             if shift_m.any():
                 moved = " ".join(f"{value:.4f}" for value in shift_m)
-                _comment(file, f"instance {instance.number} state {state.index} is its newest shape shifted by {moved}")
+                _comment(file, f"instance {each.number} state {state.index} is its newest shape shifted by {moved}")
     for name, label in labels.items():
         _comment(file, f"label {label} {name}")
-    return labels
+    return of_instance
 
 
-def _shifts_m(instance: StoredInstance, states: tuple[StateRecord, ...]) -> list[FloatArray]:
+def _shifts_m(instance: Leaving) -> list[FloatArray]:
     """How far (3,) the place of each state lies from that of the newest."""
-    return [state.centroid_map - instance.states[-1].centroid_map for state in states]
+    return [state.centroid_map - instance.newest.centroid_map for state in instance.states]
 
 
-def _vertices(source: Source, labels: dict[str, int]) -> Iterator[NDArray[np.void]]:
+def _vertices(source: Source, labels: dict[int, int]) -> Iterator[NDArray[np.void]]:
     geometry = stream_geometry(source.reader)
-    for instance, states in source.instances():  # both come in the order of numbers
+    for instance in source.instances(named=False):  # both come in the order of numbers
         cloud = next(cloud for number, cloud in geometry if number == instance.number)
         points, rgb = _solid(cloud)
-        for shift_m in _shifts_m(instance, states):
+        for shift_m in _shifts_m(instance):
             vertices = np.empty(len(points), VERTEX)
             for axis, values in zip("xyz", (points + shift_m).T, strict=True):
                 vertices[axis] = values
             for channel, values in zip(("red", "green", "blue"), rgb.T, strict=True):
                 vertices[channel] = values
-            vertices["instance"], vertices["label"] = instance.number, labels[instance.label]
+            vertices["instance"], vertices["label"] = instance.number, labels[instance.number]
             vertices["voxel_size"] = cloud.voxel_m
             yield vertices
 

@@ -6,11 +6,21 @@ import json
 from collections.abc import Callable, Iterable, Iterator
 from typing import TextIO
 
+from supermap_cli.exporting.leaving import Leaving
 from supermap_cli.exporting.selection import Source
-from supermap_cli.exporting.tables import KEYFRAMES, OBSERVATIONS, SPATIAL_EDGES, TEMPORAL_EDGES, Table
-from supermap_cli.memory.values import StoredInstance
+from supermap_cli.exporting.tables import (
+    KEYFRAMES,
+    OBSERVATIONS,
+    SPATIAL_EDGES,
+    TEMPORAL_EDGES,
+    TRAVERSALS,
+    VISITS,
+    Cells,
+    Table,
+    visits_of,
+)
+from supermap_cli.query.standing import standing_view
 from supermap_cli.query.views import box_view, interval_view, to_document, vector
-from supermap_cli.types.memory import StateRecord
 from supermap_cli.version import __version__
 
 FORMAT = "supermap-export"
@@ -22,7 +32,7 @@ FRAMES = {
     "camera": "A camera's optical frame (z forward, x right, y down): T_map_camera is its pose.",
 }
 UNITS = {"length": "m", "angle": "rad", "time": "ns", "image": "px"}
-_JSON_COLUMNS = frozenset({"T_map_base", "T_map_camera", "camera", "hypotheses"})
+_JSON_COLUMNS = frozenset({"T_map_base", "T_map_camera", "T_map_odom", "camera", "config", "hypotheses", "versions"})
 
 
 def write_document(source: Source, file: TextIO, *, observations: bool = False) -> None:
@@ -39,8 +49,8 @@ def write_document(source: Source, file: TextIO, *, observations: bool = False) 
     for key, value in head.items():
         file.write(f"\n{_dumps(key)}: {_dumps(value)},")
     parts: list[tuple[str, Iterable[object]]] = [
-        ("traversals", _traversals(source)),
-        ("instances", (_instance(source, *each) for each in source.instances(visits=True))),
+        ("traversals", _objects(source, TRAVERSALS)),
+        ("instances", (_instance(source, each) for each in source.instances(visits=True))),
         ("spatial_edges", _objects(source, SPATIAL_EDGES)),
         ("temporal_edges", _objects(source, TEMPORAL_EDGES)),
         ("keyframes", _objects(source, KEYFRAMES)),
@@ -68,66 +78,41 @@ def _selection(source: Source) -> dict[str, object]:
         "presences": sorted(selection.presences),
         "traversal": None if selection.traversal is None else selection.traversal.name,
         "at_ns": selection.at_ns,
+        "as_of": None if selection.at is None else selection.at.text,
     }
 
 
-def _traversals(source: Source) -> Iterator[dict[str, object]]:
-    for each in source.traversals:
-        yield {
-            "number": each.number,
-            "name": each.name,
-            "recording": each.recording,
-            "fingerprint": each.fingerprint,
-            "status": each.status,
-            "start_ns": each.start_ns,
-            "end_ns": each.end_ns,
-            "keyframes": each.keyframes,
-            "T_map_odom": each.T_map_odom.tolist(),
-            "clock_shift_ns": each.clock_shift_ns,
-            "crops_kept_from_ns": each.crops_kept_from_ns,
-            "observations_kept_from_ns": each.observations_kept_from_ns,
-            "thumbnails_kept_from_ns": each.thumbnails_kept_from_ns,
-            "versions": dict(each.versions),
-            "config": dict(each.config),
-        }
-
-
-def _instance(source: Source, instance: StoredInstance, states: tuple[StateRecord, ...]) -> dict[str, object]:
-    shown = {each.id for each in source.traversals}
+def _instance(source: Source, leaving: Leaving) -> dict[str, object]:
+    at_ns, standing = source.selection.at_ns, leaving.standing
+    told = {} if at_ns is None or standing is None else {"standing": standing_view(standing, at_ns, source.clock)}
+    visits = (_named(VISITS, row) for row in visits_of(leaving, source))
     return {
-        "id": instance.id,
-        "label": instance.label,
-        "label_belief": dict(instance.label_belief),
-        "presence": instance.presence,
-        "existence_log_odds": instance.existence_log_odds,
-        "first_seen_ns": instance.first_seen_ns,
-        "last_seen_ns": instance.last_seen_ns,
-        "position": vector(instance.centroid_map),
-        "box": to_document(box_view(instance.box)),
-        "observation_count": instance.observations,
-        "first_traversal": source.traversal_names[instance.traversal_id],
-        "intervals": [to_document(interval_view(each)) for each in states],
-        "visits": [
-            {
-                "traversal": source.traversal_names[each.traversal_id],
-                "supported": each.supported,
-                "in_view": each.in_view,
-                "contradicted": each.contradicted,
-                "first_support_ns": each.first_support_ns,
-                "last_support_ns": each.last_support_ns,
-            }
-            for each in instance.visits
-            if each.traversal_id in shown
-        ],
+        "id": leaving.id,
+        "label": leaving.label,
+        "label_belief": dict(leaving.label_belief),
+        "presence": leaving.presence,
+        **{name: to_document(view) for name, view in told.items()},
+        "existence_log_odds": leaving.existence_log_odds,
+        "first_seen_ns": leaving.first_seen_ns,
+        "last_seen_ns": leaving.last_seen_ns,
+        "position": vector(leaving.centroid_map),
+        "box": to_document(box_view(leaving.box)),
+        "observation_count": leaving.observations,
+        "first_traversal": source.traversal_names[leaving.traversal_id],
+        "intervals": [to_document(interval_view(each)) for each in leaving.states],
+        "visits": [{name: cell for name, cell in each.items() if name != "id"} for each in visits],
     }
 
 
 def _objects(source: Source, table: Table) -> Iterator[dict[str, object]]:
-    """A table's rows as objects; what it holds as JSON is a value here."""
-    names = [column.name for column in table.columns]
-    for row in table.rows(source):
-        named = zip(names, row, strict=True)
-        yield {name: json.loads(str(cell)) if name in _JSON_COLUMNS else cell for name, cell in named}
+    """A table's rows as objects."""
+    return (_named(table, row) for row in table.rows(source))
+
+
+def _named(table: Table, row: Cells) -> dict[str, object]:
+    """A row as an object; what the table holds as JSON is a value here."""
+    named = zip((column.name for column in table.columns), row, strict=True)
+    return {name: json.loads(str(cell)) if name in _JSON_COLUMNS else cell for name, cell in named}
 
 
 def _dumps(value: object) -> str:

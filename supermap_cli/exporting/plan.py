@@ -11,10 +11,11 @@ from collections.abc import Iterator
 from itertools import groupby
 from typing import TextIO
 
+from supermap_cli.exporting.leaving import Leaving
 from supermap_cli.exporting.selection import Source
-from supermap_cli.exporting.tables import KEYFRAMES, presence_in
-from supermap_cli.memory.values import StoredInstance
+from supermap_cli.exporting.tables import KEYFRAMES
 from supermap_cli.query.clock import Clock
+from supermap_cli.query.standing import in_words
 from supermap_cli.types.memory import StateRecord
 
 NOTE = (
@@ -25,7 +26,10 @@ NOTE = (
 def write_plan(source: Source, file: TextIO) -> None:
     """Write a FeatureCollection, a feature a line: a Polygon for each state that leaves, a line for each traversal."""
     file.write('{"type": "FeatureCollection", "crs": null,\n')
-    file.write(f'"supermap": {json.dumps({"frame": "map", "unit": "m", "note": NOTE})},\n"features": [')
+    about = {"frame": "map", "unit": "m", "note": NOTE}
+    if source.selection.at is not None:
+        about |= {"as_of": source.selection.at.text}
+    file.write(f'"supermap": {json.dumps(about, ensure_ascii=False)},\n"features": [')
     for index, feature in enumerate(source.counted("features", _features(source))):
         file.write(f"{',' if index else ''}\n{json.dumps(feature, ensure_ascii=False, allow_nan=False)}")
     file.write("\n]}\n")
@@ -33,12 +37,13 @@ def write_plan(source: Source, file: TextIO) -> None:
 
 def _features(source: Source) -> Iterator[dict[str, object]]:
     yield from _ways(source)
-    for instance, states in source.instances():
-        for state in states:
-            yield _footprint(instance, state, source.clock)
+    for instance in source.instances():
+        for state in instance.states:
+            yield _footprint(instance, state, source)
 
 
-def _footprint(instance: StoredInstance, state: StateRecord, clock: Clock) -> dict[str, object]:
+def _footprint(instance: Leaving, state: StateRecord, source: Source) -> dict[str, object]:
+    clock = source.clock
     corners = [_place(x, y) for x, y in state.box.outline]
     return {
         "type": "Feature",
@@ -48,7 +53,8 @@ def _footprint(instance: StoredInstance, state: StateRecord, clock: Clock) -> di
             "kind": "object",
             "id": instance.id,
             "label": instance.label,
-            "presence": presence_in(instance, state),
+            "presence": instance.presence_in(state),
+            **_gap(instance, source),
             "state": state.index,
             "confidence": round(state.confidence, 4),
             "z_min": round(state.box.z_min, 4),
@@ -61,6 +67,19 @@ def _footprint(instance: StoredInstance, state: StateRecord, clock: Clock) -> di
             **_time("last_seen", state.last_seen_ns, clock),
             **_time("gone", state.gone_ns, clock),
         },
+    }
+
+
+def _gap(instance: Leaving, source: Source) -> dict[str, object]:
+    """As of a time: why its presence is what it is, and within which bounds it left or came."""
+    at_ns, standing = source.selection.at_ns, instance.standing
+    if at_ns is None or standing is None:
+        return {}
+    not_before_ns, not_after_ns = instance.gap_ns
+    return {
+        "why": in_words(standing, at_ns, source.clock),
+        **_time("not_before", not_before_ns, source.clock),
+        **_time("not_after", not_after_ns, source.clock),
     }
 
 

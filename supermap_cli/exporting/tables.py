@@ -10,12 +10,11 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any, Literal
 
+from supermap_cli.exporting.leaving import Leaving
 from supermap_cli.exporting.selection import Source
 from supermap_cli.geometry.boxes import Box3D
 from supermap_cli.memory import streaming
-from supermap_cli.memory.values import StoredInstance
 from supermap_cli.query.stretches import moment_of_stamp
-from supermap_cli.types.memory import StateRecord
 
 ColumnKind = Literal["text", "integer", "real", "time"]
 Cell = int | float | str | None
@@ -71,6 +70,8 @@ _PLACE = tuple(
     f"{name}:real"
     for name in (*"xyz", "center_x", "center_y", "center_z", "size_x", "size_y", "size_z", "yaw")
 )  # fmt: skip
+_GAP = ("not_before_ns", "not_after_ns")
+"""As of a time: within which bounds it left, or came, where that is not known better."""
 
 
 def _place(centroid: Any, box: Box3D) -> Cells:
@@ -95,27 +96,22 @@ def _keyframes(source: Source) -> Iterator[Cells]:
 
 
 def _instances(source: Source) -> Iterator[Cells]:
-    for each, _ in source.instances():
+    for each in source.instances():
         yield (
             *(each.id, each.number, each.label, each.presence, each.existence_log_odds, each.first_seen_ns),
             *(each.last_seen_ns, *_place(each.centroid_map, each.box), each.observations),
-            *(source.traversal_names[each.traversal_id], _json(each.label_belief)),
+            *(source.traversal_names[each.traversal_id], _json(each.label_belief), *each.gap_ns),
         )
 
 
 def _states(source: Source) -> Iterator[Cells]:
-    for instance, states in source.instances():
-        for each in states:
+    for instance in source.instances(named=False):
+        for each in instance.states:
             yield (
-                *(instance.id, each.index, each.label, presence_in(instance, each), float(each.confidence)),
+                *(instance.id, each.index, each.label, instance.presence_in(each), float(each.confidence)),
                 *(each.empty_before_ns, each.first_seen_ns, each.last_seen_ns, each.gone_ns),
-                *_place(each.centroid_map, each.box),
+                *(*_place(each.centroid_map, each.box), *instance.gap_ns),
             )
-
-
-def presence_in(instance: StoredInstance, state: StateRecord) -> str:
-    """The presence of an instance as far as a state says: "ended" in all but its newest."""
-    return instance.presence if state.index == instance.states[-1].index else "ended"
 
 
 def _observations(source: Source) -> Iterator[Cells]:
@@ -130,14 +126,19 @@ def _observations(source: Source) -> Iterator[Cells]:
 
 
 def _visits(source: Source) -> Iterator[Cells]:
+    for instance in source.instances(visits=True, named=False):
+        yield from visits_of(instance, source)
+
+
+def visits_of(instance: Leaving, source: Source) -> Iterator[Cells]:
+    """The rows of one instance in `VISITS`."""
     shown = {each.id for each in source.traversals}
-    for instance, _ in source.instances(visits=True):
-        for each in instance.visits:
-            if each.traversal_id in shown:
-                yield (
-                    *(instance.id, source.traversal_names[each.traversal_id], each.supported, each.in_view),
-                    *(each.contradicted, each.first_support_ns, each.last_support_ns),
-                )
+    for each in instance.visits:
+        if each.traversal_id in shown:
+            yield (
+                *(instance.id, source.traversal_names[each.traversal_id], each.supported, each.in_view),
+                *(each.contradicted, each.first_support_ns, each.last_support_ns),
+            )
 
 
 def _spatial_edges(source: Source) -> Iterator[Cells]:
@@ -199,7 +200,7 @@ INSTANCES = Table(
     "instances",
     _columns(
         *("id", "number:integer", "label", "presence", "existence_log_odds:real", "first_seen_ns", "last_seen_ns"),
-        *(*_PLACE, "observations:integer", "first_traversal", "label_belief"),
+        *(*_PLACE, "observations:integer", "first_traversal", "label_belief", *_GAP),
     ),
     _instances,
 )
@@ -207,7 +208,7 @@ STATES = Table(
     "states",
     _columns(
         *("id", "state:integer", "label", "presence", "confidence:real", "empty_before_ns", "first_seen_ns"),
-        *("last_seen_ns", "gone_ns", *_PLACE),
+        *("last_seen_ns", "gone_ns", *_PLACE, *_GAP),
     ),
     _states,
 )

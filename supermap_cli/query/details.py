@@ -27,7 +27,7 @@ from supermap_cli.query.views import (
     support_spans,
     vector,
 )
-from supermap_cli.types.memory import Presence, SpatialEdge
+from supermap_cli.types.memory import Presence, SpatialEdge, StateRecord
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,6 @@ def details_at(reader: MapReader, text_id: str, instant: Instant, clock: Clock) 
     state, seen = standing.state, seen_by(reader, instance, instant)
     name = name_by(seen, at_ns)
     by_then = {each.id for each in reader.traversals if each.start_ns <= at_ns}
-    confidence = min(max(state.confidence, 1e-6), 1 - 1e-6)
     begun = [each for each in instance.states if each.first_seen_ns <= at_ns]
     return ObjectDetails(
         id=instance.id,
@@ -91,7 +90,7 @@ def details_at(reader: MapReader, text_id: str, instant: Instant, clock: Clock) 
         label=state.label if name is None else name.label,
         label_belief={label: round(share, 4) for label, share in label_shares(seen).items()},
         presence="doubted" if instance.presence == "doubted" else standing.presence,
-        existence_log_odds=round(math.log(confidence / (1 - confidence)), 4),
+        existence_log_odds=round(log_odds(state), 4),
         position=vector(state.centroid_map),
         box=box_view(state.box),
         first_seen_ns=instance.first_seen_ns,
@@ -106,6 +105,12 @@ def details_at(reader: MapReader, text_id: str, instant: Instant, clock: Clock) 
         as_of_ns=at_ns,
         standing=standing_view(standing, at_ns, clock),
     )
+
+
+def log_odds(state: StateRecord) -> float:
+    """How surely something stood there, as log-odds."""
+    confidence = min(max(state.confidence, 1e-6), 1 - 1e-6)
+    return math.log(confidence / (1 - confidence))
 
 
 def find_instance(reader: MapReader, text_id: str) -> StoredInstance:

@@ -22,8 +22,7 @@ from supermap_cli.errors import ExportError, QueryError
 from supermap_cli.exporting import parquet_tables
 from supermap_cli.geometry.boxes import polygon_area_m2
 from supermap_cli.geometry.open3d_loader import load_open3d
-from supermap_cli.memory import open_store, reading, streaming
-from supermap_cli.query.resolution import answer
+from supermap_cli.memory import reading, streaming
 from supermap_cli.types.memory import MapDelta
 from supermap_schema.json_schemas import load_schema
 
@@ -156,16 +155,6 @@ def test_a_plan_says_that_it_is_in_metres(db: Path) -> None:
 def test_a_traversal_of_one_keyframe_is_a_point(tmp_path: Path) -> None:
     db = m.make_memory(tmp_path / "map.db", ("monday", (0, 10), MapDelta(keyframes=(m.keyframe(1, x=2.5),))))
     assert plan(db)["trajectory monday"]["geometry"] == {"type": "Point", "coordinates": [2.5, 0.0]}
-
-
-@pytest.mark.parametrize("at", ["40 s", "99 s", "1000.5 s", "1002 s", "1090 s"])
-def test_as_of_a_time_the_plan_shows_what_a_question_at_that_time_finds(db: Path, at: str) -> None:
-    features = plan(db, "--at", at).values()
-    shown = {each["properties"]["id"] for each in features if each["properties"]["kind"] == "object"}
-    with open_store(str(db), read_only=True) as store, store.reader() as reader:
-        labels = {each.label for each in reader.instances}
-        found = {each.id for label in labels for each in answer(f"{label} at {at}", reader).instances}
-    assert shown == found
 
 
 # PLY
@@ -315,8 +304,11 @@ def test_wrong_usage_is_exit_code_2(db: Path, options: tuple[str, ...]) -> None:
         ("--format", "ply"),
         ("--format", "csv"),
         ("--format", "parquet"),
+        ("--format", "json", "--at", "monday"),
+        ("--format", "csv", "--at", "monday", "--label", "box"),
+        ("--format", "ply", "--at", "monday"),
     ],
-    ids=lambda options: options[1],
+    ids=lambda options: "-".join(options[1::2]),
 )
 def test_what_an_export_holds_in_memory_does_not_grow_with_the_memory(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, options: tuple[str, ...]

@@ -1,0 +1,242 @@
+"""`supermap export --at`: every format says of every thing what `supermap show --at` says of it, gaps and all."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from jsonschema import Draft202012Validator
+from plyfile import PlyData
+
+import kitchen
+import memories as m
+from cli import document, supermap
+from supermap_cli.types.memory import MapDelta
+from supermap_schema.json_schemas import load_schema
+
+TIMES = ("0 s", "40 s", "99 s", "500 s", "1000.5 s", "1002 s", "1090 s", "monday", "tuesday")
+ODD = (11, 12, 13, 14)
+"""A cup that is called a mug later, one that left in a gap, one that was lost, one that moved in a gap."""
+
+
+@dataclass(frozen=True)
+class Told:
+    """What is told of one thing as of a time."""
+
+    presence: str
+    label: str
+    position: tuple[float, ...]
+    not_before_ns: int | None
+    not_after_ns: int | None
+
+
+@pytest.fixture(scope="module")
+def db(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return make_gaps(tmp_path_factory.mktemp("gaps") / "map.db")
+
+
+def make_gaps(path: Path) -> Path:
+    """The kitchen, and things in it that changed while nobody looked."""
+    renamed, left, lost, moved = ODD
+    monday, tuesday = kitchen.MONDAY, kitchen.TUESDAY
+    first = MapDelta(
+        keyframes=m.keyframes([2, 41, 91]),
+        instances=tuple(m.instance(each, "cup", (each, 0, 0.5), seen=monday) for each in ODD),
+        observations=tuple(m.observation(each, at, "cup") for each in ODD for at in (2, 41, 91)),
+        states=tuple(m.state(each, 0, monday, (each, 0, 0.5), label="cup") for each in ODD),
+        visits=tuple(m.visit(each, 3, 3, 0, monday) for each in ODD),
+    )
+    second = MapDelta(
+        keyframes=m.keyframes([1002, 1041, 1091]),
+        instances=(
+            m.instance(renamed, "mug", (renamed, 0, 0.5), seen=(1, 1090)),
+            m.instance(left, "cup", (left, 0, 0.5), seen=monday, presence="absent"),
+            m.instance(lost, "cup", (lost, 0, 0.5), seen=monday, presence="absent"),
+            m.instance(moved, "cup", (moved, 5, 0.5), seen=(1, 1090)),
+        ),
+        observations=(
+            *(m.observation(renamed, at, "mug") for at in (1002, 1041, 1091)),
+            *(m.observation(moved, at, "cup") for at in (1002, 1041, 1091)),
+        ),
+        states=(
+            m.state(renamed, 0, (1, 1090), (renamed, 0, 0.5), label="mug"),
+            m.state(left, 0, monday, (left, 0, 0.5), gone=1005, label="cup"),
+            m.state(moved, 0, monday, (moved, 0, 0.5), label="cup", gone=1001),
+            m.state(moved, 1, tuesday, (moved, 5, 0.5), label="cup", empty_before=90),
+        ),
+        visits=(
+            *(m.visit(each, 3, 3, 0, tuesday) for each in (renamed, moved)),
+            *(m.visit(each, 0, 3, 3) for each in (left, lost)),
+        ),
+    )
+    days = (("monday", (0, 100), kitchen.monday, first), ("tuesday", (1000, 1100), kitchen.tuesday, second))
+    with m.open_store(str(path), create=True) as store:
+        for name, span, *deltas in days:
+            m.add_traversal(store, name, span, *deltas)
+    return path
+
+
+def shown(db: Path, at: str, *presences: str) -> dict[str, Told]:
+    """What `show --at` says of all that stood or perhaps stood then, by id."""
+    printed = document("show", "show", "--db", db, "--at", at)
+    told = {
+        each["id"]: Told(
+            each["presence"],
+            each["label"],
+            tuple(each["position"]),
+            each["standing"]["not_before_ns"],
+            each["standing"]["not_after_ns"],
+        )
+        for each in (*printed["instances"], *printed["unknown"])
+    }
+    return {id_: each for id_, each in told.items() if not presences or each.presence in presences}
+
+
+def exported(db: Path, at: str, format_: str, *options: str) -> Any:
+    result = supermap("export", "--db", db, "--out", "-", "--format", format_, "--at", at, *options)
+    assert result.exit_code == 0, result.output or repr(result.exception)
+    return json.loads(result.stdout)
+
+
+def in_document(db: Path, at: str, *options: str) -> dict[str, Told]:
+    found = exported(db, at, "json", *options)
+    Draft202012Validator(load_schema("export")).validate(found)
+    assert all(each["presence"] == each["standing"]["presence"] for each in found["instances"])
+    return {
+        each["id"]: Told(
+            each["presence"],
+            each["label"],
+            tuple(each["position"]),
+            each["standing"]["not_before_ns"],
+            each["standing"]["not_after_ns"],
+        )
+        for each in found["instances"]
+    }
+
+
+def in_plan(db: Path, at: str, *options: str) -> dict[str, Told]:
+    features = (each["properties"] for each in exported(db, at, "geojson", *options)["features"])
+    return {
+        each["id"]: Told(
+            each["presence"],
+            each["label"],
+            (each["x"], each["y"], each["z"]),
+            each["not_before_ns"],
+            each["not_after_ns"],
+        )
+        for each in features
+        if each["kind"] == "object"
+    }
+
+
+def in_tables(db: Path, out: Path, at: str) -> tuple[dict[str, Told], dict[str, Told]]:
+    """By `instances.csv`, and by `states.csv`."""
+    result = supermap("export", "--db", db, "--out", out, "--format", "csv", "--at", at)
+    assert result.exit_code == 0, result.output or repr(result.exception)
+    told = []
+    for name in ("instances", "states"):
+        with (out / f"{name}.csv").open(newline="") as file:
+            told.append({each["id"]: of_row(each) for each in csv.DictReader(file)})
+    return told[0], told[1]
+
+
+def of_row(row: dict[str, str]) -> Told:
+    place = tuple(float(row[axis]) for axis in "xyz")
+    low_ns, high_ns = (int(row[name]) if row[name] else None for name in ("not_before_ns", "not_after_ns"))
+    return Told(row["presence"], row["label"], place, low_ns, high_ns)
+
+
+def presences(told: dict[str, Told]) -> set[str]:
+    return {each.presence for each in told.values()}
+
+
+def test_the_memory_has_gaps(db: Path) -> None:
+    """Else the tests below would hold of exports that know none."""
+    assert presences(shown(db, "500 s")) == {"present", "unknown"}
+    assert {each.label for each in shown(db, "tuesday").values()} - {
+        each.label for each in shown(db, "monday").values()
+    }
+
+
+@pytest.mark.parametrize("at", TIMES)
+def test_the_document_says_what_show_says(db: Path, at: str) -> None:
+    assert in_document(db, at) == shown(db, at)
+
+
+@pytest.mark.parametrize("at", TIMES)
+def test_the_plan_says_what_show_says(db: Path, at: str) -> None:
+    assert in_plan(db, at) == shown(db, at)
+
+
+@pytest.mark.parametrize("at", TIMES)
+def test_the_tables_say_what_show_says(db: Path, tmp_path: Path, at: str) -> None:
+    instances, states = in_tables(db, tmp_path / "tables", at)
+    assert instances == shown(db, at)
+    assert {id_: (each.presence, each.position) for id_, each in states.items()} == {
+        id_: (each.presence, each.position) for id_, each in instances.items()
+    }
+
+
+@pytest.mark.parametrize("at", TIMES)
+def test_the_cloud_says_what_show_says(db: Path, tmp_path: Path, at: str) -> None:
+    result = supermap("export", "--db", db, "--out", tmp_path / "cloud.ply", "--at", at)
+    assert result.exit_code == 0, result.output
+    read = PlyData.read(tmp_path / "cloud.ply")
+    words = [comment.split() for comment in read.comments]
+    ids = {each[1]: each[2] for each in words if each[0] == "instance" and each[3] == "label"}
+    said = {ids[each[1]]: each[3].rstrip(":") for each in words if each[0] == "instance" and each[2] == "is"}
+    labels = {each[1]: " ".join(each[2:]) for each in words if each[0] == "label"}
+    called = {each[2]: labels[each[4]] for each in words if each[0] == "instance" and each[3] == "label"}
+    expected = shown(db, at)
+    assert said == {id_: each.presence for id_, each in expected.items()}
+    assert called == {id_: each.label for id_, each in expected.items()}
+    assert {int(each) for each in ids} == set(np.unique(read["vertex"]["instance"]))
+
+
+@pytest.mark.parametrize("at", TIMES)
+def test_only_what_is_known_to_have_stood_is_present(db: Path, at: str) -> None:
+    assert in_plan(db, at, "--present") == shown(db, at, "present")
+
+
+@pytest.mark.parametrize("at", TIMES)
+def test_all_has_what_did_not_stand_then_as_well(db: Path, at: str) -> None:
+    found = in_document(db, at, "--all")
+    absent = {id_ for id_, each in found.items() if each.presence == "absent"}
+    assert len(absent) == document("show", "show", "--db", db, "--at", at)["absent"]
+    assert {id_: each for id_, each in found.items() if id_ not in absent} == shown(db, at)
+
+
+def test_what_a_traversal_saw_stood_at_its_end_though_it_left_later(db: Path) -> None:
+    assert in_document(db, "monday")["cup-1"].presence == "present"
+    assert in_document(db, "500 s")["cup-1"].presence == "unknown"
+    assert "cup-1" not in in_document(db, "tuesday")
+
+
+def test_a_thing_is_looked_for_by_what_it_was_called_then(db: Path) -> None:
+    def found(at: str, label: str) -> Iterable[str]:
+        return in_document(db, at, "--label", label).keys()
+
+    called = next(id_ for id_, each in in_document(db, "tuesday").items() if each.label == "mug")
+    assert called in found("monday", "cup")
+    assert called not in found("monday", "mug")
+    assert called in found("tuesday", "mug")
+    assert called not in found("tuesday", "cup")
+
+
+def test_a_plan_and_a_document_say_of_when_they_are(db: Path) -> None:
+    assert exported(db, "monday", "geojson")["supermap"]["as_of"] == "monday"
+    selection = exported(db, "monday", "json")["selection"]
+    assert (selection["as_of"], selection["at_ns"]) == ("monday", m.ns(100))
+
+
+def test_what_was_seen_later_is_not_counted(db: Path) -> None:
+    then, today = ({each["id"]: each for each in exported(db, at, "json")["instances"]} for at in ("monday", "tuesday"))
+    table = "dining-table-1"
+    assert (then[table]["observation_count"], today[table]["observation_count"]) == (3, 6)
+    assert (then[table]["last_seen_ns"], today[table]["last_seen_ns"]) == (m.ns(90), m.ns(1090))
