@@ -7,8 +7,10 @@ from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
 from typing import Literal
 
+from supermap_cli.memory.linked import End, Linked
+from supermap_cli.memory.numbers import batches
 from supermap_cli.memory.reading import MapReader
-from supermap_cli.query.candidates import Candidate, Listed, Pool
+from supermap_cli.query.candidates import PART, Called, Candidate, Counted, Listed, Pool
 from supermap_cli.query.moments import Moment, Span
 from supermap_cli.query.relations import REACH, STORED_FORMS, RelationName, box_distance_m, holds
 from supermap_cli.query.views import RelationView
@@ -54,7 +56,7 @@ class Relating:
         and the other is asked for its neighbours only.
         """
         from_references = self.references.size() < candidates.size()
-        for basis in BASES:
+        for basis in BASES if self._any_stored(candidates) else BASES[1:]:
             found = False
             for part in (self.references if from_references else candidates).parts():
                 numbers = {each.instance.number for each in part}
@@ -69,6 +71,44 @@ class Relating:
                     yield basis, each
             if found:
                 return
+
+    def counted(self, candidates: Pool) -> Counted | None:
+        """How many fit by stored edges, where the database can count them: of what is present, in one relation.
+
+        Only those are read of which an edge alone does not say so. `None`, too, where none fits so.
+        """
+        linked = self._linked(candidates)
+        if linked is None:
+            return None
+        forms = STORED_FORMS[self.name]
+        merged = linked.merged({form.relation for form in forms})
+        fits, unsure = set[int](), merged
+        for form in forms:
+            numbers = linked.numbers(form.relation, turned=form.turned)
+            if form.checked:
+                unsure = unsure | numbers
+            else:
+                fits |= numbers - merged
+        for part in batches(sorted(unsure - fits), PART):
+            fits.update(each.instance.number for each in self.complete(candidates.among(part), "stored"))
+        return Counted(len(fits), len(fits)) if fits else None
+
+    def _any_stored(self, candidates: Pool) -> bool:
+        """Whether a stored edge may relate any: if not, none need be read to know it."""
+        linked = self._linked(candidates)
+        if linked is None:
+            return True
+        forms = STORED_FORMS[self.name]
+        return any(linked.any(form.relation, turned=form.turned) for form in forms) or bool(
+            linked.merged({form.relation for form in forms})
+        )
+
+    def _linked(self, candidates: Pool) -> Linked | None:
+        """The stored edges in question, if they are about what is present and called by names."""
+        if self.moment.kind != "now" or not isinstance(candidates, Called) or not isinstance(self.references, Called):
+            return None
+        one, other = (End(each.labels, each.number) for each in (candidates, self.references))
+        return Linked(self.reader, one, other, int(self.moment.low_ns))
 
     def complete(self, candidates: list[Candidate], basis: Basis) -> list[Candidate]:
         """Those of the candidates that fit, with all their relations."""

@@ -11,7 +11,7 @@ from supermap_cli.errors import QueryError
 from supermap_cli.memory.reading import MapReader
 from supermap_cli.memory.values import StoredInstance
 from supermap_cli.query import wording
-from supermap_cli.query.candidates import Called, Candidate, Pool, label_in
+from supermap_cli.query.candidates import Called, Candidate, Counted, Pool, label_in
 from supermap_cli.query.clock import Clock, clock_of, is_time_of_day
 from supermap_cli.query.grammar import Question, RelatedTo, Things, parse
 from supermap_cli.query.instants import instant_of
@@ -149,7 +149,7 @@ class Resolver:
         """
         pool = self._called(things)
         relating = None if things.relation is None else self._relating(things.relation)
-        known = pool.counted() if relating is None and (counting or self.moment.kind != "at") else None
+        known = self._counted(pool, relating, counting=counting)
         numbers: set[int] = set()
         listed: dict[int, Basis] = {}
         sure, complete = 0, True
@@ -307,6 +307,12 @@ class Resolver:
 
     def _relating(self, related: RelatedTo) -> Relating:
         return Relating(self.reader, self.moment, related.name, self._pool(related.reference, as_reference=True))
+
+    def _counted(self, pool: Called, relating: Relating | None, *, counting: bool) -> Counted | None:
+        """How many fit, if the database can count them: unasked only where that takes no time."""
+        if relating is not None:
+            return relating.counted(pool) if counting else None
+        return pool.counted() if counting or self.moment.kind != "at" else None
 
     def _complete(self, pool: Called, relating: Relating | None, listed: dict[int, Basis]) -> list[Candidate]:
         candidates = pool.among(listed)
