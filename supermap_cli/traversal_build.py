@@ -52,6 +52,14 @@ class BuildSummary:
     resumed_s: float | None = None
 
 
+@dataclass(frozen=True)
+class GoingOn:
+    """A build that was stopped, and what it goes on from."""
+
+    traversal: StoredTraversal
+    checkpoint: Checkpoint
+
+
 class TraversalBuild:
     """Builds one traversal into the memory."""
 
@@ -79,6 +87,7 @@ class TraversalBuild:
         self.stages = FramePipeline(recording, self.backends, plugins, config, self.clock, look_ahead=look_ahead)
         self.viewers = [each for each in plugins.working if "keyframe_mapped" in each.hooks]
         self.cadence = Cadence(config.keyframes.checkpoint_s)
+        self.wish = "auto"
         self.warnings: list[str] = []
         self.spent_s: dict[str, float] = {}
         self.committed_ns = 0
@@ -102,18 +111,22 @@ class TraversalBuild:
         Raises a `SupermapError` for a recording that cannot be mapped, and for one that would leave nothing behind;
         `BuildStoppedError` when asked to stop. What was mapped until then is kept if there is a checkpoint.
         """
-        going_on = self._stopped_build(unfinished)
+        self.wish = align
+        stopped = self._stopped_build(unfinished, name)
+        going_on = None if stopped is None else self._checkpoint_of(stopped, unfinished)
+        replaced = None if stopped is None or going_on is not None else stopped.id
         if going_on is None:
-            self._check_it_can_follow(name, again=again)
+            self._check_it_can_follow(name, replaced, again=again)
         traversal_id: int | None = None
         try:
             if going_on is None:
-                placement = self._place(align)
+                placement = self._place(replaced)
+                self._take_out(replaced)
                 traversal_id = self._begin(placement, name, again=again)
                 self.stages.restore(self.store, placement)
             else:
-                traversal_id = going_on[0].id
-                placement = self._resume(*going_on)
+                traversal_id = going_on.traversal.id
+                placement = self._resume(going_on)
             with PoliteStop() as stop:
                 self._map_all(traversal_id, placement, stop, progress)
             total_s = self._finish(traversal_id)
@@ -128,11 +141,12 @@ class TraversalBuild:
             for batch in batches:
                 if self._was_committed(batch):
                     continue
-                checkpoint = self._checkpoint(placement, wanted=stop.requested)
+                stopping = stop.requested
+                checkpoint = self._checkpoint(placement, wanted=stopping)
                 with self.clock.stage("write"):
                     self.store.commit(traversal_id, batch, checkpoint)
                 self._tell_viewers(batch)
-                if stop.requested:
+                if stopping:
                     raise BuildStoppedError(
                         f"stopped at {self._mapped_s():.1f} s of {self._recorded_s():.1f} s",
                         where=str(self.recording.path),
@@ -169,7 +183,7 @@ class TraversalBuild:
         """
         with suppress(MemoryStoreError):
             if traversal_id is not None and self._worth_keeping and self.store.checkpoint(traversal_id) is not None:
-                self.kept_s = self._mapped_s()
+                self.kept_s = self._mapped_s() if self.stages.newest_ns else None
                 return
             if traversal_id is not None:
                 self.store.discard_traversal(traversal_id)
@@ -187,28 +201,21 @@ class TraversalBuild:
 
     # -- before the first frame
 
-    def _stopped_build(self, unfinished: Unfinished) -> tuple[StoredTraversal, Checkpoint] | None:
-        """Before any work: the stopped build that goes on; `None` if there is none, or it is begun anew."""
-        where, fingerprint = str(self.recording.path), self.recording.fingerprint()
-        stopped = self.store.unfinished()
-        if stopped is None:
-            return None
-        if unfinished == "resume" and stopped.fingerprint == fingerprint:
-            self._check_it_is_built_alike(stopped)
-            checkpoint = self.store.checkpoint(stopped.id) if is_resumable(self.backends.tracker) else None
-            if checkpoint is not None:
-                return stopped, checkpoint
-        elif unfinished != "restart":
+    def _stopped_build(self, unfinished: Unfinished, name: str | None) -> StoredTraversal | None:
+        """Before any work: a build that was stopped before, and is to go on or to be replaced by this one."""
+        stopped, fingerprint = self.store.unfinished(), self.recording.fingerprint()
+        if stopped is None or unfinished == "restart":
+            return stopped
+        if unfinished == "refuse" or stopped.fingerprint != fingerprint:
             what, cure = _in_the_way(stopped, fingerprint)
-            raise MemoryStoreError(what, where=where, cure=cure)
-        self.store.take_out_unfinished()
-        self.warnings.append(f"the build of {stopped.name!r} had been stopped: what it had written was taken out")
-        return None
+            raise MemoryStoreError(what, where=str(self.recording.path), cure=cure)
+        self._check_it_is_built_alike(stopped, name)
+        return stopped
 
-    def _check_it_is_built_alike(self, stopped: StoredTraversal) -> None:
-        now = {"build": self._config(), "versions": _VERSIONS}
+    def _check_it_is_built_alike(self, stopped: StoredTraversal, name: str | None) -> None:
+        now = {"build": self._config(), "versions": _VERSIONS, "name": name or stopped.name}
         begun_with = {entry: value for entry, value in stopped.config.items() if entry != "placed"}
-        before = {"build": begun_with, "versions": dict(stopped.versions)}
+        before = {"build": begun_with, "versions": dict(stopped.versions), "name": stopped.name}
         difference = first_difference(before, now)
         if difference is not None:
             raise ConfigError(
@@ -217,26 +224,40 @@ class TraversalBuild:
                 cure="go on with the settings it was begun with, or begin anew with --restart",
             )
 
-    def _check_it_can_follow(self, name: str | None, *, again: bool) -> None:
+    def _checkpoint_of(self, stopped: StoredTraversal, unfinished: Unfinished) -> GoingOn | None:
+        """What a stopped build goes on from; `None` where it is to begin anew, or has no checkpoint."""
+        if unfinished == "restart" or not is_resumable(self.backends.tracker):
+            return None
+        checkpoint = self.store.checkpoint(stopped.id)
+        return None if checkpoint is None else GoingOn(stopped, checkpoint)
+
+    def _check_it_can_follow(self, name: str | None, replaced: int | None, *, again: bool) -> None:
         """Before any work: a recording enters once, and the map's time goes forward."""
         where = str(self.recording.path)
-        self.store.check_is_new(where, self.recording.fingerprint(), name, again=again)
-        self._go_on_in_time(name)
+        self.store.check_is_new(where, self.recording.fingerprint(), name, again=again, without=replaced)
+        self._go_on_in_time(name, replaced)
 
-    def _go_on_in_time(self, name: str | None) -> None:
+    def _take_out(self, replaced: int | None) -> None:
+        """What a stopped build wrote goes, now that nothing stands in the way of the one that replaces it."""
+        if replaced is not None:
+            for stopped in self.store.take_out_unfinished():
+                self.warnings.append(f"the build of {stopped!r} had been stopped: what it had written was taken out")
+
+    def _go_on_in_time(self, name: str | None, replaced: int | None) -> None:
         """The map's time goes forward, whatever the recording's clock says."""
-        shift = follow_in_time(self.recording, name or self.recording.path.stem, self.store.traversals())
+        earlier = [each for each in self.store.traversals() if each.id != replaced]
+        shift = follow_in_time(self.recording, name or self.recording.path.stem, earlier)
         self.stages.go_on_in_time(shift.shift_ns)
         if shift.warning is not None:
             self.warnings.append(shift.warning)
 
-    def _place(self, align: str) -> Placement:
+    def _place(self, replaced: int | None) -> Placement:
         with self.clock.stage("place"):
-            return place_traversal(self.recording, self.backends.trajectory, self.store, align)
+            return place_traversal(self.recording, self.backends.trajectory, self.store, self.wish, without=replaced)
 
     def _config(self) -> dict[str, object]:
         """All settings that the map depends on, as they are stored."""
-        return {**self.config.model_dump(mode="json"), "used": self.backends.names}
+        return {**self.config.model_dump(mode="json"), "used": self.backends.names, "align": self.wish}
 
     def _begin(self, placement: Placement, name: str | None, *, again: bool) -> int:
         start = TraversalStart(
@@ -252,10 +273,10 @@ class TraversalBuild:
         )
         return self.store.begin_traversal(start, again=again)
 
-    def _resume(self, stopped: StoredTraversal, checkpoint: Checkpoint) -> Placement:
-        state = self.stages.resume(self.store, stopped, checkpoint)
+    def _resume(self, going_on: GoingOn) -> Placement:
+        state = self.stages.resume(self.store, going_on.traversal, going_on.checkpoint)
         self.spent_s = state.spent_s
-        self.committed_ns = stopped.mapped_ns or checkpoint.stamp_ns
+        self.committed_ns = going_on.traversal.mapped_ns or going_on.checkpoint.stamp_ns
         return state.placement
 
     # -- after the last frame
@@ -312,7 +333,5 @@ def _in_the_way(stopped: StoredTraversal, fingerprint: str) -> tuple[str, str]:
     share = f"{100 * done / max(stopped.end_ns - stopped.start_ns, 1):.0f} %"
     if stopped.fingerprint == fingerprint:
         return f"its build was stopped at {share}", "go on with --resume, or begin anew with --restart"
-    return (
-        f"the build of {stopped.name!r} was stopped at {share}",
-        f"let it end first (supermap build {stopped.recording} --resume), or take out what it wrote (--restart)",
-    )
+    end_it = f"let it end first, with the options it was begun with (supermap build {stopped.recording} --resume)"
+    return f"the build of {stopped.name!r} was stopped at {share}", f"{end_it}, or take out what it wrote (--restart)"

@@ -60,7 +60,7 @@ def test_where_every_chair_is_and_since_when(db: Path) -> None:
 
 def test_what_moved_in_the_last_traversal(db: Path) -> None:
     (found,) = answer(db, MOVED)
-    assert (found["id"], found["from_x"], found["to_x"], found["distance_m"]) == ("chair-1", 0.0, -3.0, 3.61)
+    assert (found["id"], found["from_x"], found["to_x"], found["distance_m"]) == ("chair-1", 0.0, -3.0, 3.606)
     assert (found["not_before"], found["not_after"]) == ("2026-01-05T09:01:30.0Z", "2026-01-05T09:16:41.0Z")
 
 

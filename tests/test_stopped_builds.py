@@ -11,7 +11,7 @@ import pytest
 
 import stopping
 from cli import document, supermap
-from supermap_cli.errors import MemoryStoreError
+from supermap_cli.errors import AlignmentError, MemoryStoreError
 from supermap_cli.memory import open_store
 from supermap_cli.memory.checking import check
 
@@ -109,6 +109,36 @@ def test_a_stopped_build_can_begin_anew(recordings: tuple[Path, ...], undisturbe
     code, told = stopping.run(stopped.parent, "build", recordings[1], "--db", "map.db")
     assert code == 0, told
     assert stopping.rows(stopped) == stopping.rows(undisturbed)
+
+
+def test_a_build_that_is_begun_anew_in_vain_costs_nothing(recordings: tuple[Path, ...], stopped: Path) -> None:
+    before = stopping.rows(stopped)
+    refused = supermap("build", recordings[0], "--db", stopped, "--restart", "--align", "nowhere")
+    assert isinstance(refused.exception, AlignmentError)
+    assert stopping.rows(stopped) == before
+
+
+@pytest.mark.parametrize("other", [("--align", "none"), ("--name", "sunday")])
+def test_a_build_goes_on_in_the_place_and_under_the_name_it_was_begun_with(
+    recordings: tuple[Path, ...], stopped: Path, other: tuple[str, str]
+) -> None:
+    code, told = stopping.run(stopped.parent, "build", recordings[0], "--db", "map.db", "--resume", *other)
+    assert code == 1
+    assert "was begun otherwise" in told
+
+
+def test_a_recording_that_is_built_again_can_be_stopped_and_go_on(recordings: tuple[Path, ...], folder: Path) -> None:
+    arguments = ("build", recordings[0], "--db", "map.db")
+    assert stopping.run(folder, *arguments)[0] == 0
+    moment = stopping.Moment(commit=9)
+    assert stopping.run(folder, *arguments, "--again", prepare=stopping.kill, given=moment)[0] == -signal.SIGKILL
+    code, told = stopping.run(folder, *arguments, "--resume")
+    assert code == 0, told
+    with open_store(str(folder / "map.db"), read_only=True) as store:
+        assert [(each.name, each.status) for each in store.traversals()] == [
+            ("monday", "complete"),
+            ("monday-2", "complete"),
+        ]
 
 
 def test_what_is_half_built_can_be_asked_and_is_called_so(stopped: Path) -> None:

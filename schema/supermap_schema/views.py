@@ -15,6 +15,9 @@ from dataclasses import dataclass
 WALL_TIME_NS = 946_684_800 * 10**9
 """2000-01-01: before it lie the stamps of clocks that were never set."""
 
+MOVED_AFTER_ALL = """EXISTS (SELECT 1 FROM temporal_edge AS move WHERE move.kind = 'moved'
+        AND move.from_number = edge.from_number AND move.from_state = edge.from_state)"""
+
 VIEW_NAMES = ("current_objects", "object_history", "changes", "relations", "trajectory")
 
 
@@ -116,7 +119,8 @@ def _object_history(words: Words) -> str:
 def _changes(words: Words) -> str:
     """One row for everything that happened, from where to where, and between which two times.
 
-    `from_id` and `to_id` differ where two objects have to do with one another: merged, split, candidate.
+    `from_id` and `to_id` differ where two objects have to do with one another: merged, split, candidate. What
+    disappeared and was then found elsewhere has moved, and is there once.
     """
     return f"""
     CREATE VIEW changes AS
@@ -133,7 +137,7 @@ def _changes(words: Words) -> str:
     LEFT JOIN state AS before ON before.instance_number = edge.from_number AND before.state_index = edge.from_state
     LEFT JOIN state AS after ON after.instance_number = edge.to_number AND after.state_index = edge.to_state
         AND edge.kind <> 'disappeared'
-    WHERE edge.kind <> 'persisted'
+    WHERE edge.kind <> 'persisted' AND NOT (edge.kind = 'disappeared' AND {MOVED_AFTER_ALL})
     ORDER BY edge.not_after_ns, edge.id
     """  # noqa: S608 - all of it stands in this file
 

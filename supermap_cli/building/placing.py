@@ -32,8 +32,11 @@ class Placement:
     floor_z: float | None = None
 
 
-def place_traversal(recording: Recording, trajectory: Trajectory, store: MapStore, wish: str) -> Placement:
-    """Find `T_map_odom`. `wish` is "auto", "none" (the levelled odom frame is the map's), or "x y z yaw_deg".
+def place_traversal(
+    recording: Recording, trajectory: Trajectory, store: MapStore, wish: str, *, without: int | None = None
+) -> Placement:
+    """Find `T_map_odom`. `wish` is "auto", "none" (the levelled odom frame is the map's), or "x y z yaw_deg". The
+    traversal `without` does not count as part of the map.
 
     Raises `AlignmentError` if a further traversal cannot be placed with confidence, or the wish is not understood.
     """
@@ -44,10 +47,10 @@ def place_traversal(recording: Recording, trajectory: Trajectory, store: MapStor
     warnings = () if levelling.warning is None else (levelling.warning,)
     if wish not in {"auto", "none"}:
         return Placement(placed_by_hand(wish, levelling.T_map_odom), f"given: {wish}", warnings, levelling.floor_z)
-    earlier = store.traversals()
+    earlier = [each for each in store.traversals() if each.id != without]
     if wish == "none" or not earlier:
         return Placement(levelling.T_map_odom, describe_levelling(levelling), warnings, levelling.floor_z)
-    map_views = [stored_depth(record) for record in store.keyframe_depths()]
+    map_views = [stored_depth(record) for record in store.keyframe_depths([each.id for each in earlier])]
     hypotheses = [each.T_map_odom for each in reversed(earlier)]
     aligned = align(map_views, views, levelling.T_map_odom, hypotheses)
     floor_z = None

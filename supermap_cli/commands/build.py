@@ -187,8 +187,10 @@ def build_all(
 
 
 def _complete(store: MapStore, recording: Recording) -> str | None:
-    """The name of the complete traversal of a recording."""
+    """The name of the complete traversal of a recording, if it is not being built again."""
     fingerprint = recording.fingerprint()
+    if (unfinished := store.unfinished()) is not None and unfinished.fingerprint == fingerprint:
+        return None
     known = (each for each in store.traversals() if each.fingerprint == fingerprint and each.status == "complete")
     return next((each.name for each in known), None)
 

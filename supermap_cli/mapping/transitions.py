@@ -122,8 +122,7 @@ class Transitions:
         self.objects.remove(found.number)
         self._flush(old)
         distance_m = displacement_m(origin, old.shape.box)
-        since_ns = left_ns if old.state.empty_before_ns is None else max(left_ns, old.state.empty_before_ns)
-        self._note("moved", old, before, (since_ns, old.state.first_seen_ns), distance_m)
+        self._note("moved", old, before, (left_ns, old.state.first_seen_ns), distance_m)
 
     def link_candidate(self, old: MapObject, found: MapObject, probability: float) -> None:
         """`found` may be `old`, but the evidence does not single it out: both stay."""

@@ -18,7 +18,7 @@ from supermap_cli.geometry.se3 import transform_points
 from supermap_cli.memory.databases import dialect_of
 from supermap_cli.memory.rows import to_json
 from supermap_cli.memory.undo import drop_before_images
-from supermap_cli.memory.writing import write_delta
+from supermap_cli.memory.writing import measure_moves, write_delta
 from supermap_cli.types.memory import MapDelta
 from supermap_schema.models import Base
 
@@ -56,6 +56,7 @@ def take_in(target: Connection, source: Connection, incoming: Incoming) -> None:
     for other_id, delta in incoming.deltas.items():
         for part in _parts(delta):
             write_delta(target, traversal_ids[other_id], part)
+        measure_moves(target, traversal_ids[other_id])
         drop_before_images(target, traversal_ids[other_id])
     _take_observations(target, source, incoming, first_keyframe)
     dialect_of(target).align_row_ids(target)

@@ -26,7 +26,7 @@ from supermap_cli.memory.retention import (
 )
 from supermap_cli.memory.undo import drop_before_images, take_out
 from supermap_cli.memory.values import Checkpoint, StoredTraversal, TraversalStart
-from supermap_cli.memory.writing import write_checkpoint, write_delta
+from supermap_cli.memory.writing import measure_moves, write_checkpoint, write_delta
 from supermap_cli.types.memory import InstanceRecord, KeyframeRecord, MapDelta, SpatialEdge, StateRecord, Visit
 from supermap_schema import models
 
@@ -53,6 +53,11 @@ class MapStore:
     def where(self) -> str:
         """The map's place for people: a path, or a URL without its password."""
         return self._database.where
+
+    @property
+    def identity(self) -> str:
+        """The same for the same map, however its place was written."""
+        return self._database.identity
 
     def __enter__(self) -> Self:
         return self
@@ -82,9 +87,13 @@ class MapStore:
                     take_out(connection, each.id)
         return tuple(each.name for each in unfinished)
 
-    def check_is_new(self, recording: str, fingerprint: str, name: str | None, *, again: bool = False) -> None:
-        """Raise `MemoryStoreError` if a recording is in the map already, unless `again`, or the name is taken."""
-        known = self.traversals()
+    def check_is_new(
+        self, recording: str, fingerprint: str, name: str | None, *, again: bool = False, without: int | None = None
+    ) -> None:
+        """Raise `MemoryStoreError` if a recording is in the map already, unless `again`, or the name is taken. The
+        traversal `without` is about to go.
+        """
+        known = [each for each in self.traversals() if each.id != without]
         same = next((each.name for each in known if each.fingerprint == fingerprint), None)
         if same is not None and not again:
             raise MemoryStoreError(
@@ -142,6 +151,7 @@ class MapStore:
     ) -> None:
         """The build is complete. `timings` is seconds per stage; `end_ns` corrects the span's end."""
         with self._writing() as connection:
+            measure_moves(connection, traversal_id)
             drop_before_images(connection, traversal_id)
             connection.execute(delete(models.Checkpoint).where(models.Checkpoint.traversal_id == traversal_id))
             changes: dict[str, Any] = {"status": "complete", "timings": rows.to_json(dict(timings or {}))}

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from typing import Any
 
-from sqlalchemy import Connection, bindparam, delete, insert, select, tuple_, update
+import numpy as np
+from sqlalchemy import ColumnElement, Connection, and_, bindparam, delete, insert, select, tuple_, update
+from sqlalchemy.orm import aliased
 
+from supermap_cli.geometry.boxes import Box3D, displacement_m
 from supermap_cli.memory import rows
 from supermap_cli.memory.databases import dialect_of
 from supermap_cli.memory.names import InstanceIds, label_slug
@@ -43,6 +47,36 @@ def write_checkpoint(connection: Connection, traversal_id: int, checkpoint: Chec
     connection.execute(
         insert(table), [{**common, "part": part, "content": content} for part, content in checkpoint.parts.items()]
     )
+
+
+def measure_moves(connection: Connection, traversal_id: int) -> None:
+    """How far the things that a traversal looked at have moved, ever, by the boxes of their states as they are in the
+    end: when a move is noticed, its thing has hardly been seen in its new place.
+    """
+    edge, before, after = models.TemporalEdge, aliased(models.State), aliased(models.State)
+    looked_at = select(models.Visit.instance_number).where(models.Visit.traversal_id == traversal_id)
+    moves = connection.execute(
+        select(edge.id, edge.distance_m, *_box_columns(before, "before"), *_box_columns(after, "after"))
+        .join(before, and_(before.instance_number == edge.from_number, before.state_index == edge.from_state))
+        .join(after, and_(after.instance_number == edge.to_number, after.state_index == edge.to_state))
+        .where(edge.kind == "moved", edge.to_number.in_(looked_at))
+    ).all()
+    for move in moves:
+        distance_m = displacement_m(_box(move, "before"), _box(move, "after"))
+        if distance_m != move.distance_m:
+            connection.execute(update(edge).where(edge.id == move.id).values(distance_m=distance_m))
+
+
+_BOX = ("center_x", "center_y", "center_z", "size_x", "size_y", "size_z", "yaw")
+
+
+def _box_columns(state: Any, prefix: str) -> list[ColumnElement[float]]:
+    return [getattr(state, name).label(f"{prefix}_{name}") for name in _BOX]
+
+
+def _box(row: Any, prefix: str) -> Box3D:
+    x, y, z, width, depth, height, yaw = (getattr(row, f"{prefix}_{name}") for name in _BOX)
+    return Box3D(np.array([x, y, z]), np.array([width, depth, height]), yaw)
 
 
 def _add_keyframes(connection: Connection, traversal_id: int, keyframes: Sequence[KeyframeRecord]) -> None:

@@ -6,8 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
-import numpy as np
-
+from supermap_cli.geometry.boxes import displacement_m
 from supermap_cli.mapping import lifecycle
 from supermap_cli.mapping.changes import instance_record, open_state
 from supermap_cli.mapping.free_space import FreeSpaceMemory
@@ -180,7 +179,7 @@ class Lives:
 
     def _move(self, known: MapObject, other: Met, bounds_ns: tuple[int | None, int], empty_ns: int | None) -> None:
         """It stands elsewhere: in the other memory's first place for it."""
-        distance_m = float(np.linalg.norm(other.first.shape.centroid - known.shape.centroid))
+        distance_m = displacement_m(known.shape.box, other.first.shape.box)
         self._note("moved", known, bounds_ns, distance_m)
         self._go_on(known, other, "moved", empty_ns, distance_m)
 
@@ -189,8 +188,7 @@ class Lives:
         came = found.first.state
         if known.gone_ns is None or known.gone_ns > came.first_seen_ns:
             self._close(known, came.first_seen_ns)
-        since_ns = _latest(known.last_seen_ns, came.empty_before_ns)
-        self._move(known, found, (since_ns, came.first_seen_ns), came.empty_before_ns)
+        self._move(known, found, (known.last_seen_ns, came.first_seen_ns), came.empty_before_ns)
 
     def _enter(self, other: Met, candidates: Sequence[Relocation]) -> None:
         """An object that the map did not know."""

@@ -84,7 +84,7 @@ class MemoryMerge:
 
     def _check(self, earlier: Sequence[StoredTraversal], later: Sequence[StoredTraversal]) -> None:
         """Both are whole, hold something, and not the same recording, unless `again`."""
-        if self.store.where == self.other.where:
+        if self.store.identity == self.other.identity:
             raise MemoryStoreError("a map cannot be merged with itself", where=self.store.where, cure="name another")
         for each, held in ((self.store, earlier), (self.other, later)):
             if not any(one.keyframes for one in held):
@@ -95,7 +95,7 @@ class MemoryMerge:
                 raise MemoryStoreError(
                     f"the build of {unfinished.name!r} has not come to its end",
                     where=each.where,
-                    cure="let it go on with `supermap build --resume`, or build into it anew",
+                    cure="let it go on with `supermap build --resume`, or take out what it wrote (--restart)",
                 )
         known = {each.fingerprint: each.name for each in earlier}
         both = [f"{each.name!r} is {known[each.fingerprint]!r}" for each in later if each.fingerprint in known]

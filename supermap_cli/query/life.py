@@ -109,6 +109,8 @@ def history(reader: MapReader, text_id: str, until: Instant | None = None, clock
         for edge in reader.temporal_edges(instance.numbers)
         if end_ns is None or (edge.not_before_ns or edge.not_after_ns) <= end_ns
     ]
+    moved = {(edge.from_number, edge.from_state) for edge in edges if edge.kind == "moved"}
+    edges = [each for each in edges if each.kind != "disappeared" or (each.from_number, each.from_state) not in moved]
     reader.text_ids.of({number for edge in edges for number in (edge.from_number, edge.to_number)})
     view = None if standing is None or clock is None or end_ns is None else standing_view(standing, end_ns, clock)
     visits = [each for each in instance.visits if _begun(reader, each.traversal_id, end_ns)]

@@ -166,6 +166,10 @@ class Case:
         earlier = self._begun(self.before.at_ns)
         left, first = earlier[-1] if earlier else None, self._begun(self.after.at_ns)[len(earlier)]
         back = left is not None and distance(left, first) < MOVE_M
+        moved = self._edge("moved", first)
+        if moved is not None and left is not None and distance(left, new) >= MOVE_M:
+            reason = f"seen {distance(left, new):.2f} m from where it stood before, which was found empty first"
+            return Verdict("moved", reason, moved.probability, left.last_seen_ns, new.first_seen_ns, left, new)
         empty_ns = left.gone_ns if left is not None and back else first.empty_before_ns
         if empty_ns is not None:
             edge = self._edge("appeared", first)

@@ -20,7 +20,7 @@ def db(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_a_life_is_told_in_states_events_and_sightings(db: Path) -> None:
     told = document("history", "history", "chair-1", "--db", db)
     assert [(each["state"], each["gone_ns"]) for each in told["intervals"]] == [(0, m.ns(1001)), (1, None)]
-    assert [(each["kind"], each["distance_m"]) for each in told["events"]] == [("moved", 3.61)]
+    assert [(each["kind"], each["distance_m"]) for each in told["events"]] == [("moved", 3.6056)]
     assert [(each["traversal"], each["supported"]) for each in told["sightings"]] == [("monday", 3), ("tuesday", 3)]
     printed = supermap("history", "chair-1", "--db", db).stdout
     assert "chair-1 state 1" in printed

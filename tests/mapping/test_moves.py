@@ -65,7 +65,7 @@ def test_a_thing_gone_from_one_place_and_found_in_another_later_is_the_same() ->
     (moved,) = of_kind(delta, "moved")
     assert (moved.from_number, moved.to_number, moved.to_state) == (gone.from_number, 1, 1)
     assert moved.not_before_ns is not None
-    assert gone.not_after_ns <= moved.not_before_ns < moved.not_after_ns
+    assert gone.not_before_ns == moved.not_before_ns < moved.not_after_ns
     assert moved.distance_m == pytest.approx(1.0, abs=0.15)
     assert {each.object_number for each in delta.observations} == {1}
     assert list(run.map) == [1]

@@ -225,3 +225,18 @@ def test_an_observation_without_its_keyframe_is_a_bug(tmp_path: Path) -> None:
         traversal_id = store.begin_traversal(m.start("monday", (0, 10)))
         with pytest.raises(ValueError, match="no keyframe"):
             store.commit(traversal_id, MapDelta(instances=CHAIR.instances, observations=CHAIR.observations))
+
+
+def test_how_far_things_moved_is_what_their_places_say_in_the_end(tmp_path: Path) -> None:
+    states = (m.state(7, 0, (1, 2), (0, 0, 0.5), gone=4), m.state(7, 1, (5, 6), (2, 0, 0.5)))
+    moved = m.temporal("moved", (7, 0), (7, 1), 2, 5, distance_m=1.5)
+    with open_store(str(tmp_path / "map.db"), create=True) as store:
+        m.add_traversal(store, "monday", (0, 10), CHAIR, MapDelta(states=states, temporal_edges=(moved,)))
+        with store.reader() as reader:
+            assert [edge.distance_m for edge in reader.temporal_edges()] == [2.0]
+        seen_again = m.state(7, 1, (5, 21), (2.25, 0, 0.5))
+        m.add_traversal(
+            store, "tuesday", (20, 30), MapDelta(states=(seen_again,), visits=(m.visit(7, 1, 1, seen=(21, 21)),))
+        )
+        with store.reader() as reader:
+            assert [edge.distance_m for edge in reader.temporal_edges()] == [2.25]

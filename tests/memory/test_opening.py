@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sqlite3
 import subprocess
 import sys
 from collections.abc import Callable
@@ -12,6 +13,7 @@ import pytest
 import memories as m
 from supermap_cli.errors import MemoryStoreError
 from supermap_cli.memory import open_store
+from supermap_cli.memory.databases.sqlite import SqliteFile
 from supermap_cli.types.memory import MapDelta
 from supermap_schema import SCHEMA_VERSION
 
@@ -134,6 +136,40 @@ def test_a_second_build_is_refused_while_readers_are_not(tmp_path: Path) -> None
             assert moment.counts() == before
     with open_store(str(path)):
         pass
+
+
+@pytest.mark.sqlite_only("a lock file, and links to files")
+def test_a_link_leads_to_the_same_lock(tmp_path: Path) -> None:
+    path = m.make_memory(tmp_path / "map.db", ("monday", (0, 10), MapDelta()))
+    (tmp_path / "elsewhere").mkdir()
+    link = tmp_path / "elsewhere" / "link.db"
+    link.symlink_to(path)
+    with open_store(str(path)), pytest.raises(MemoryStoreError, match="another build is writing"):
+        open_store(str(link))
+    with open_store(str(link), read_only=True) as store:
+        assert [each.name for each in store.traversals()] == ["monday"]
+
+
+@pytest.mark.sqlite_only("files beside a file")
+def test_a_map_on_a_full_disk_is_read_all_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """SQLite wants to make its shared memory beside a file that it may write to."""
+    path = m.make_memory(tmp_path / "map.db", ("monday", (0, 10), MapDelta()))
+    assert not path.with_name("map.db-wal").exists()
+    connect = SqliteFile._connect_reader
+
+    def full(self: SqliteFile, mode: str) -> sqlite3.Connection:
+        if mode == "mode=rw":
+            error = sqlite3.OperationalError("disk I/O error")
+            error.sqlite_errorname = "SQLITE_IOERR_SHMSIZE"
+            raise error
+        return connect(self, mode)
+
+    monkeypatch.setattr(SqliteFile, "_connect_reader", full)
+    with open_store(str(path), read_only=True) as store:
+        assert [each.name for each in store.traversals()] == ["monday"]
+    path.with_name("map.db-wal").write_bytes(b"what a killed build had not moved into the file yet")
+    with pytest.raises(MemoryStoreError, match="free space"):
+        open_store(str(path), read_only=True)
 
 
 @pytest.mark.sqlite_only("about files")

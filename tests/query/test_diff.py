@@ -284,3 +284,30 @@ def test_what_is_heard_of_some_traversals_is_what_they_said(tmp_path: Path, hear
         if of
     }
     assert all(each.cropped == (each.stamp_ns > m.ns(100)) for of in found.values() for each in of)
+
+
+@pytest.mark.parametrize("empty_before", [None, 4.0])
+def test_what_was_lost_and_then_found_elsewhere_has_moved_not_appeared(
+    tmp_path: Path, empty_before: float | None
+) -> None:
+    """Whether or not its new place had been seen empty before; in history and in every diff it is one event."""
+    lived = MapDelta(
+        keyframes=m.keyframes((1, 2, 5, 8)),
+        instances=(m.instance(1, "suitcase", (3, 0, 0.5), seen=(1, 8)),),
+        observations=(m.observation(1, 1, "suitcase"), m.observation(1, 8, "suitcase")),
+        states=(
+            m.state(1, 0, (1, 2), (0, 0, 0.5), gone=5, label="suitcase"),
+            m.state(1, 1, (8, 8), (3, 0, 0.5), empty_before=empty_before, label="suitcase"),
+        ),
+        visits=(m.visit(1, 3, 4, 1, seen=(1, 8)),),
+        temporal_edges=(
+            m.temporal("disappeared", (1, 0), (1, 0), 2, 5),
+            m.temporal("moved", (1, 0), (1, 1), 2, 8, distance_m=3.0),
+        ),
+    )
+    path = m.make_memory(tmp_path / "map.db", ("monday", (0, 10), lived))
+    with open_store(str(path), read_only=True) as store, store.reader() as reader:
+        (change,) = diff(reader, "09:00:06", "09:00:09").changes
+        assert (change.kind, change.distance_m) == ("moved", 3.0)
+        assert (change.not_before_ns, change.not_after_ns) == (m.ns(2), m.ns(8))
+        assert [event.kind for event in history(reader, "suitcase-1").events] == ["moved"]

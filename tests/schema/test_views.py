@@ -44,6 +44,7 @@ def history() -> MapDelta:
         spatial_edges=(m.spatial(3, "on", 2, 1), m.spatial(3, "near", 1, 6), m.spatial(1, "beside", 2, 1, 5)),
         temporal_edges=(
             m.temporal("appeared", (1, None), (1, 0), 0.5, 1),
+            m.temporal("disappeared", (1, 0), (1, 0), 2, 5),  # superseded: it was found elsewhere
             m.temporal("moved", (1, 0), (1, 1), 5, 6, distance_m=3.00049),
             m.temporal("persisted", (2, 0), (2, 0), 1, 8),
             m.temporal("merged", (4, 0), (3, 0), 3, 3),

@@ -41,6 +41,10 @@ class Database(Protocol):
     def where(self) -> str:
         """The place for people: a path, or a URL without its password."""
 
+    @property
+    def identity(self) -> str:
+        """The same for the same place, however it was written."""
+
     def stored_version(self) -> int | None:
         """The version of the map that is there; `None` where nothing is. Raises `MemoryStoreError` for anything else,
         and for what cannot be reached or read.

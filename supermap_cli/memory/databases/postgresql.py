@@ -66,6 +66,11 @@ class PostgresqlSchema:
         """The URL without its password."""
         return _without_secrets(self.url)
 
+    @property
+    def identity(self) -> str:
+        """The URL without its password; two names of one server are not told to be the same."""
+        return self.where
+
     def stored_version(self) -> int | None:
         """The number of the newest migration, of a schema that is marked as a map."""
         with self._connected("AUTOCOMMIT") as connection:

@@ -20,6 +20,7 @@ from supermap_cli.memory.databases.sqlite_lock import FileLock
 from supermap_cli.memory.databases.sqlite_sql import read_rows
 from supermap_schema import sqlite
 
+_UNCHANGING = "immutable=1"
 _FILE_MAGIC = b"SQLite format 3\x00"
 
 
@@ -41,6 +42,11 @@ class SqliteFile:
         """The path as it was given."""
         return str(self.path)
 
+    @property
+    def identity(self) -> str:
+        """The path without links."""
+        return str(self.path.resolve())
+
     def stored_version(self) -> int | None:
         """`PRAGMA user_version` of a file that is a map; none of one without any table, which a build is about to fill,
         or was killed before it did.
@@ -56,9 +62,7 @@ class SqliteFile:
                 )
                 is_empty = connection.execute("SELECT NOT EXISTS (SELECT 1 FROM sqlite_master)").fetchone()[0]
         except sqlite3.Error as error:
-            raise MemoryStoreError(
-                f"the map database cannot be read: {error}", where=self.where, cure="restore it from a copy"
-            ) from error
+            raise self._unreadable(error) from error
         if application_id == 0 and is_empty:
             return None
         if application_id != sqlite.APPLICATION_ID:
@@ -106,7 +110,7 @@ class SqliteFile:
     def remove(self) -> None:
         """Delete the file and what SQLite keeps beside it."""
         for suffix in ("", "-wal", "-shm", "-journal"):
-            self.path.with_name(self.path.name + suffix).unlink(missing_ok=True)
+            self._beside(suffix).unlink(missing_ok=True)
 
     def size_bytes(self, connection: Connection) -> int:
         """The file without what a running build has not moved into it yet."""
@@ -161,18 +165,50 @@ class SqliteFile:
         Where folder and file are writable it is opened for writing all the same, with `query_only`, because the last
         such connection to close tidies the WAL files away.
         """
-        location = f"file:{quote(str(self.path.absolute()))}"
-        if os.access(self.path, os.W_OK) and os.access(self.path.absolute().parent, os.W_OK):
+        file = self.path.resolve()
+        if os.access(file, os.W_OK) and os.access(file.parent, os.W_OK):
             mode = "mode=rw"
-        elif self.path.with_name(self.path.name + "-wal").exists():
+        elif self._beside("-wal").exists():
             mode = "mode=ro"
         else:
-            mode = "immutable=1"
-        connection = sqlite3.connect(f"{location}?{mode}", uri=True, check_same_thread=False)
+            mode = _UNCHANGING
+        try:
+            return self._connect_reader(mode)
+        except sqlite3.OperationalError as error:
+            if not _no_room(error) or mode == _UNCHANGING or self._beside("-wal").exists():
+                raise
+            return self._connect_reader(_UNCHANGING)  # no room for SQLite's shared memory, and nobody writes
+
+    def _connect_reader(self, mode: str) -> sqlite3.Connection:
+        connection = sqlite3.connect(
+            f"file:{quote(str(self.path.resolve()))}?{mode}", uri=True, check_same_thread=False
+        )
         connection.isolation_level = None
-        for pragma in sqlite.CONNECTION_PRAGMAS + sqlite.READER_PRAGMAS:
-            connection.execute(pragma)
+        try:
+            for pragma in sqlite.CONNECTION_PRAGMAS + sqlite.READER_PRAGMAS:
+                connection.execute(pragma)
+            connection.execute("SELECT 1 FROM sqlite_master LIMIT 1").fetchone()
+        except sqlite3.Error:
+            connection.close()
+            raise
         return connection
+
+    def _unreadable(self, error: sqlite3.Error) -> MemoryStoreError:
+        """A file that is damaged, or one that a build was killed at and SQLite has no room beside to go on from."""
+        if _no_room(error) and self._beside("-wal").exists():
+            return MemoryStoreError(
+                "the map database has a log (-wal) that cannot be read where it lies",
+                where=self.where,
+                cure="free space on its disk, or copy it with its -wal to where there is some",
+            )
+        return MemoryStoreError(
+            f"the map database cannot be read: {error}", where=self.where, cure="restore it from a copy"
+        )
+
+    def _beside(self, suffix: str) -> Path:
+        """What SQLite keeps beside the file itself, whatever links lead there."""
+        file = self.path.resolve()
+        return file.with_name(file.name + suffix)
 
     def _connect_writer(self) -> sqlite3.Connection:
         connection = sqlite3.connect(self.path, check_same_thread=False)
@@ -200,3 +236,8 @@ class SqliteFile:
             ) from error
         if magic != _FILE_MAGIC:
             raise MemoryStoreError("no map database", where=self.where, cure="choose another file with --db")
+
+
+def _no_room(error: sqlite3.Error) -> bool:
+    """Whether SQLite could not make or write a file."""
+    return getattr(error, "sqlite_errorname", "").startswith(("SQLITE_IOERR", "SQLITE_FULL", "SQLITE_CANTOPEN"))

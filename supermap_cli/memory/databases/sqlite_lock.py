@@ -16,11 +16,13 @@ class FileLock:
     """Holds ``<database>.lock`` (flock) from `acquire` to `release`; the file holds the builder's process id.
 
     SQLite's own locks are of another kind (POSIX record locks on the database), so that readers never notice this one.
+    It lies beside the file itself, whatever links lead there.
     """
 
     def __init__(self, database: Path) -> None:
         self._database = database
-        self._path = database.with_name(database.name + ".lock")
+        file = database.resolve()
+        self._path = file.with_name(file.name + ".lock")
         self._descriptor: int | None = None
 
     def acquire(self) -> None:
@@ -48,9 +50,17 @@ class FileLock:
                 self._descriptor = descriptor
             else:
                 os.close(descriptor)
-        os.ftruncate(self._descriptor, 0)
-        os.pwrite(self._descriptor, f"{os.getpid()}\n".encode("ascii"), 0)
         atexit.register(self.release)
+        try:
+            os.ftruncate(self._descriptor, 0)
+            os.pwrite(self._descriptor, f"{os.getpid()}\n".encode("ascii"), 0)
+        except OSError as error:
+            self.release()
+            raise MemoryStoreError(
+                f"the map database cannot be written: {error.strerror}",
+                where=str(self._database),
+                cure="free space, or choose another folder with --db",
+            ) from error
 
     def check(self, connection: Connection) -> None:
         """The system takes no file lock away."""
