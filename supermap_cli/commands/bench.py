@@ -72,7 +72,7 @@ def register(app: typer.Typer) -> None:
     group = typer.Typer(
         cls=BenchGroup, no_args_is_help=True, epilog=EXAMPLES, help="Measure what building or asking costs."
     )
-    group.command("recordings", epilog=EXAMPLES)(bench)
+    group.command("recordings", epilog=EXAMPLES.replace("bench run.mcap", "bench recordings run.mcap"))(bench)
     group.command(epilog=bench_memory.EXAMPLES)(bench_memory.memory)
     app.add_typer(group, name="bench")
 
