@@ -17,10 +17,14 @@ Outline = list[tuple[float, float]]
 
 @dataclass(frozen=True)
 class Reach:
-    """How far from a box another may lie: along the floor, and upwards or downwards; in metres."""
+    """How far from a box another may lie: along the floor, and upwards or downwards; in metres.
+
+    `rise_m`: at least so far above the second's upper face lies the first's lower one.
+    """
 
     floor_m: float
     height_m: float
+    rise_m: float = -math.inf
 
 
 @dataclass(frozen=True)

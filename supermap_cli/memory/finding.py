@@ -19,9 +19,15 @@ from supermap_schema import models
 
 BELIEVED: tuple[Presence, ...] = ("present", "absent")
 
+ROUNDED_M = 0.001
+"""By so much less boxes may be apart in the index of boxes than they are."""
+
 Instance, State, Visit = models.Instance, models.State, models.Visit
 
 _BOX = table("state_box", *map(column, ("state_id", "min_x", "max_x", "min_y", "max_y", "min_z", "max_z")))
+
+_OWN, _OTHER = _BOX.alias("own"), _BOX.alias("other")
+_HERE, _THERE = (State.__table__.alias(name) for name in ("here", "there"))
 
 _LABELS_TODAY = text(
     """
@@ -132,12 +138,14 @@ class Finder:
                     found.add(number)
                     yield number, belief
 
-    def near(self, numbers: Collection[int], reach: Reach) -> set[tuple[int, int]]:
-        """Pairs of one of the given and another instance of which states may lie within reach; some are farther apart,
-        and neither time nor belief is looked at.
+    def near(
+        self, numbers: Collection[int], reach: Reach, labels: Collection[str] | None = None, *, turned: bool = False
+    ) -> set[tuple[int, int]]:
+        """Pairs of one of the given and another instance of which states may lie within reach, the given one's above
+        (`turned`: the other's), the other's called by one of the labels; some are farther apart, and neither time nor
+        belief is looked at.
         """
-        own, other = _BOX.alias("own"), _BOX.alias("other")
-        here, there = models.State.__table__.alias("here"), models.State.__table__.alias("there")
+        own, other, here, there = _OWN, _OTHER, _HERE, _THERE
         floor, height = reach.floor_m, reach.height_m
         within = [
             other.c.min_x <= own.c.max_x + floor,
@@ -147,6 +155,9 @@ class Finder:
         ]
         if not math.isinf(height):
             within += [other.c.min_z <= own.c.max_z + height, other.c.max_z >= own.c.min_z - height]
+        if not math.isinf(reach.rise_m):
+            upper, lower = (other, own) if turned else (own, other)
+            within.append(upper.c.min_z >= lower.c.max_z + reach.rise_m - ROUNDED_M)
         pairs: set[tuple[int, int]] = set()
         for batch in batches(sorted(numbers)):
             statement = (
@@ -157,6 +168,9 @@ class Finder:
                 .join(there, there.c.id == other.c.state_id)
                 .where(here.c.instance_number.in_(batch), there.c.instance_number != here.c.instance_number)
             )
+            if labels is not None:
+                called = or_(Instance.label.in_(labels), there.c.label.in_(labels))
+                statement = statement.join(Instance, Instance.number == there.c.instance_number).where(called)
             pairs.update((a, b) for a, b in self._connection.execute(statement))
         return pairs
 

@@ -51,6 +51,9 @@ class Pool(Protocol):
     def parts(self) -> Iterator[list[Candidate]]:
         """All of them; those seen last come first."""
 
+    def numbers(self) -> Iterator[list[int]]:
+        """Numbers among which all that fit are, a part at a time; those seen last come first."""
+
     def among(self, numbers: Collection[int]) -> list[Candidate]:
         """Those with one of the given numbers, in order."""
 
@@ -68,6 +71,10 @@ class Listed:
     def parts(self) -> Iterator[list[Candidate]]:
         """All at once."""
         yield self.candidates
+
+    def numbers(self) -> Iterator[list[int]]:
+        """All at once."""
+        yield list(dict.fromkeys(each.instance.number for each in self.candidates))
 
     def among(self, numbers: Collection[int]) -> list[Candidate]:
         """Those with one of the given numbers."""
@@ -116,10 +123,15 @@ class Called:
 
     def parts(self) -> Iterator[list[Candidate]]:
         """All of them; those seen last come first."""
-        numbers = iter(self._numbers())
-        while part := list(islice(numbers, PART)):
+        for part in self.numbers():
             found = self._by_number(part)
             yield [candidate for number in part for candidate in found.get(number, ())]
+
+    def numbers(self) -> Iterator[list[int]]:
+        """Numbers among which all that fit are, a part at a time; those seen last come first."""
+        numbers = iter(self._numbers())
+        while part := list(islice(numbers, PART)):
+            yield part
 
     def lives(self) -> Iterator[StoredInstance]:
         """All that were ever called so, whether they have a state at the moment or not."""
@@ -128,6 +140,14 @@ class Called:
             lives = self.reader.lives_of(part)
             believed = (lives[number] for number in part if number in lives and lives[number].presence != "doubted")
             yield from (each for each in believed if self.labels is None or is_called(each, self.labels))
+
+    def first(self, limit: int) -> list[int]:
+        """The smallest numbers of all that were ever called so, and may have a state at the moment."""
+        if self.number is not None:
+            return [self.number]
+        today = self.reader.finder.first_called(self.labels, limit)
+        once = [] if self.labels is None else self.reader.finder.once_called(self.labels)
+        return sorted({*today, *once})[:limit]
 
     def among(self, numbers: Collection[int]) -> list[Candidate]:
         """Those with one of the given numbers, in order."""

@@ -11,9 +11,10 @@ from difflib import get_close_matches
 from itertools import chain
 
 from supermap_cli.geometry.boxes import Reach
+from supermap_cli.memory.numbers import batches
 from supermap_cli.memory.reading import MapReader
 from supermap_cli.memory.values import StoredInstance
-from supermap_cli.query.candidates import Candidate, Pool
+from supermap_cli.query.candidates import PART, Called, Candidate, Pool
 from supermap_cli.query.relations import box_distance_m
 from supermap_cli.query.vocabulary import load_vocabulary
 
@@ -25,6 +26,9 @@ LABEL_DOUBT = 0.1
 
 FEW = 30
 """So many are all compared with so many."""
+
+FIRST = 400
+"""Among so many with the smallest numbers those are looked for that touch what is asked for: none is nearer."""
 
 FARTHEST_M = 4096.0
 """Nothing is looked for farther away."""
@@ -44,20 +48,39 @@ class Apart:
         return self.distance_m, self.candidate.instance.number, self.reference.key
 
 
-def closest(reader: MapReader, candidates: Pool, references: Pool) -> list[Apart]:
-    """The nearest candidates to any reference, each once. Few are all compared; among many, neighbours are looked for
-    ever farther away, until there are enough.
+def closest(reader: MapReader, candidates: Called, references: Pool) -> list[Apart]:
+    """The nearest candidates to any reference, each once, and of those that are as near the ones with the smallest
+    numbers. Few are all compared; among many, neighbours are looked for ever farther away, until there are enough.
     """
     if max(candidates.size(), references.size()) <= FEW:
         everything = list(chain.from_iterable(references.parts()))
         return _nearest(_apart(each, it) for each in chain.from_iterable(candidates.parts()) for it in everything)
-    reach_m, found = 1.0, list[Apart]()
+    reach_m, found = 1.0, _touching(reader, candidates, references)
     while len(found) < NEAREST and reach_m <= FARTHEST_M:
         found = _nearest(
             each for each in _within(reader, candidates, references, reach_m) if each.distance_m <= reach_m
         )
         reach_m *= 4
     return found
+
+
+def _touching(reader: MapReader, candidates: Called, references: Pool) -> list[Apart]:
+    """The first candidates that touch a reference, if there are enough of them among those looked at."""
+    pairs: list[Apart] = []
+    for part in batches(candidates.first(FIRST), PART):
+        near: dict[int, set[int]] = defaultdict(set)
+        for here, there in reader.finder.near(part, Reach(0.0, 0.0)):
+            near[here].add(there)
+        by_number: dict[int, list[Candidate]] = defaultdict(list)
+        for it in references.among({number for of_one in near.values() for number in of_one}):
+            by_number[it.instance.number].append(it)
+        for each in candidates.among(near):
+            beside = (it for number in near[each.instance.number] for it in by_number[number])
+            pairs += [apart for it in beside if (apart := _apart(each, it)).distance_m == 0]
+        found = _nearest(pairs)
+        if len(found) == NEAREST:
+            return found
+    return []
 
 
 def _nearest(pairs: Iterable[Apart]) -> list[Apart]:

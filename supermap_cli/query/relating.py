@@ -58,15 +58,13 @@ class Relating:
         from_references = self.references.size() < candidates.size()
         for basis in BASES if self._any_stored(candidates) else BASES[1:]:
             found = False
-            for part in (self.references if from_references else candidates).parts():
-                numbers = {each.instance.number for each in part}
-                links = self._links(numbers, basis)
-                partners = {partner for number in numbers for partner in links.partners.get(number, ())}
-                if from_references:
-                    related = self._related(candidates.among(partners), part, links, basis)
-                else:
-                    related = self._related(part, self.references.among(partners), links, basis)
-                for each in related:
+            one, other = (self.references, candidates) if from_references else (candidates, self.references)
+            for numbers in one.numbers():
+                links = self._links(numbers, basis, other, turned=from_references)
+                part = _in_order_of(numbers, one.among([number for number in numbers if number in links.partners]))
+                partners = other.among({it for each in part for it in links.partners[each.instance.number]})
+                pair = (partners, part) if from_references else (part, partners)
+                for each in self._related(*pair, links, basis):
                     found = True
                     yield basis, each
             if found:
@@ -113,7 +111,7 @@ class Relating:
     def complete(self, candidates: list[Candidate], basis: Basis) -> list[Candidate]:
         """Those of the candidates that fit, with all their relations."""
         numbers = {each.instance.number for each in candidates}
-        links = self._links(numbers, basis)
+        links = self._links(numbers, basis, self.references)
         partners = {partner for number in numbers for partner in links.partners.get(number, ())}
         return self._related(candidates, self.references.among(partners), links, basis)
 
@@ -122,10 +120,12 @@ class Relating:
         found = {each.key: replace(each, relations=()) for _, each in self.matches(candidates)}
         return Listed([each for _, each in sorted(found.items())])
 
-    def _links(self, numbers: Collection[int], basis: Basis) -> Links:
+    def _links(self, numbers: Collection[int], basis: Basis, others: Pool, *, turned: bool = False) -> Links:
+        """Between some candidates and the references (`turned`: some references and the candidates)."""
         links = Links()
         if basis == "boxes":
-            for pair in self.reader.finder.near(numbers, REACH[self.name]):
+            labels = others.labels if isinstance(others, Called) else None
+            for pair in self.reader.finder.near(numbers, REACH[self.name], labels, turned=turned):
                 links.add_pair(*pair)
         else:
             for edge in self.reader.edges_of(numbers, {form.relation for form in STORED_FORMS[self.name]}):
@@ -195,3 +195,9 @@ class Relating:
 
 def _distance_m(first: StateRecord, second: StateRecord) -> float:
     return round(box_distance_m(first.box, second.box), 4)
+
+
+def _in_order_of(numbers: Collection[int], candidates: list[Candidate]) -> list[Candidate]:
+    """Candidates as their numbers come; the states of each stay in order."""
+    place = {number: at for at, number in enumerate(numbers)}
+    return sorted(candidates, key=lambda each: place[each.instance.number])

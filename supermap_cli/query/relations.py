@@ -59,10 +59,10 @@ STORED_FORMS: dict[RelationName, tuple[EdgeForm, ...]] = {
 REACH: dict[RelationName, Reach] = {
     "near": Reach(1.5, 1.5),
     "beside": Reach(0.6, 0.0),
-    "on": Reach(0.0, 0.1),
+    "on": Reach(0.0, 0.1, rise_m=-0.15),
     "under": Reach(0.0, math.inf),
     "inside": Reach(0.0, 0.0),
-    "above": Reach(0.0, math.inf),
+    "above": Reach(0.0, math.inf, rise_m=-0.1),
     "attached to": Reach(0.05, 0.05),
 }
 """How far apart two boxes that stand in a relation can be at most."""
