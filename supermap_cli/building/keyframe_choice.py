@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from supermap_cli.geometry.arrays import IntArray
+from supermap_cli.geometry.arrays import FloatArray, IntArray
 
 _SLACK_NS = 1e6
 
@@ -63,14 +63,23 @@ def fill_gaps(stamps_ns: IntArray, chosen_ns: IntArray, period_ns: float) -> fro
     Both are ascending, and not empty. Between two chosen ones a gap counts from one and a half periods on.
     """
     first_ns, last_ns = chosen_ns[0], chosen_ns[-1]
-    before = np.arange(first_ns - period_ns, stamps_ns[0] - _SLACK_NS, -period_ns)
-    after = np.arange(last_ns + period_ns, stamps_ns[-1] + _SLACK_NS, period_ns)
-    wanted = [before, after]
-    for start_ns, gap_ns in zip(chosen_ns[:-1], np.diff(chosen_ns), strict=True):
-        steps = round(gap_ns / period_ns)
-        wanted.append(start_ns + gap_ns * np.arange(1, steps) / max(steps, 1))
+    before = first_ns - period_ns * _steps_near((first_ns - stamps_ns) / period_ns)
+    after = last_ns + period_ns * _steps_near((stamps_ns - last_ns) / period_ns)
+    wanted = [before[before >= stamps_ns[0] - _SLACK_NS], after[after <= stamps_ns[-1] + _SLACK_NS]]
+    edges = np.searchsorted(stamps_ns, chosen_ns)
+    for start_ns, gap_ns, begin, end in zip(chosen_ns[:-1], np.diff(chosen_ns), edges[:-1], edges[1:], strict=True):
+        steps = max(round(gap_ns / period_ns), 1)
+        near = _steps_near((stamps_ns[begin:end] - start_ns) * (steps / gap_ns))
+        wanted.append(start_ns + gap_ns * near[near < steps] / steps)
     wanted_ns = np.concatenate(wanted)
     right = np.searchsorted(stamps_ns, wanted_ns).clip(1, max(len(stamps_ns) - 1, 1))
     pairs = stamps_ns[np.stack([right - 1, right % len(stamps_ns)])]
     nearest = np.where(wanted_ns - pairs[0] <= pairs[1] - wanted_ns, pairs[0], pairs[1])
     return frozenset(nearest[np.abs(nearest - wanted_ns) < period_ns / 2].tolist())
+
+
+def _steps_near(places: FloatArray) -> IntArray:
+    """The whole numbers from 1 on next to some places: a gap of years has as few as there are stamps in it."""
+    nearest = np.rint(places).astype(np.int64)
+    steps = np.unique(nearest[:, None] + np.array([-1, 0, 1]))
+    return steps[steps >= 1]

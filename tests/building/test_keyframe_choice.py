@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 import scenes as s
 from supermap_cli.building.keyframe_choice import choose_keyframes, fill_gaps
@@ -79,3 +83,39 @@ def test_a_gap_is_filled_evenly_from_what_there_is() -> None:
     assert fill_gaps(at[[0, 1, 10]], np.array([0, 100]), 33) == frozenset()
     assert fill_gaps(at, np.array([40]), 20) == {0, 20, 60, 80, 100}
     assert fill_gaps(np.array([5]), np.array([5]), 20) == frozenset()
+
+
+def filled_step_by_step(stamps_ns: np.ndarray, chosen_ns: np.ndarray, period_ns: float) -> set[int]:
+    """What `fill_gaps` says, by looking at every step of every gap."""
+    wanted = []
+    at = chosen_ns[0] - period_ns
+    while at >= stamps_ns[0] - 1e6:
+        wanted.append(at)
+        at -= period_ns
+    at = chosen_ns[-1] + period_ns
+    while at <= stamps_ns[-1] + 1e6:
+        wanted.append(at)
+        at += period_ns
+    for start, end in itertools.pairwise(chosen_ns.tolist()):
+        steps = round((end - start) / period_ns)
+        wanted += [start + (end - start) * step / steps for step in range(1, steps)]
+    nearest = [(float(stamps_ns[np.abs(stamps_ns - at).argmin()]), at) for at in wanted]
+    return {int(stamp) for stamp, at in nearest if abs(stamp - at) < period_ns / 2}
+
+
+@given(
+    st.lists(st.integers(0, 400), min_size=1, max_size=60, unique=True),
+    st.lists(st.integers(0, 59), min_size=1, max_size=12),
+    st.integers(5, 60),
+)
+def test_gaps_are_filled_as_by_looking_at_every_step(at: list[int], which: list[int], period: int) -> None:
+    stamps_ns = np.array(sorted(at), np.int64) * 10_000_000
+    chosen_ns = stamps_ns[sorted({each % len(at) for each in which})]
+    period_ns = period * 10_000_000.0
+    assert fill_gaps(stamps_ns, chosen_ns, period_ns) == filled_step_by_step(stamps_ns, chosen_ns, period_ns)
+
+
+def test_a_gap_of_decades_costs_nothing() -> None:
+    stamps_ns = np.concatenate([np.arange(60), 10**10 + np.arange(60)]) * 10**8
+    assert len(fill_gaps(stamps_ns, stamps_ns[[0, 30, 90, 119]], 3e8)) < len(stamps_ns)
+    assert len(fill_gaps(stamps_ns, stamps_ns[[0]], 3e8)) < len(stamps_ns)
