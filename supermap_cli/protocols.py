@@ -27,12 +27,12 @@ class Recording(Protocol):
 
     @property
     def start_ns(self) -> int:
-        """Sensor time of the window's start."""
+        """Sensor time of the window's start, or of the first frame if that is earlier."""
         ...
 
     @property
     def end_ns(self) -> int:
-        """Sensor time of the window's end."""
+        """Sensor time of the window's end, or of the last frame if that is later."""
         ...
 
     @property
@@ -51,7 +51,13 @@ class Recording(Protocol):
         ...
 
     def fingerprint(self) -> str:
-        """Hex digest that is the same for the same recording and window, cheap for large files."""
+        """Hex digest that is the same for the same recording and window, cheap for large files: the
+        `recordings.fingerprint.window_fingerprint` of `content_fingerprint` and the window.
+        """
+        ...
+
+    def content_fingerprint(self) -> str:
+        """Hex digest that is the same for the same recording, whatever the window."""
         ...
 
     def frame_stamps_ns(self) -> IntArray:

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from contextlib import closing, suppress
 from dataclasses import dataclass
 from typing import Literal
 
 from supermap_cli.building.backends import choose_backends
 from supermap_cli.building.checkpoints import Cadence, first_difference, is_resumable
+from supermap_cli.building.known_stretches import check_no_stretch_is_known
 from supermap_cli.building.placing import Placement, place_traversal
 from supermap_cli.building.stopping import PoliteStop
 from supermap_cli.building.tally import Tally
 from supermap_cli.building.time_order import follow_in_time
 from supermap_cli.config import BuildConfig
 from supermap_cli.errors import BuildStoppedError, ConfigError, MemoryStoreError
+from supermap_cli.memory.names import traversal_name
 from supermap_cli.memory.store import MapStore
 from supermap_cli.memory.values import Checkpoint, StoredTraversal, TraversalStart
 from supermap_cli.pipeline import FramePipeline, Progress
@@ -235,7 +238,10 @@ class TraversalBuild:
         """Before any work: a recording enters once, and the map's time goes forward."""
         where = str(self.recording.path)
         self.store.check_is_new(where, self.recording.fingerprint(), name, again=again, without=replaced)
-        self._go_on_in_time(name, replaced)
+        earlier = [each for each in self.store.traversals() if each.id != replaced]
+        if not again:
+            check_no_stretch_is_known(self.recording, earlier)
+        self._go_on_in_time(name, earlier)
 
     def _take_out(self, replaced: int | None) -> None:
         """What a stopped build wrote goes, now that nothing stands in the way of the one that replaces it."""
@@ -243,10 +249,10 @@ class TraversalBuild:
             for stopped in self.store.take_out_unfinished():
                 self.warnings.append(f"the build of {stopped!r} had been stopped: what it had written was taken out")
 
-    def _go_on_in_time(self, name: str | None, replaced: int | None) -> None:
+    def _go_on_in_time(self, name: str | None, earlier: Sequence[StoredTraversal]) -> None:
         """The map's time goes forward, whatever the recording's clock says."""
-        earlier = [each for each in self.store.traversals() if each.id != replaced]
-        shift = follow_in_time(self.recording, name or self.recording.path.stem, earlier)
+        name = name or traversal_name(str(self.recording.path), {each.name for each in earlier})
+        shift = follow_in_time(self.recording, name, earlier)
         self.stages.go_on_in_time(shift.shift_ns)
         if shift.warning is not None:
             self.warnings.append(shift.warning)

@@ -19,6 +19,7 @@ from supermap_cli.graph.predicates import SpatialPredicate
 from supermap_cli.hookspecs import Options, RecordingRequest, Register, hookimpl
 from supermap_cli.plugin_manager import Plugins, load_plugins
 from supermap_cli.protocols import Recording
+from supermap_cli.recordings.fingerprint import window_fingerprint
 from supermap_cli.types.detections import Detections, RegionMask, TrackPrior, Tracks
 from supermap_cli.types.memory import KeyframeRecord, MapDelta
 from supermap_cli.types.sensing import CameraFrame, ImuSample, StampedPose, Sweep
@@ -64,6 +65,9 @@ class FakeRecording:
         return self.scenes[-1].keyframe.stamp_ns if self.scenes else s.ns(0)
 
     def fingerprint(self) -> str:
+        return window_fingerprint(self.content_fingerprint(), self.start_ns, self.end_ns)
+
+    def content_fingerprint(self) -> str:
         return f"{self.path.name}, {len(self.scenes)} images from {self.start_ns}"
 
     def frame_stamps_ns(self) -> IntArray:

@@ -47,10 +47,8 @@ def shift_to_follow(name: str, first_ns: int, earlier: Sequence[StoredTraversal]
 
 
 def follow_in_time(recording: Recording, name: str, earlier: Sequence[StoredTraversal]) -> TimeShift:
-    """The shift of a recording. Stamps may lie a little before the time of recording: the first image counts, too."""
-    stamps_ns = recording.frame_stamps_ns()
-    first_ns = min([recording.start_ns, *stamps_ns[:1].tolist()])
-    return shift_to_follow(name, first_ns, earlier)
+    """The shift of a recording that will be the traversal of that name."""
+    return shift_to_follow(name, recording.start_ns, earlier)
 
 
 def duration_text(duration_ns: int) -> str:

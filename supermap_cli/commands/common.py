@@ -36,8 +36,8 @@ FrameOption = Annotated[
     list[str] | None, typer.Option(metavar="ROLE=FRAME", help="The name of the `base` or `odom` frame.")
 ]
 CameraOption = Annotated[str | None, typer.Option(help="Force a camera model: equirectangular.")]
-StartOption = Annotated[float | None, typer.Option(help="Start, in seconds from the recording's beginning.")]
-EndOption = Annotated[float | None, typer.Option(help="End, in seconds from the recording's beginning.")]
+StartOption = Annotated[float | None, typer.Option(help="Start, in seconds from the recording's first message.")]
+EndOption = Annotated[float | None, typer.Option(help="End, in seconds from the recording's first message.")]
 AtOption = Annotated[
     str | None,
     typer.Option(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import heapq
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import cached_property
 from pathlib import Path
 from typing import TypeVar
 
@@ -75,13 +76,19 @@ class BagRecording:
 
     @property
     def start_ns(self) -> int:
-        """Sensor time of the window's start."""
-        return self._opened.window.start_ns
+        """Sensor time of the window's start, or of the first image if that is earlier."""
+        return self._span_ns[0]
 
     @property
     def end_ns(self) -> int:
-        """Sensor time of the window's end."""
-        return self._opened.window.end_ns
+        """Sensor time of the window's end, or of the last image if that is later."""
+        return self._span_ns[1]
+
+    @cached_property
+    def _span_ns(self) -> tuple[int, int]:
+        """The window and all its images. Its open sides are times of recording, which stamps lie before or beyond."""
+        stamps_ns, window = self.frame_stamps_ns(), self._opened.window
+        return min(window.start_ns, int(stamps_ns[0])), max(window.end_ns, int(stamps_ns[-1]))
 
     @property
     def streams(self) -> frozenset[str]:
@@ -105,8 +112,11 @@ class BagRecording:
 
     def fingerprint(self) -> str:
         """Hex digest of what is in the files, and of the window."""
-        content = content_fingerprint(self.path, self._opened.storage.channels)
-        return window_fingerprint(content, self.start_ns, self.end_ns)
+        return window_fingerprint(self.content_fingerprint(), self.start_ns, self.end_ns)
+
+    def content_fingerprint(self) -> str:
+        """Hex digest of what is in the files, whatever the window."""
+        return content_fingerprint(self.path, self._opened.storage.channels)
 
     def frame_stamps_ns(self) -> IntArray:
         """(n,) int64 stamps of all usable colour frames, ascending, without decoding any image."""

@@ -11,7 +11,7 @@ import numpy as np
 from supermap_cli.errors import RecordingError
 from supermap_cli.geometry.arrays import Float32Array, FloatArray, IntArray, UInt8Array
 from supermap_cli.geometry.se3 import inverse
-from supermap_cli.recordings.clock_faults import step_back, strays
+from supermap_cli.recordings.clock_faults import StepForward, step_back, step_forward, strays
 from supermap_cli.recordings.color_depth_fit import fitted_rig
 from supermap_cli.recordings.images import decode_color, decode_depth
 from supermap_cli.recordings.messages import peek_stamp_ns, read_image
@@ -22,6 +22,7 @@ from supermap_cli.recordings.storage import RawMessage
 from supermap_cli.types.sensing import CameraFrame
 
 _MARGIN_NS = 1_000_000_000
+_CUT = "cut the recording there and build its parts one after the other; their order is kept"
 
 
 def pair_stamps(color_ns: IntArray, depth_ns: IntArray, tolerance_ns: int) -> list[tuple[int, int]]:
@@ -83,7 +84,8 @@ class CameraFrames:
     def _going_forward(self, topic: str, times_ns: IntArray) -> IntArray:
         """The stamps among (n, 2) stamps and log times of a topic, without those that cannot be true (noted).
 
-        Raises `RecordingError` where the clock was set back: images of two times would stand in one.
+        Raises `RecordingError` where the clock was set back: images of two times would stand in one; and where it was
+        set forward by days, from no time at all to that of the day.
         """
         stamps_ns, log_ns = times_ns.reshape(-1, 2).T
         stray = strays(stamps_ns, log_ns)
@@ -99,9 +101,25 @@ class CameraFrames:
             raise RecordingError(
                 f"its clock is set back by {back.by_ns / 1e9:.1f} s, at image {back.index + 1} of {len(stamps_ns)}",
                 where=self._opened.place(topic, int(log_ns[back.index]) + self._opened.window.offset_ns),
-                cure="cut the recording there and build its parts one after the other; their order is kept",
+                cure=_CUT,
             )
+        ahead = step_forward(stamps_ns, log_ns)
+        if ahead is not None:
+            self._set_forward(topic, ahead, log_ns)
         return stamps_ns
+
+    def _set_forward(self, topic: str, ahead: StepForward, log_ns: IntArray) -> None:
+        """Note that a clock was set forward. Raises `RecordingError` where that cannot be time that went by."""
+        last_ns, next_ns = log_ns[ahead.index - 1 : ahead.index + 1].tolist()
+        where = self._opened.place(topic, last_ns + self._opened.window.offset_ns)
+        what = f"its clock is set forward by {_length_text(ahead.by_ns)}, after image {ahead.index} of {len(log_ns)}"
+        if not ahead.too_far:
+            self._opened.notes.note("clock set", f"{where}: {what}; in the map nobody looks in that time")
+            return
+        begin_ns = self._opened.storage.start_ns
+        end_s, start_s = (last_ns - begin_ns) // 10**9 + 1, (next_ns - begin_ns) // 10**9 - 1
+        parts = f"build its parts one after the other, with --end {end_s} and with --start {start_s}"
+        raise RecordingError(what, where=where, cure=parts if ahead.log_too else _CUT)
 
     def _matched(self, color_ns: IntArray, depth_ns: IntArray, depth: str) -> Sequence[tuple[int, int | None]]:
         tolerance_s = self._opened.request.sync_tolerance_s
@@ -261,6 +279,11 @@ class _FrameBuilder:
         if self._blind is not None:
             depth_m[self._blind] = 0
         return depth_m
+
+
+def _length_text(length_ns: int) -> str:
+    days = length_ns / (24 * 3600 * 10**9)
+    return f"{days:.0f} days" if days >= 1 else f"{length_ns / 1e9:.1f} s"
 
 
 def _registration(rig: Rig) -> DepthRegistration | None:

@@ -1,4 +1,4 @@
-"""Stamps that cannot be true: single ones far off all others, and clocks that were set back while recording."""
+"""Stamps that cannot be true: single ones far off all others, and clocks that were set while recording."""
 
 from __future__ import annotations
 
@@ -14,6 +14,12 @@ REORDER_NS = 500_000_000
 STRAY_NS = 60 * 10**9
 """A stamp so far from where the others lie, against the time of recording, is not the sensor's time."""
 
+AWAY_NS = 24 * 3600 * 10**9
+"""No recording pauses for so long: between two images the clock was set, as by NTP on a robot without a battery."""
+
+_SET_NS = 1_000_000_000
+_SET_PERIODS = 10
+_AROUND = 20
 _FEW = 3
 _FEW_SHARE = 0.01
 
@@ -24,6 +30,20 @@ class StepBack:
 
     index: int
     by_ns: int
+
+
+@dataclass(frozen=True)
+class StepForward:
+    """At which message a clock was set forward, and by how much: `by_ns` more than a pause between two messages.
+
+    `too_far` says that it can be no time in which the robot ran; `log_too` that the clock of the recording, by which
+    the stretches before and after can be told apart, was set with it.
+    """
+
+    index: int
+    by_ns: int
+    too_far: bool = False
+    log_too: bool = False
 
 
 def strays(stamps_ns: IntArray, log_ns: IntArray) -> BoolArray:
@@ -48,3 +68,27 @@ def step_back(stamps_ns: IntArray) -> StepBack | None:
     back_ns = np.maximum.accumulate(stamps_ns)[:-1] - stamps_ns[1:]
     late = np.flatnonzero(back_ns > REORDER_NS)
     return StepBack(int(late[0]) + 1, int(back_ns[late[0]])) if len(late) else None
+
+
+def step_forward(stamps_ns: IntArray, log_ns: IntArray) -> StepForward | None:
+    """Where stamps, in the order of recording, first go forward as no sensor does; `None` if nowhere.
+
+    A pause of the recording is none; one of more than a day, by either clock, cannot be. Else the stamps must go ahead
+    of the time of recording, and stay ahead: a message that was merely written late does not count.
+    """
+    if len(stamps_ns) < 2:
+        return None
+    gaps_ns, log_gaps_ns = np.diff(stamps_ns), np.diff(log_ns)
+    away = np.flatnonzero(np.maximum(gaps_ns, log_gaps_ns) > AWAY_NS)
+    if len(away):
+        at = int(away[0])
+        both = abs(int(gaps_ns[at] - log_gaps_ns[at])) < STRAY_NS
+        return StepForward(at + 1, int(max(gaps_ns[at], log_gaps_ns[at])), too_far=True, log_too=both)
+    least_ns = max(_SET_NS, _SET_PERIODS * float(np.median(gaps_ns)))
+    off_ns = stamps_ns - log_ns
+    for at in np.flatnonzero(gaps_ns - log_gaps_ns > least_ns).tolist():
+        before, after = off_ns[max(at + 1 - _AROUND, 0) : at + 1], off_ns[at + 1 : at + 1 + _AROUND]
+        by_ns = int(np.median(after) - np.median(before))
+        if by_ns > least_ns:
+            return StepForward(at + 1, by_ns)
+    return None

@@ -113,16 +113,20 @@ def inspect_recording(path: Path, request: RecordingRequest) -> Inspection:
     """
     opened = open_recording(path, request)
     problems, usable_frames = list(opened.problems), 0
+    start_ns, end_ns = opened.window.start_ns, opened.window.end_ns
     if not problems:
-        usable_frames, problems = _try_streams(BagRecording(opened))
+        recording = BagRecording(opened)
+        usable_frames, problems = _try_streams(recording)
+        if usable_frames:
+            start_ns, end_ns = recording.start_ns, recording.end_ns
     if opened.motion_problem is not None:
         problems.append(opened.motion_problem)
     source = opened.pose_source
     has_lidar = opened.plan.serves("lidar")
     return Inspection(
         path=path,
-        start_ns=opened.window.start_ns,
-        end_ns=opened.window.end_ns,
+        start_ns=start_ns,
+        end_ns=end_ns,
         topics=tuple(_topic_reports(opened)),
         roles=tuple(_role_reports(opened)),
         transforms=tuple(EdgeReport(edge.parent, edge.child, edge.static) for edge in opened.tree.edges),

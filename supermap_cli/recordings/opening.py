@@ -25,16 +25,17 @@ from supermap_cli.recordings.transforms import MovingTransforms, TransformTree
 MARGIN_NS = 2_000_000_000
 """How far poses, sweeps and IMU reach beyond the window."""
 
-_SKEWED_CLOCK_NS = 5_000_000_000
+_SKEWED_CLOCK_NS = 1_000_000_000
 _FIRST_TRANSFORMS = 2000
 _FIRST_STAMPS = 21
 
 
 @dataclass(frozen=True)
 class Window:
-    """The part of the recording to read, in sensor time [start_ns, end_ns]; sides the user did not set are `open`.
+    """The part of the recording to read, in sensor time [start_ns, end_ns]; sides the user did not set, or set to no
+    effect, are `open`: every image counts there, though its stamp lies before or beyond the time of recording.
 
-    `offset_ns` is sensor time minus log time where the two clocks differ by seconds, else 0.
+    `offset_ns` is sensor time minus log time where the two clocks differ by a second or more, else 0.
     """
 
     start_ns: int
@@ -207,4 +208,4 @@ def _window(storage: Storage, plan: TopicPlan, request: RecordingRequest, decode
             where=where,
             cure=f"the recording lasts {(last - first) / 1e9:.1f} s",
         )
-    return Window(start_ns, min(end_ns, last), request.start_s is None, request.end_s is None, offset_ns)
+    return Window(max(start_ns, first), min(end_ns, last), start_ns <= first, end_ns >= last, offset_ns)

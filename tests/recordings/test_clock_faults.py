@@ -15,7 +15,7 @@ from supermap_cli.errors import RecordingError
 from supermap_cli.hookspecs import RecordingRequest
 from supermap_cli.recordings import open_bag_recording
 from supermap_cli.recordings.bag_recording import BagRecording
-from supermap_cli.recordings.clock_faults import step_back, strays
+from supermap_cli.recordings.clock_faults import AWAY_NS, StepForward, step_back, step_forward, strays
 
 FRAME = "camera_optical_frame"
 SIZE, K = (bags.WIDTH, bags.HEIGHT), (bags.FOCAL, bags.FOCAL, (bags.WIDTH - 1) / 2, (bags.HEIGHT - 1) / 2)
@@ -132,4 +132,31 @@ def test_lateness_within_the_tolerance_is_no_step(late_ns: Sequence[int]) -> Non
 def test_a_stream_of_one_or_none_has_no_faults() -> None:
     for stamps_ns in (np.zeros(0, np.int64), np.array([5 * S])):
         assert step_back(stamps_ns) is None
+        assert step_forward(stamps_ns, stamps_ns) is None
         assert not strays(stamps_ns, np.zeros_like(stamps_ns)).any()
+
+
+@given(st.integers(1, 59), st.integers(1_100_000_000, AWAY_NS // 2))
+def test_a_step_forward_is_found_where_it_is(at: int, by_ns: int) -> None:
+    log_ns = bags.START_NS + np.arange(60, dtype=np.int64) * S // 10
+    stamps_ns = log_ns + np.where(np.arange(60) >= at, by_ns, 0)
+    assert step_forward(stamps_ns, log_ns) == StepForward(at, by_ns)
+    assert step_forward(stamps_ns, stamps_ns) is None  # a pause
+
+
+@given(st.lists(st.integers(0, 5 * S), min_size=2, max_size=60))
+def test_images_that_are_written_late_are_no_step_forward(late_ns: Sequence[int]) -> None:
+    stamps_ns = bags.START_NS + np.arange(60, dtype=np.int64) * S // 10
+    log_ns = stamps_ns.copy()
+    log_ns[:: max(60 // len(late_ns), 2)] += np.resize(late_ns, len(log_ns[:: max(60 // len(late_ns), 2)]))
+    order = np.argsort(log_ns, kind="stable")
+    assert step_forward(np.maximum.accumulate(stamps_ns[order]), log_ns[order]) is None
+
+
+def test_a_step_of_days_is_one_by_either_clock() -> None:
+    log_ns = bags.START_NS + np.arange(60, dtype=np.int64) * S // 10
+    jump_ns = np.where(np.arange(60) >= 20, 2 * AWAY_NS, 0)
+    by_ns = 2 * AWAY_NS + S // 10
+    assert step_forward(log_ns + jump_ns, log_ns + jump_ns) == StepForward(20, by_ns, too_far=True, log_too=True)
+    assert step_forward(log_ns + jump_ns, log_ns) == StepForward(20, by_ns, too_far=True)
+    assert step_forward(log_ns, log_ns + jump_ns) == StepForward(20, by_ns, too_far=True)
