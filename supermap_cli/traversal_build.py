@@ -118,6 +118,7 @@ class TraversalBuild:
         stopped = self._stopped_build(unfinished, name)
         going_on = None if stopped is None else self._checkpoint_of(stopped, unfinished)
         replaced = None if stopped is None or going_on is not None else stopped.id
+        again = again or (stopped is not None and stopped.fingerprint == self.recording.fingerprint())
         if going_on is None:
             self._check_it_can_follow(name, replaced, again=again)
         traversal_id: int | None = None
@@ -153,7 +154,9 @@ class TraversalBuild:
                     raise BuildStoppedError(
                         f"stopped at {self._mapped_s():.1f} s of {self._recorded_s():.1f} s",
                         where=str(self.recording.path),
-                        cure="what is mapped so far is kept: go on with --resume, or begin anew with --restart",
+                        cure="its tracker has no checkpoints, so nothing of it is kept"
+                        if checkpoint is None
+                        else "what is mapped so far is kept: go on with --resume, or begin anew with --restart",
                     )
 
     def _checkpoint(self, placement: Placement, *, wanted: bool) -> Checkpoint | None:
