@@ -5,12 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+import cv2
 import numpy as np
 
 from databases import run_sql  # noqa: F401 - beside what makes memories
 from supermap_cli.geometry.boxes import Box3D
+from supermap_cli.geometry.cameras import PinholeCamera, camera_to_json
 from supermap_cli.memory import MapStore, TraversalStart, open_store
 from supermap_cli.types.detections import Hypothesis
+from supermap_cli.types.engine_state import EngineState
 from supermap_cli.types.memory import (
     InstanceRecord,
     KeyframeRecord,
@@ -27,6 +30,10 @@ from supermap_cli.types.memory import (
 
 EPOCH_S = 1_767_603_600  # 2026-01-05T09:00:00Z, a Monday
 SIZE = (0.5, 0.5, 1.0)
+
+CAMERA = camera_to_json(PinholeCamera(64, 48, 50.0, 50.0, 31.5, 23.5))
+DEPTH_PNG = cv2.imencode(".png", np.full((6, 8), 2000, np.uint16))[1].tobytes()
+"""Every eighth pixel of the camera sees something 2 m ahead."""
 
 Point = tuple[float, float, float]
 
@@ -74,6 +81,9 @@ def instance(
         voxels=voxels(),
         observations=observations,
         merged_into=merged_into,
+        engine_state=EngineState(
+            {label: -0.1}, -3.0, 1.0, {"1,1,1": (1, 1, 1.0)}, 0, ns(seen[0]), None, None, 0.0
+        ).to_document(),
     )
 
 
@@ -106,7 +116,7 @@ def state(
 def keyframe(at: float, x: float = 0.0) -> KeyframeRecord:
     T = np.eye(4)
     T[0, 3] = x
-    return KeyframeRecord(ns(at), T, T, '{"model":"pinhole"}', b"\x89PNG", 8, None, detected=True)
+    return KeyframeRecord(ns(at), T, T, CAMERA, DEPTH_PNG, 8, None, detected=True)
 
 
 def observation(number: int, at: float, label: str = "chair", score: float = 0.8) -> Observation:

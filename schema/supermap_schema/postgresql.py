@@ -7,6 +7,8 @@ search path they were made with, so that the triggers hold for whoever writes, f
 
 from __future__ import annotations
 
+import re
+
 from supermap_schema.views import Words, views_0002
 
 MARK = "SuperMap 4D memory"
@@ -200,3 +202,17 @@ OBJECTS_0002 = (
     + views_0002(_WORDS)
 )
 """Version 2 is the first that PostgreSQL can hold, so that everything is made here."""
+
+_TRIGGER = re.compile(r"\s*CREATE TRIGGER (\w+)")
+_FUNCTION = re.compile(r"\s*CREATE FUNCTION (\w+)\(\) RETURNS trigger .* AS \$\$(.*)\$\$\s*", re.DOTALL)
+
+
+def definitions() -> dict[str, str]:
+    """The statements that made the triggers, and the bodies of their functions, by name."""
+    made: dict[str, str] = {}
+    for statement in OBJECTS_0002:
+        if (trigger := _TRIGGER.match(statement)) is not None:
+            made[trigger[1]] = statement
+        elif (function := _FUNCTION.fullmatch(statement)) is not None:
+            made[function[1]] = function[2]
+    return made

@@ -5,6 +5,8 @@ A migration creates the objects of its own version (`OBJECTS_0001`, ...); once r
 
 from __future__ import annotations
 
+import re
+
 from supermap_schema.views import Words, views_0002
 
 APPLICATION_ID = 0x534D4150
@@ -196,3 +198,16 @@ _READABLE_VIEWS = (
 )
 
 OBJECTS_0002 = _GIVEN_UP_OBSERVATIONS + _READABLE_VIEWS
+
+_STATEMENT = re.compile(r"\s*(CREATE|DROP) (?:VIRTUAL TABLE|TRIGGER|VIEW) (\w+)")
+
+
+def definitions() -> dict[str, str]:
+    """The statements that made the objects of the newest version, by their names."""
+    made: dict[str, str] = {}
+    for statement in OBJECTS_0001 + OBJECTS_0002:
+        if (found := _STATEMENT.match(statement)) is not None:
+            made.pop(found[2], None)
+            if found[1] == "CREATE":
+                made[found[2]] = statement
+    return made

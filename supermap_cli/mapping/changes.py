@@ -7,6 +7,7 @@ from dataclasses import astuple, dataclass, field
 import numpy as np
 
 from supermap_cli.mapping.objects import MapObject, ObjectMap
+from supermap_cli.types.engine_state import EngineState
 from supermap_cli.types.memory import (
     InstanceRecord,
     MapDelta,
@@ -94,15 +95,15 @@ def instance_record(known: MapObject, merged_into: int | None = None) -> Instanc
         voxels=known.voxels.to_cloud(),
         observations=known.observations,
         merged_into=merged_into,
-        engine_state={
-            "label_logs": known.labels.logs,
-            "unseen_log": known.labels.unseen_log,
-            "looks": known.labels.looks,
-            "viewpoints": {name: list(astuple(cell)) for name, cell in known.viewpoints.cells.items()},
-            "state_index": known.state.index,
-            "state_first_seen_ns": known.state.first_seen_ns,
-            "state_empty_before_ns": known.state.empty_before_ns,
-            "gone_ns": known.gone_ns,
-            "best_crop": known.best_crop,
-        },
+        engine_state=EngineState(
+            label_logs=known.labels.logs,
+            unseen_log=known.labels.unseen_log,
+            looks=known.labels.looks,
+            viewpoints={name: astuple(cell) for name, cell in known.viewpoints.cells.items()},
+            state_index=known.state.index,
+            state_first_seen_ns=known.state.first_seen_ns,
+            state_empty_before_ns=known.state.empty_before_ns,
+            gone_ns=known.gone_ns,
+            best_crop=known.best_crop,
+        ).to_document(),
     )

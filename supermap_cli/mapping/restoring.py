@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any, cast
 
 from supermap_cli.mapping.belief import Cell, LabelBelief, Viewpoints
 from supermap_cli.mapping.objects import MapObject, ObjectMap, OpenState
 from supermap_cli.mapping.voxel_map import voxel_map_from_cloud
+from supermap_cli.types.engine_state import EngineState
 from supermap_cli.types.memory import InstanceRecord
 
 
@@ -25,28 +25,23 @@ def restore_objects(instances: Iterable[InstanceRecord], next_number: int) -> Ob
 
 
 def restore_object(instance: InstanceRecord) -> MapObject:
-    """One object as it was when it was last written."""
-    state = cast("dict[str, Any]", dict(instance.engine_state))
+    """One object as it was when it was last written. Raises `MemoryStoreError` if its engine state is damaged."""
+    state = EngineState.of(instance.engine_state)
     return MapObject(
         instance.number,
         voxel_map_from_cloud(instance.voxels),
-        LabelBelief(dict(state["label_logs"]), state["unseen_log"], state["looks"], float(instance.box.size.max())),
+        LabelBelief(dict(state.label_logs), state.unseen_log, state.looks, float(instance.box.size.max())),
         instance.first_seen_ns,
         instance.last_seen_ns,
         instance.existence_log_odds,
-        OpenState(state["state_index"], state["state_first_seen_ns"], state["state_empty_before_ns"]),
+        OpenState(state.state_index, state.state_first_seen_ns, state.state_empty_before_ns),
         confirmed=True,
         entered=True,
         present=instance.presence != "absent",
         doubted=instance.presence == "doubted",
-        gone_ns=state["gone_ns"],
+        gone_ns=state.gone_ns,
         observations=instance.observations,
         before_visit_ns=instance.last_seen_ns,
-        viewpoints=Viewpoints({name: _cell(kept) for name, kept in state["viewpoints"].items()}),
-        best_crop=state["best_crop"],
+        viewpoints=Viewpoints({name: Cell(*cell) for name, cell in state.viewpoints.items()}),
+        best_crop=state.best_crop,
     )
-
-
-def _cell(kept: list[float] | int) -> Cell:
-    """Memories of version 0.1 kept the number of supporting looks only."""
-    return Cell(kept, kept) if isinstance(kept, int) else Cell(int(kept[0]), int(kept[1]), float(kept[2]))

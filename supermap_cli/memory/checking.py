@@ -11,12 +11,15 @@ import numpy as np
 from sqlalchemy import Connection, select, text
 from sqlalchemy.exc import DatabaseError
 
-from supermap_cli.errors import MemoryStoreError
+from supermap_cli.errors import CalibrationError, MemoryStoreError
+from supermap_cli.geometry.cameras import camera_from_json
 from supermap_cli.memory import blobs
 from supermap_cli.memory.databases import Dialect, dialect_of
+from supermap_cli.memory.depth_png import depth_shape
 from supermap_cli.memory.invariants import INVARIANTS
 from supermap_cli.memory.reading import MapReader
 from supermap_cli.memory.values import Invariant, Problem
+from supermap_cli.types.engine_state import EngineState
 from supermap_schema import models
 from supermap_schema.views import VIEW_NAMES
 
@@ -37,7 +40,8 @@ def check(reader: MapReader) -> list[Problem]:
     problems += dialect.damage(connection)
     for invariant in (*INVARIANTS, *dialect.invariants):
         problems += _violations(connection, invariant)
-    return [*problems, *_instance_problems(connection), *_transform_problems(connection)]
+    own = (_traversal_problems, _keyframe_problems, _instance_problems, _transform_problems)
+    return problems + [problem for each in own for problem in each(connection)]
 
 
 def _missing(connection: Connection, dialect: Dialect) -> Iterator[Problem]:
@@ -48,6 +52,8 @@ def _missing(connection: Connection, dialect: Dialect) -> Iterator[Problem]:
     for name in (*(table.name for table in tables), *indices, *VIEW_NAMES, *dialect.own_objects):
         if name not in found:
             yield Problem("schema", name, "is missing or switched off")
+    for name in sorted(dialect.altered(connection)):
+        yield Problem("schema", name, "is not what the schema makes under this name")
 
 
 def _violations(connection: Connection, invariant: Invariant) -> Iterator[Problem]:
@@ -60,17 +66,53 @@ def _violations(connection: Connection, invariant: Invariant) -> Iterator[Proble
         yield Problem(invariant.table, "?", f"cannot be checked ({error.orig}), whether any {invariant.rule}")
 
 
+def _traversal_problems(connection: Connection) -> Iterator[Problem]:
+    """What a traversal says of itself is read by name."""
+    traversal = models.Traversal
+    columns = select(traversal.name, traversal.config, traversal.versions, traversal.timings)
+    for name, *documents in connection.execute(columns.order_by(traversal.number)):
+        for column, document in zip(("config", "versions", "timings"), documents, strict=True):
+            if document is not None and not isinstance(_json(document), dict):
+                yield Problem("traversal", name, f"has a {column} that is no JSON object")
+
+
+def _keyframe_problems(connection: Connection) -> Iterator[Problem]:
+    """A depth image is as large as its camera's, a pixel for every step; so it tells what was seen empty."""
+    keyframe = models.Keyframe
+    statement = select(keyframe.id, keyframe.camera, keyframe.depth_step, keyframe.depth_png).order_by(keyframe.id)
+    for row in connection.execute(statement.execution_options(yield_per=_ROWS // 10)):
+        camera = shape = None
+        try:
+            camera = camera_from_json(row.camera)
+        except CalibrationError as error:
+            yield Problem("keyframe", str(row.id), f"has a camera that is none: {error.what}")
+        try:
+            shape = depth_shape(row.depth_png)
+        except MemoryStoreError as error:
+            yield Problem("keyframe", str(row.id), f"has a depth_png that {error.what}")
+        if camera is not None and shape is not None:
+            due = (-(-camera.height // row.depth_step), -(-camera.width // row.depth_step))
+            if shape != due:
+                yield Problem("keyframe", str(row.id), f"has a depth_png of {shape}, not {due} pixels (h, w)")
+
+
 def _instance_problems(connection: Connection) -> Iterator[Problem]:
     instance = models.Instance
-    statement = select(instance.id, instance.label_belief, instance.voxels, instance.embedding).order_by(
-        instance.number
-    )
+    statement = select(
+        *(instance.id, instance.label, instance.merged_into, instance.label_belief, instance.engine_state),
+        *(instance.voxels, instance.embedding),
+    ).order_by(instance.number)
     for row in connection.execute(statement.execution_options(yield_per=_ROWS)):
         if not _TEXT_ID.fullmatch(row.id):
             yield Problem("instance", row.id, "has an id that is no label and number")
-        if not _is_belief(row.label_belief):
+        belief = _json(row.label_belief)
+        if not _is_belief(belief):
             yield Problem("instance", row.id, "has a label belief that is no shares that sum to 1")
+        elif row.label not in belief:
+            yield Problem("instance", row.id, "has a label that its label belief does not know")
         try:
+            if row.merged_into is None:
+                EngineState.of(_json(row.engine_state))
             blobs.decode_voxels(row.voxels)
             if row.embedding is not None:
                 blobs.decode_embedding(row.embedding)
@@ -78,12 +120,19 @@ def _instance_problems(connection: Connection) -> Iterator[Problem]:
             yield Problem("instance", row.id, error.what)
 
 
-def _is_belief(document: str) -> bool:
+def _is_belief(shares: Any) -> bool:
     try:
-        shares = list(json.loads(document).values())
-        return bool(min(shares) >= 0 and abs(sum(shares) - 1) < _TOLERANCE)
+        return bool(min(shares.values()) >= 0 and abs(sum(shares.values()) - 1) < _TOLERANCE)
     except (ValueError, TypeError, AttributeError):
         return False
+
+
+def _json(document: str) -> Any:
+    """None where it is broken."""
+    try:
+        return json.loads(document)
+    except ValueError:
+        return None
 
 
 def _transform_problems(connection: Connection) -> Iterator[Problem]:

@@ -6,7 +6,12 @@ dialect says differently stands with the dialect; what SQL cannot see (transform
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
+from sqlalchemy import Double
+
 from supermap_cli.memory.values import Invariant
+from supermap_schema import models
 
 _PARTS = """WITH RECURSIVE part(number, survivor) AS (SELECT number, number FROM instance UNION
     SELECT part.number, instance.merged_into FROM part JOIN instance ON instance.number = part.survivor
@@ -15,6 +20,20 @@ _PARTS = """WITH RECURSIVE part(number, survivor) AS (SELECT number, number FROM
 
 _NOW = "(SELECT max(coalesce(mapped_ns, end_ns)) FROM traversal)"
 _NEWEST = "(SELECT max(newest.state_index) FROM state newest WHERE newest.instance_number = i.number)"
+_STANDS_IN = f"state s ON s.instance_number = i.number AND s.state_index = {_NEWEST}"
+_FIT_M = """(SELECT CASE WHEN count(*) > 0 THEN 0.1 ELSE 1e-6 END AS m FROM traversal
+    WHERE config LIKE '%"merged_from"%')"""
+"""So well a thing's place fits its newest state: exactly, but where memories were merged: what came in was laid over
+the map turned, a state's box as a whole, a thing by its voxels, into a grid that they do not lie in.
+"""
+
+_PLACE = ("x", "y", "z", "center_x", "center_y", "center_z", "size_z")
+
+_COUNTED = f"""{_PARTS}, counted(number, n) AS (SELECT part.survivor, sum(own.n) FROM part JOIN
+    (SELECT instance_number, count(*) AS n FROM observation GROUP BY instance_number) own
+    ON own.instance_number = part.number GROUP BY part.survivor)"""
+"""The observations of every instance and of all that is a part of it."""
+
 _EDGE = """SELECT subject.id || ' ' || e.relation || ' ' || object.id || ' since ' || e.since_ns FROM spatial_edge e
     JOIN instance subject ON subject.number = e.subject_number
     JOIN instance object ON object.number = e.object_number"""
@@ -111,8 +130,26 @@ INSTANCES = (
     Invariant(
         "instance",
         "counts fewer observations than it has",
-        """SELECT i.id FROM instance i JOIN (SELECT instance_number, count(*) AS n FROM observation
-           GROUP BY instance_number) o ON o.instance_number = i.number WHERE i.observations < o.n""",
+        f"""{_COUNTED} SELECT i.id FROM instance i JOIN counted c ON c.number = i.number WHERE i.observations < c.n""",
+    ),
+    Invariant(
+        "instance",
+        "counts more observations than it has, and none was given up",
+        f"""{_COUNTED} SELECT i.id FROM instance i LEFT JOIN counted c ON c.number = i.number
+            WHERE i.observations > coalesce(c.n, 0) AND NOT EXISTS (SELECT 1 FROM traversal t
+                WHERE t.start_ns <= i.last_seen_ns AND t.observations_kept_from_ns > i.first_seen_ns)""",
+    ),
+    Invariant(
+        "instance",
+        "lies elsewhere or is larger or smaller than its newest state",
+        f"""SELECT i.id FROM instance i JOIN {_STANDS_IN} CROSS JOIN {_FIT_M} fit WHERE i.merged_into IS NULL AND (
+            {" OR ".join(f"abs(i.{axis} - s.{axis}) > fit.m" for axis in _PLACE)}
+            OR abs(i.size_x + i.size_y - s.size_x - s.size_y) > fit.m)""",
+    ),
+    Invariant(
+        "instance",
+        "has another label than its newest state",
+        f"""SELECT i.id FROM instance i JOIN {_STANDS_IN} WHERE i.merged_into IS NULL AND i.label <> s.label""",
     ),
     Invariant(
         "instance",
@@ -131,6 +168,23 @@ INSTANCES = (
     ),
     Invariant(
         "visit",
+        "is missing although the thing was observed",
+        """SELECT i.id || ' in ' || t.name FROM (SELECT DISTINCT o.instance_number, k.traversal_id FROM observation o
+               JOIN keyframe k ON k.id = o.keyframe_id) seen
+           JOIN instance i ON i.number = seen.instance_number JOIN traversal t ON t.id = seen.traversal_id
+           LEFT JOIN visit v ON v.traversal_id = seen.traversal_id AND v.instance_number = seen.instance_number
+           WHERE i.merged_into IS NULL AND v.instance_number IS NULL""",
+    ),
+    Invariant(
+        "visit",
+        "has more support than views, or none and yet a time of it",
+        """SELECT i.id || ' in ' || t.name FROM visit v JOIN traversal t ON t.id = v.traversal_id
+           JOIN instance i ON i.number = v.instance_number WHERE v.supported > v.in_view
+           OR (v.supported > 0) <> (v.first_support_ns IS NOT NULL)
+           OR (v.supported > 0) <> (v.last_support_ns IS NOT NULL)""",
+    ),
+    Invariant(
+        "visit",
         "is of a traversal before the one that found the thing",
         """SELECT i.id || ' in ' || t.name FROM visit v JOIN traversal t ON t.id = v.traversal_id
            JOIN instance i ON i.number = v.instance_number JOIN traversal found ON found.id = i.traversal_id
@@ -139,6 +193,21 @@ INSTANCES = (
 )
 
 STATES = (
+    Invariant(
+        "state",
+        "was first seen, last seen or gone at a time that is no keyframe's",
+        """SELECT i.id || ' state ' || s.state_index FROM state s JOIN instance i ON i.number = s.instance_number
+           WHERE s.first_seen_ns NOT IN (SELECT stamp_ns FROM keyframe)
+           OR s.last_seen_ns NOT IN (SELECT stamp_ns FROM keyframe)
+           OR s.gone_ns NOT IN (SELECT stamp_ns FROM keyframe)""",
+    ),
+    Invariant(
+        "state",
+        "has another one before it, and no change leads to it",
+        """SELECT i.id || ' state ' || s.state_index FROM state s JOIN instance i ON i.number = s.instance_number
+           WHERE s.state_index > 0 AND NOT EXISTS (SELECT 1 FROM temporal_edge e
+               WHERE e.to_number = s.instance_number AND e.to_state = s.state_index)""",
+    ),
     Invariant(
         "state",
         "overlaps another state of its instance",
@@ -200,6 +269,13 @@ EDGES = (
             AND (subject.merged_into IS NOT NULL OR object.merged_into IS NOT NULL)""",
     ),
     Invariant(
+        "spatial_edge",
+        "overlaps another one of the same ends and relation",
+        f"""{_EDGE} JOIN spatial_edge later ON later.subject_number = e.subject_number AND later.relation = e.relation
+            AND later.object_number = e.object_number AND later.since_ns > e.since_ns
+            WHERE e.until_ns IS NULL OR e.until_ns > later.since_ns""",
+    ),
+    Invariant(
         "temporal_edge",
         "lacks the state that it comes from or leads to",
         f"""{_CHANGE} WHERE (e.from_state IS NULL AND e.kind <> 'appeared')
@@ -228,4 +304,19 @@ EDGES = (
     ),
 )
 
-INVARIANTS = (*TRAVERSALS, *INSTANCES, *STATES, *EDGES)
+
+def _finite() -> Iterator[Invariant]:
+    """No JSON document can say infinite, and nothing can be reckoned with it."""
+    for table in models.Base.metadata.sorted_tables:
+        reals = [column.name for column in table.columns if isinstance(column.type, Double)]
+        if reals:
+            infinite = " OR ".join(f"NOT {name} BETWEEN -1e308 AND 1e308" for name in reals)
+            row = "id" if "id" in table.columns else "number"
+            yield Invariant(
+                table.name, "holds a number that is not finite", f"SELECT {row} FROM {table.name} WHERE {infinite}"
+            )
+
+
+NUMBERS = tuple(_finite())
+
+INVARIANTS = (*TRAVERSALS, *INSTANCES, *STATES, *EDGES, *NUMBERS)

@@ -209,7 +209,7 @@ class MemoryMerge:
 
     def _spatial_edges(self, passage: Passage, later: Sequence[StoredTraversal]) -> list[SpatialEdge]:
         lives = self.lives
-        held = self.store.load_spatial_edges()
+        held = self.store.load_spatial_edges(open_only=False)
         others = [
             SpatialEdge(
                 lives.numbers[each.subject],

@@ -121,7 +121,7 @@ class InstanceRecord:
     """One confirmed object as it is believed to be now.
 
     `label_belief` sums to 1; `existence_log_odds` > 0 means present; `embedding` (d,) float32 unit length or `None`;
-    `engine_state` is what the mapping engine needs to go on, as JSON numbers and strings.
+    `engine_state` is what the mapping engine needs to go on, as JSON numbers and strings (`types.engine_state`).
     """
 
     number: int

@@ -17,6 +17,7 @@ from supermap_cli.costs.memory.visits import LOOKS, Course, courses, visits_by_r
 from supermap_cli.memory import rows
 from supermap_cli.memory.bulk import BulkWriter
 from supermap_cli.memory.values import TraversalStart
+from supermap_cli.types.engine_state import EngineState
 from supermap_cli.types.memory import InstanceRecord, KeyframeRecord, VoxelCloud
 
 Progress = Callable[[str], None]
@@ -88,10 +89,13 @@ def _write_lives(writer: BulkWriter, lives: Sequence[Life], rng: np.random.Gener
         counters[label] += 1
         return f"{label.replace(' ', '-')}-{counters[label]}"
 
+    looks = _looks(lives)
     clouds = [_cloud(rng) for _ in range(32)]
     for start in range(0, len(lives), 5000):
         part = lives[start : start + 5000]
-        writer.add("instance", (_instance(each, named(each.thing.label), clouds) for each in part))
+        writer.add(
+            "instance", (_instance(each, named(each.thing.label), looks[each.thing.number], clouds) for each in part)
+        )
         states = [(state, at) for each in part for state, at in zip(each.states, each.written_by, strict=True)]
         writer.add("state", (rows.state_values(state, at) for state, at in states))
         writer.add("visit", (rows.visit_values(visit, at) for each in part for at, visit in each.visits))
@@ -112,21 +116,30 @@ def _traversal(course: Course, seen: int) -> dict[str, object]:
     return rows.traversal_values(start, course.number, course.name) | known | counts
 
 
-def _instance(life: Life, text_id: str, clouds: Sequence[VoxelCloud]) -> dict[str, object]:
+def _looks(lives: Sequence[Life]) -> dict[int, int]:
+    """How often each was observed, with what is a part of it."""
+    looks = {each.thing.number: len(each.seen) * LOOKS for each in lives}
+    for each in lives:
+        if each.merged_into is not None:
+            looks[each.merged_into] += len(each.seen) * LOOKS
+    return looks
+
+
+def _instance(life: Life, text_id: str, looks: int, clouds: Sequence[VoxelCloud]) -> dict[str, object]:
     thing, newest = life.thing, life.states[-1] if life.states else None
     other = "stool" if thing.label == "chair" else "box"
     belief = {thing.label: 0.93, other: 0.05, "bucket": 0.02}
-    state = {
-        "label_logs": {thing.label: -0.1, other: -3.0, "bucket": -4.0},
-        "unseen_log": -60.0,
-        "looks": 20.0,
-        "viewpoints": {f"{i},1,1": [4, 4, 4.0] for i in range(6)},
-        "state_index": max(len(life.states) - 1, 0),
-        "state_first_seen_ns": life.seen[0].first_ns if newest is None else newest.first_seen_ns,
-        "state_empty_before_ns": None if newest is None else newest.empty_before_ns,
-        "gone_ns": None if newest is None else newest.gone_ns,
-        "best_crop": 50.0,
-    }
+    state = EngineState(
+        label_logs={thing.label: -0.1, other: -3.0, "bucket": -4.0},
+        unseen_log=-60.0,
+        looks=20.0,
+        viewpoints={f"{i},1,1": (4, 4, 4.0) for i in range(6)},
+        state_index=max(len(life.states) - 1, 0),
+        state_first_seen_ns=life.seen[0].first_ns if newest is None else newest.first_seen_ns,
+        state_empty_before_ns=None if newest is None else newest.empty_before_ns,
+        gone_ns=None if newest is None else newest.gone_ns,
+        best_crop=50.0,
+    )
     record = InstanceRecord(
         number=thing.number,
         label=thing.label,
@@ -138,9 +151,9 @@ def _instance(life: Life, text_id: str, clouds: Sequence[VoxelCloud]) -> dict[st
         centroid_map=thing.box.center,
         box=thing.box,
         voxels=_placed(clouds[thing.number % len(clouds)], thing),
-        observations=len(life.seen) * LOOKS,
+        observations=looks,
         merged_into=life.merged_into,
-        engine_state=state,
+        engine_state=state.to_document(),
     )
     return rows.instance_values(record, life.seen[0].course.number, text_id)
 

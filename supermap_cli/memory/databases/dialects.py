@@ -8,6 +8,7 @@ from typing import Any, Protocol
 
 from sqlalchemy import Connection, Select, Table, column, func, literal, select, table, text
 from sqlalchemy.dialects import postgresql, sqlite
+from sqlalchemy.schema import CreateIndex
 
 from supermap_cli.memory.values import Invariant, Problem
 from supermap_schema import models
@@ -38,7 +39,6 @@ def _no_json(column_name: str) -> str:
 def _images(literal: str) -> Iterator[Invariant]:
     """Pictures begin as files of their kind do; `literal` writes bytes given in hexadecimal digits."""
     for of, image, kind, magic in (
-        ("keyframe", "depth_png", "PNG", "89504e47"),
         ("keyframe", "thumbnail_jpeg", "JPEG", "ffd8ff"),
         ("observation", "crop_jpeg", "JPEG", "ffd8ff"),
     ):
@@ -78,6 +78,9 @@ class Dialect(Protocol):
 
     def objects(self, connection: Connection) -> set[str]:
         """The names of all tables, views, indices, triggers and constraints that are there and at work."""
+
+    def altered(self, connection: Connection) -> set[str]:
+        """The names of those that are there, but are not what the schema makes under this name."""
 
     def damage(self, connection: Connection) -> Iterator[Problem]:
         """What is wrong with the storage itself."""
@@ -158,6 +161,12 @@ class Sqlite:
         """All that `sqlite_master` lists."""
         return set(connection.exec_driver_sql("SELECT name FROM sqlite_master").scalars())
 
+    def altered(self, connection: Connection) -> set[str]:
+        """SQLite keeps the text of every statement that made something."""
+        made = sqlite_schema.definitions() | dict(_indices(connection.dialect))
+        found = connection.exec_driver_sql("SELECT name, sql FROM sqlite_master WHERE sql IS NOT NULL")
+        return {name for name, sql in found if name in made and _on_one_line(sql) != _on_one_line(made[name])}
+
     def damage(self, connection: Connection) -> Iterator[Problem]:
         """Pages, indices, constraints and foreign keys."""
         for (message,) in connection.exec_driver_sql("PRAGMA integrity_check"):
@@ -237,6 +246,22 @@ class Postgresql:
             WHERE c.relnamespace = current_schema()::regnamespace AND t.tgenabled IN ('O', 'A')"""
         return set(connection.exec_driver_sql(listed).scalars())
 
+    def altered(self, connection: Connection) -> set[str]:
+        """Of triggers, what they do, and indices; PostgreSQL keeps the text of no view."""
+        made = postgresql_schema.definitions() | dict(_indices(connection.dialect))
+        found = connection.exec_driver_sql("""
+            SELECT t.tgname, pg_get_triggerdef(t.oid), current_schema() FROM pg_trigger t
+            JOIN pg_class c ON c.oid = t.tgrelid
+            WHERE NOT t.tgisinternal AND c.relnamespace = current_schema()::regnamespace
+            UNION ALL SELECT proname, prosrc, current_schema() FROM pg_proc
+            WHERE pronamespace = current_schema()::regnamespace
+            UNION ALL SELECT indexname, indexdef, schemaname FROM pg_indexes WHERE schemaname = current_schema()""")
+        return {
+            name
+            for name, sql, schema in found
+            if name in made and _bare(sql.replace(f"{schema}.", "")) != _bare(made[name])
+        }
+
     def damage(self, connection: Connection) -> Iterator[Problem]:
         """Foreign keys; the server itself looks after its files."""
         for child in models.Base.metadata.sorted_tables:
@@ -250,6 +275,22 @@ _DIALECTS: dict[str, Dialect] = {"sqlite": Sqlite(), "postgresql": Postgresql()}
 def dialect_of(connection: Connection) -> Dialect:
     """The dialect that an open connection understands."""
     return _DIALECTS[connection.dialect.name]
+
+
+def _indices(dialect: Any) -> Iterator[tuple[str, str]]:
+    """The statements that make the models' indices, by name."""
+    for each in models.Base.metadata.sorted_tables:
+        for index in each.indexes:
+            yield str(index.name), str(CreateIndex(index).compile(dialect=dialect))
+
+
+def _on_one_line(sql: str) -> str:
+    return " ".join(sql.split())
+
+
+def _bare(sql: str) -> str:
+    """Without what PostgreSQL adds: the kind of an index, and brackets."""
+    return _on_one_line(re.sub(r" USING btree|[()]", " ", sql))
 
 
 def _overlaps(axes: str, lower_m: Sequence[float], upper_m: Sequence[float]) -> Iterator[Any]:
