@@ -25,10 +25,10 @@ monday = MapDelta(
         m.instance(TABLE, "dining table", (0, 0, 0.375), TABLE_SIZE, seen=MONDAY),
         m.instance(CUP, "cup", (0.5, 0, 0.8), CUP_SIZE, seen=MONDAY),
         m.instance(CHAIR, "chair", (0, 1.0, 0.5), seen=MONDAY),
-        m.instance(OTHER_CHAIR, "chair", (4.0, 0, 0.5), seen=MONDAY),
+        m.instance(OTHER_CHAIR, "chair", (4.0, 0, 0.5), seen=MONDAY, observations=3),
         m.instance(TV, "tv", (5.0, 0, 1.2), TV_SIZE, seen=MONDAY),
         m.instance(PLANT, "potted plant", (0, 2.0, 0.4), (0.3, 0.3, 0.8), seen=MONDAY),
-        m.instance(BOOK, "book", (-3.0, 0, 0.5), (0.2, 0.3, 0.05), seen=MONDAY),
+        m.instance(BOOK, "book", (-3.0, 0, 0.5), (0.2, 0.3, 0.05), seen=MONDAY, observations=3),
     ),
     observations=tuple(
         m.observation(number, at, label)
@@ -64,12 +64,12 @@ tuesday = MapDelta(
     keyframes=m.keyframes([1001, 1040, 1090]),
     instances=(
         m.instance(TABLE, "dining table", (0, 0, 0.375), TABLE_SIZE, seen=(1, 1090)),
-        m.instance(CUP, "cup", (0.5, 0, 0.8), CUP_SIZE, seen=MONDAY, presence="absent"),
+        m.instance(CUP, "cup", (0.5, 0, 0.8), CUP_SIZE, seen=MONDAY, presence="absent", observations=3),
         m.instance(CHAIR, "chair", (-3.0, 3.0, 0.5), seen=(1, 1090)),
         m.instance(TV, "tv", (5.0, 0, 1.2), TV_SIZE, seen=(1, 1090)),
         m.instance(PLANT, "potted plant", (0, 2.0, 0.4), (0.3, 0.3, 0.8), seen=(1, 1090)),
-        m.instance(VASE, "vase", (-0.5, 0, 0.9), (0.15, 0.15, 0.3), seen=TUESDAY),
-        m.instance(LAMP, "lamp", (9.0, 9.0, 0.9), (0.3, 0.3, 1.8), seen=TUESDAY),
+        m.instance(VASE, "vase", (-0.5, 0, 0.9), (0.15, 0.15, 0.3), seen=TUESDAY, observations=3),
+        m.instance(LAMP, "lamp", (9.0, 9.0, 0.9), (0.3, 0.3, 1.8), seen=TUESDAY, observations=3),
     ),
     observations=tuple(
         m.observation(number, at, label)

@@ -10,9 +10,10 @@ GROW = """
 CREATE TEMP TABLE copy AS WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n WHERE i < {instances})
 SELECT i, 1000 + i AS number FROM n;
 INSERT INTO instance SELECT copy.number, 'box-' || copy.number, 'box', presence, existence_log_odds,
-    state.first_seen_ns, state.last_seen_ns, instance.x + copy.i, instance.y, instance.z, instance.center_x + copy.i,
-    instance.center_y, instance.center_z, instance.size_x, instance.size_y, instance.size_z, instance.yaw, observations,
-    merged_into, instance.traversal_id, label_belief, engine_state, voxels, embedding
+    state.first_seen_ns, state.last_seen_ns, state.x + copy.i, state.y, state.z,
+    state.center_x + copy.i, state.center_y, state.center_z, state.size_x, state.size_y, state.size_z, state.yaw,
+    observations, merged_into, instance.traversal_id, replace(label_belief, instance.label, 'box'), engine_state,
+    voxels, embedding
     FROM copy JOIN instance ON instance.number = 1
     JOIN state ON state.instance_number = 1 AND state.state_index = 0;
 INSERT INTO state (instance_number, state_index, first_seen_ns, last_seen_ns, label, confidence, x, y, z,

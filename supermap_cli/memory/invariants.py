@@ -195,11 +195,10 @@ INSTANCES = (
 STATES = (
     Invariant(
         "state",
-        "was first seen, last seen or gone at a time that is no keyframe's",
+        "was first or last seen at a time that is no keyframe's",
         """SELECT i.id || ' state ' || s.state_index FROM state s JOIN instance i ON i.number = s.instance_number
            WHERE s.first_seen_ns NOT IN (SELECT stamp_ns FROM keyframe)
-           OR s.last_seen_ns NOT IN (SELECT stamp_ns FROM keyframe)
-           OR s.gone_ns NOT IN (SELECT stamp_ns FROM keyframe)""",
+           OR s.last_seen_ns NOT IN (SELECT stamp_ns FROM keyframe)""",
     ),
     Invariant(
         "state",

@@ -140,7 +140,6 @@ DAMAGES: tuple[tuple[str | tuple[str, str | None], str, str], ...] = (
         "state",
         "a time that is no keyframe's",
     ),
-    ("UPDATE state SET gone_ns = gone_ns + 1 WHERE instance_number = 4", "state", "a time that is no keyframe's"),
     ("DELETE FROM temporal_edge", "state", "no change leads to it"),
     ("UPDATE state SET gone_ns = NULL WHERE instance_number = 1", "state", "not gone although another one follows"),
     (f"UPDATE keyframe SET stamp_ns = stamp_ns - {SECOND // 2}", "state", "no observation between"),

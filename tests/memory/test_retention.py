@@ -52,7 +52,7 @@ def long_memory(path: Path) -> Path:
                 for i, at in enumerate(stamps)
             ),
             states=(
-                m.state(1, 0, (1, 20), (0, 0, 0.5), gone=DAY_S if index else None),
+                m.state(1, 0, (1, 20), (0, 0, 0.5), gone=DAY_S + 1 if index else None),
                 *((m.state(1, 1, (stamps[0], stamps[-1]), (1, 0, 0.5)),) if index else ()),
             ),
             visits=(m.visit(1, 20, 20, 0, (stamps[0], stamps[-1])),),

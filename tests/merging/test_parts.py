@@ -16,7 +16,7 @@ from supermap_cli.mapping.objects import MapObject, ObjectMap, OpenState
 from supermap_cli.mapping.voxel_map import VoxelMap
 from supermap_cli.merging.laying_aside import LaidAside, laid_aside
 from supermap_cli.merging.meeting import in_place, parts_of
-from supermap_cli.merging.relations import join_edges
+from supermap_cli.merging.relations import join_edges, judge_anew
 from supermap_cli.merging.witnessing import Witness, stored_view
 from supermap_cli.types.detections import Hypothesis
 from supermap_cli.types.memory import KeyframeRecord, SpatialEdge
@@ -165,3 +165,14 @@ def test_a_relation_ends_when_one_of_its_ends_has_left() -> None:
 
 def test_a_relation_of_which_the_other_memory_says_nothing_is_left_as_it_is() -> None:
     assert join_edges([edge(1, "on", 2, 0)], [], {}) == {}
+
+
+def test_a_relation_that_ended_and_holds_again_does_not_go_back_behind_its_end() -> None:
+    objects = ObjectMap(3)
+    for each in (thing(1, s.TABLE), thing(2, s.CUP)):
+        objects.add(each)
+    ended = SpatialEdge(2, "on", 1, s.ns(1), s.ns(3), 0.9)
+    changed: dict[tuple[int, str, int, int], SpatialEdge] = {}
+    judge_anew(changed, [ended], objects, {1, 2}, s.ns(5))
+    assert (2, "on", 1, s.ns(3)) in changed
+    assert [each.since_ns for each in changed.values() if each.relation == "on"] == [s.ns(3)]

@@ -173,16 +173,19 @@ def test_what_was_split_off_did_not_appear(tmp_path: Path) -> None:
     deltas = (
         MapDelta(
             keyframes=m.keyframes([1]),
-            instances=(m.instance(1, "chair", seen=(1, 1)),),
+            instances=(m.instance(1, "chair", seen=(1, 1), observations=1),),
             observations=(m.observation(1, 1),),
-            visits=(SEEN,),
+            visits=(m.visit(1, 1, 1, 0, (1, 1)),),
             states=(m.state(1, 0, (1, 1)),),
         ),
         MapDelta(
             keyframes=m.keyframes([103]),
-            instances=(m.instance(1, "chair", seen=(1, 103)), m.instance(2, "chair", (1, 0, 0.5), seen=(103, 103))),
+            instances=(
+                m.instance(1, "chair", seen=(1, 103), observations=2),
+                m.instance(2, "chair", (1, 0, 0.5), seen=(103, 103), observations=1),
+            ),
             observations=(m.observation(1, 103, "chair"), m.observation(2, 103, "chair")),
-            visits=(SEEN, replace(SEEN, object_number=2)),
+            visits=(m.visit(1, 1, 1, 0, (103, 103)), m.visit(2, 1, 1, 0, (103, 103))),
             states=(m.state(1, 0, (1, 103)), m.state(2, 0, (103, 103), (1, 0, 0.5))),
             temporal_edges=(m.temporal("split", (1, 0), (2, 0), 1, 103),),
         ),
