@@ -152,3 +152,8 @@ def _group(user: str) -> int:
     import pwd
 
     return pwd.getpwnam(user).pw_gid
+
+
+def examples(count: int) -> int:
+    """How many random memories to try: fewer in PostgreSQL, where making one takes seconds."""
+    return max(3, count // 5) if on_postgresql() else count

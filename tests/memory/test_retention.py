@@ -20,6 +20,7 @@ import kitchen
 import large_memories
 import memories as m
 from cli import document, supermap
+from databases import examples
 from supermap_cli.errors import MemoryStoreError, QueryError
 from supermap_cli.memory import open_store
 from supermap_cli.memory.checking import check
@@ -281,7 +282,7 @@ limits = st.tuples(seconds, seconds, seconds, st.booleans())
 
 
 @pytest.mark.sqlite_only("about files")
-@settings(max_examples=15)
+@settings(max_examples=examples(15))
 @given(limits)
 def test_whatever_is_given_up_the_map_is_sound_and_every_state_has_its_evidence(
     tmp_path_factory: pytest.TempPathFactory,

@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import memories as m
+from databases import examples
 from random_memories import LABELS, make_random_memory
 from supermap_cli.memory import open_store
 from supermap_cli.memory.as_of import AsOf
@@ -25,7 +26,7 @@ asked = st.tuples(st.integers(-2, 132), st.none() | st.integers(-2, 132))
 labels = st.none() | st.sets(st.sampled_from(LABELS), max_size=2).map(frozenset)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=examples(40), deadline=None)
 @given(seeds, st.lists(st.tuples(asked, labels), min_size=5, max_size=20))
 def test_a_time_is_judged_as_each_life_is(
     seed: int, asked: list[tuple[tuple[int, int | None], frozenset[str] | None]]
@@ -67,7 +68,7 @@ def compare(reader: MapReader, at_ns: int, since_ns: int | None, wanted: frozens
     assert as_of.unsure(wanted, 3, ids) == numbers[1:4]
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=examples(15), deadline=None)
 @given(seeds, st.sampled_from(["monday", "tuesday", "09:00:25", "09:01:30", "0 s"]))
 def test_a_short_overview_counts_what_it_does_not_list(seed: int, at: str) -> None:
     with tempfile.TemporaryDirectory() as folder:

@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from brute_force import BruteForce
+from databases import examples
 from random_memories import LABELS, make_random_memory
 from supermap_cli.memory import open_store
 from supermap_cli.query.resolution import answer
@@ -43,7 +44,7 @@ questions = st.builds(
 
 
 @pytest.mark.parametrize("part", [100, 2])
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=examples(25), deadline=None)
 @given(seed=st.integers(0, 10_000), asked=st.lists(questions, min_size=3, max_size=12))
 def test_the_indices_find_what_going_through_everything_finds(part: int, seed: int, asked: list[str]) -> None:
     with pytest.MonkeyPatch.context() as patch, tempfile.TemporaryDirectory() as folder:
