@@ -18,6 +18,8 @@ from supermap_cli.types.memory import SpatialEdge, StateRecord
 
 Basis = Literal["stored", "boxes"]
 BASES: tuple[Basis, ...] = ("stored", "boxes")
+FEW = 100
+"""So many are read sooner than the database finds a way from the many to them."""
 
 
 class Links:
@@ -102,8 +104,10 @@ class Relating:
         )
 
     def _linked(self, candidates: Pool) -> Linked | None:
-        """The stored edges in question, if they are about what is present and called by names."""
+        """The stored edges in question, if they are about what is present and called by names, and many are."""
         if self.moment.kind != "now" or not isinstance(candidates, Called) or not isinstance(self.references, Called):
+            return None
+        if min(candidates.size(), self.references.size()) <= FEW:
             return None
         one, other = (End(each.labels, each.number) for each in (candidates, self.references))
         return Linked(self.reader, one, other, int(self.moment.low_ns))

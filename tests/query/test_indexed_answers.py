@@ -50,6 +50,7 @@ def test_the_indices_find_what_going_through_everything_finds(part: int, seed: i
     with pytest.MonkeyPatch.context() as patch, tempfile.TemporaryDirectory() as folder:
         patch.setattr("supermap_cli.query.candidates.PART", part)
         patch.setattr("supermap_cli.query.misses.FEW", part)
+        patch.setattr("supermap_cli.query.relating.FEW", part - 2)
         path = make_random_memory(Path(folder) / "map.db", seed)
         with open_store(str(path), read_only=True) as store, store.reader() as reader:
             for text in asked:

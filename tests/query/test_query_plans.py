@@ -91,8 +91,10 @@ def day(reader: MapReader, name: str) -> tuple[Instant, Clock]:
     return instant_of(name, reader, clock), clock
 
 
+@pytest.mark.parametrize("few", [0, 100])
 @pytest.mark.parametrize("text", QUESTIONS)
-def test_no_question_scans_a_large_table(memory: Path, text: str) -> None:
+def test_no_question_scans_a_large_table(memory: Path, text: str, few: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("supermap_cli.query.relating.FEW", few)
     found = scanned(memory, lambda reader: answer(text, reader))
     assert {table: how for table, how in found.items() if table not in ALLOWED.get(text, {})} == {}
 
