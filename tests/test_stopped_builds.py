@@ -130,7 +130,7 @@ def test_a_build_goes_on_in_the_place_and_under_the_name_it_was_begun_with(
 def test_a_recording_that_is_built_again_can_be_stopped_and_go_on(recordings: tuple[Path, ...], folder: Path) -> None:
     arguments = ("build", recordings[0], "--db", "map.db")
     assert stopping.run(folder, *arguments)[0] == 0
-    moment = stopping.Moment(commit=9)
+    moment = stopping.Moment(commit=16)  # well after it was begun
     assert stopping.run(folder, *arguments, "--again", prepare=stopping.kill, given=moment)[0] == -signal.SIGKILL
     code, told = stopping.run(folder, *arguments, "--resume")
     assert code == 0, told
