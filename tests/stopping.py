@@ -56,6 +56,14 @@ def record_two_visits(folder: Path) -> tuple[Path, ...]:
     return record(scenario, folder, errors=DetectorErrors()).recordings
 
 
+def build_undisturbed(folder: Path, recordings: Sequence[Path]) -> Path:
+    """The memory of some recordings, built without a disturbance; `folder` is empty before."""
+    (folder / "supermap.toml").write_text(SETTINGS)
+    code, told = run(folder, "build", *recordings, "--db", "map.db")
+    assert code == 0, told
+    return folder / "map.db"
+
+
 @dataclass(frozen=True)
 class Moment:
     """When a build's process is to be killed: `seconds` after it began, at its n-th `statement`, or `seconds` after its

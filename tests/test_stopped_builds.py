@@ -23,10 +23,7 @@ def recordings(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, ...]:
 
 @pytest.fixture(scope="module")
 def undisturbed(recordings: tuple[Path, ...], tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("undisturbed")
-    (folder / "supermap.toml").write_text(stopping.SETTINGS)
-    assert stopping.run(folder, "build", *recordings, "--db", "map.db")[0] == 0
-    return folder / "map.db"
+    return stopping.build_undisturbed(tmp_path_factory.mktemp("undisturbed"), recordings)
 
 
 @pytest.fixture
