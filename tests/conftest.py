@@ -5,7 +5,7 @@ import os
 import pytest
 from hypothesis import settings
 
-import databases
+from support import databases
 
 settings.register_profile("suite", deadline=None, derandomize="CI" in os.environ)  # a busy machine is no failure
 settings.load_profile("suite")

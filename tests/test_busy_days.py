@@ -9,8 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import fakes as f
-import scenes as s
 from supermap_cli.errors import RecordingError
 from supermap_cli.geometry.cameras import PinholeCamera
 from supermap_cli.memory import open_store
@@ -18,6 +16,8 @@ from supermap_cli.memory.checking import check
 from supermap_cli.traversal_build import TraversalBuild
 from supermap_cli.types.detections import Detections
 from supermap_cli.types.sensing import CameraFrame
+from support import fakes as f
+from support import scenes as s
 
 DAY_S = 86_400.0
 COARSE = PinholeCamera(96, 72, 70.0, 70.0, 47.5, 35.5)

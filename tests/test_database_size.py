@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import simulated_visits
-from cli import supermap
 from supermap_cli.simulation.detection.detector_errors import DetectorErrors
 from supermap_cli.simulation.recording.recorder import record
 from supermap_cli.simulation.rigs import rgbd_rig
+from support import simulated_visits
+from support.cli import supermap
 
 SHARE = 0.03
 

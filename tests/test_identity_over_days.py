@@ -10,9 +10,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import fakes as f
-import scenes as s
-from cli import document
 from supermap_cli.memory import open_store
 from supermap_cli.memory.checking import check
 from supermap_cli.query.clock import clock_of
@@ -22,6 +19,9 @@ from supermap_cli.query.story import story
 from supermap_cli.traversal_build import TraversalBuild
 from supermap_cli.types.detections import Detections
 from supermap_cli.types.sensing import CameraFrame
+from support import fakes as f
+from support import scenes as s
+from support.cli import document
 
 DAY_S = 86_400.0
 Named = Callable[[str], str]

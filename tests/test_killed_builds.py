@@ -15,11 +15,11 @@ from pathlib import Path
 
 import pytest
 
-import stopping
-from stopping import Moment
 from supermap_cli.errors import MemoryStoreError
 from supermap_cli.memory import open_store
 from supermap_cli.memory.checking import check
+from support import stopping
+from support.stopping import Moment
 
 KILLS = int(os.environ.get("SUPERMAP_KILLS", "50"))
 

@@ -8,9 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import databases
-import fakes as f
-import scenes as s
 from supermap_cli.config import BuildConfig
 from supermap_cli.errors import (
     ConfigError,
@@ -26,6 +23,9 @@ from supermap_cli.memory.checking import check
 from supermap_cli.memory.values import TraversalStart
 from supermap_cli.traversal_build import BuildSummary, TraversalBuild
 from supermap_cli.types.memory import KeyframeRecord, MapDelta
+from support import databases
+from support import fakes as f
+from support import scenes as s
 
 DAY_S = 86_400.0
 KITCHEN = (*s.ROOM, s.TABLE, s.CUP)

@@ -13,12 +13,12 @@ import pytest
 import sqlite_utils
 from datasette.app import Datasette
 
-import kitchen
-import memories as m
-from cli import document
 from supermap_cli.memory import open_store
 from supermap_cli.types.memory import MapDelta
 from supermap_schema.views import VIEW_NAMES
+from support import kitchen
+from support import memories as m
+from support.cli import document
 
 README = Path(__file__).parents[1] / "README.md"
 SECTION = re.search(r"^## Plain SQL\n(.+?)^## ", README.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE)

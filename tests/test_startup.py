@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-import kitchen
+from support import kitchen
 
 HEAVY = ("open3d", "onnxruntime", "cv2", "rosbags", "kiss_icp", "scipy", "matplotlib", "trackeval", "psycopg")
 

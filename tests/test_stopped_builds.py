@@ -9,11 +9,11 @@ from pathlib import Path
 
 import pytest
 
-import stopping
-from cli import document, supermap
 from supermap_cli.errors import AlignmentError, MemoryStoreError
 from supermap_cli.memory import open_store
 from supermap_cli.memory.checking import check
+from support import stopping
+from support.cli import document, supermap
 
 
 @pytest.fixture(scope="module")

@@ -3,12 +3,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import synthetic_room as room
 from supermap_cli.geometry.se3 import transform_points
 from supermap_cli.geometry.trajectory import Trajectory
 from supermap_cli.hookspecs import RecordingRequest
 from supermap_cli.mapping.structure import coarse_depth
 from supermap_cli.recordings import open_bag_recording
+from support import synthetic_room as room
 
 
 @pytest.mark.parametrize(

@@ -12,12 +12,11 @@ import pytest
 from hypothesis import given, settings
 from jsonschema import Draft202012Validator
 
-import kitchen_truth
-import truths
 from supermap_cli.errors import TruthError
 from supermap_cli.truth_file import from_document, read_truth, to_document, write_truth
 from supermap_cli.types.truth import GroundTruth, TrueObject, TrueQuestion
 from supermap_schema.json_schemas import load_schema
+from support import kitchen_truth, truths
 
 SCHEMA = Draft202012Validator(load_schema("truth"))
 

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-import scenes as s
 from supermap_cli.building.keyframe_choice import choose_keyframes, fill_gaps
+from support import scenes as s
 
 
 def stamps(rate_hz: float, seconds: float = 10.0, jitter_ns: int = 0) -> np.ndarray:

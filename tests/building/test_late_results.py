@@ -8,11 +8,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-import scenes as s
 from supermap_cli.building.late_results import FixedLag, Lateness, LateResults
 from supermap_cli.config import PerceptionConfig
 from supermap_cli.types.detections import Detections, no_detections
 from supermap_cli.types.keyframe import Keyframe
+from support import scenes as s
 
 SECOND_NS = 1_000_000_000
 Perceived = tuple[Keyframe, Detections | None]

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from cli import document, supermap
 from supermap_cli.commands import ablation
 from supermap_cli.commands.ablation import Ablation, AblationRow
 from supermap_cli.errors import EvaluationError, SimulationError
+from support.cli import document, supermap
 
 COMPONENTS = ["tracker", "semantic-fusion", "geometric-consistency"]
 

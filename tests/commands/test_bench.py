@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-import synthetic_room as room
-from cli import document, supermap
 from supermap_cli.commands import bench
 from supermap_cli.commands.bench_numbers import parse_objects
 from supermap_cli.costs.report import MAPPING, read_bench
 from supermap_cli.errors import ConfigError, EvaluationError, SupermapError
+from support import synthetic_room as room
+from support.cli import document, supermap
 
 
 @pytest.fixture(autouse=True)

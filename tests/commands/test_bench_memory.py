@@ -9,7 +9,6 @@ from pathlib import Path
 
 import pytest
 
-from cli import document, supermap
 from supermap_cli.commands.bench_memory import parse_two
 from supermap_cli.costs.memory import report
 from supermap_cli.costs.memory.asking import MemoryJob, ask
@@ -20,6 +19,7 @@ from supermap_cli.costs.memory.visits import LOOKS, SHORT_ROOMS, courses
 from supermap_cli.errors import ConfigError, EvaluationError
 from supermap_cli.memory import open_store
 from supermap_cli.memory.checking import check
+from support.cli import document, supermap
 
 THINGS, TRAVERSALS = 400, 24
 

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from cli import document, supermap
 from supermap_cli.commands.benchmark import parse_seeds, tabulate
 from supermap_cli.errors import EvaluationError
 from supermap_cli.evaluation.report import Report
+from support.cli import document, supermap
 
 
 @pytest.fixture(scope="module")

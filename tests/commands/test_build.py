@@ -8,15 +8,15 @@ from pathlib import Path
 
 import pytest
 
-import fakes as f
-import scenes as s
-from cli import supermap
 from supermap_cli import main as entry
 from supermap_cli import plugin_manager
 from supermap_cli.commands.build import override, pairs
 from supermap_cli.config import BuildConfig, KeyframeConfig
 from supermap_cli.errors import ConfigError, MemoryStoreError, PluginError, RecordingError, SupermapError
 from supermap_cli.memory import open_store
+from support import fakes as f
+from support import scenes as s
+from support.cli import supermap
 
 KITCHEN = (*s.ROOM, s.TABLE, s.CUP)
 DAY_S = 86_400.0

@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import bags
-from cli import supermap
 from supermap_cli.errors import MemoryStoreError, RecordingError
 from supermap_cli.memory import open_store
 from supermap_cli.memory.values import StoredTraversal
+from support import bags
+from support.cli import supermap
 
 S = 10**9
 FRAMES = 60

@@ -8,10 +8,10 @@ from types import SimpleNamespace
 import pytest
 import typer
 
-from cli import supermap
 from supermap_cli import hookimpl, plugin_manager
 from supermap_cli.errors import ConfigError
 from supermap_cli.main import make_app
+from support.cli import supermap
 
 
 @pytest.fixture

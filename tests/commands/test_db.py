@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
-import kitchen
-import memories as m
-from cli import document, supermap
 from supermap_cli.errors import MemoryStoreError
 from supermap_cli.memory.databases import database_of
 from supermap_schema import SCHEMA_VERSION
+from support import kitchen
+from support import memories as m
+from support.cli import document, supermap
 
 
 @pytest.fixture

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-import fakes as f
-import scenes as s
-from cli import document, supermap
 from supermap_cli.errors import MemoryStoreError
 from supermap_cli.memory import open_store
 from supermap_cli.traversal_build import TraversalBuild
+from support import fakes as f
+from support import scenes as s
+from support.cli import document, supermap
 
 STOOL = s.Thing("stool", (2.2, -0.9, 0.25), (0.35, 0.35, 0.5), (40, 160, 60))
 

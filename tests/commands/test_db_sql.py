@@ -9,10 +9,10 @@ from types import SimpleNamespace
 
 import pytest
 
-import kitchen
-from cli import document, supermap
 from supermap_cli import hookimpl, plugin_manager
 from supermap_cli.errors import QueryError
+from support import kitchen
+from support.cli import document, supermap
 
 COUNT_TO = "WITH RECURSIVE n(i) AS (SELECT 1 UNION SELECT i + 1 FROM n WHERE i < {}) SELECT i FROM n"
 

@@ -13,16 +13,13 @@ from typing import Any
 import pytest
 import typer
 
-import cli
-import evaluated
-import kitchen
-import kitchen_truth
 from supermap_cli.commands.demo import answers_judged, comparison, demo, three_questions
 from supermap_cli.errors import SimulationError
 from supermap_cli.evaluation.changes import ChangeScores, FalseChange, MissedChange
 from supermap_cli.evaluation.estimate import EstimatedAnswer
 from supermap_cli.evaluation.shares import precision_recall
 from supermap_cli.types.truth import GroundTruth, TrueChange, TrueQuestion
+from support import cli, evaluated, kitchen, kitchen_truth
 
 NOTHING_COMPARED = ChangeScores(None, None, None, None, None, None, 0, (), (), ())
 DEMO_TRUTH = replace(kitchen_truth.kitchen_truth(), scenario="demo")

@@ -8,13 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import kitchen
-import kitchen_truth
-from cli import document, supermap
 from supermap_cli.errors import EvaluationError, MemoryStoreError, TruthError
 from supermap_cli.memory import open_store
 from supermap_cli.recordings.fingerprint import window_fingerprint
 from supermap_cli.types.truth import GroundTruth, TrueQuestion
+from support import kitchen, kitchen_truth
+from support.cli import document, supermap
 
 SECTIONS = ("map", "change", "identity", "instances", "semantics", "query")
 

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-import kitchen
-import memories as m
-from cli import document, supermap
 from supermap_cli.errors import QueryError
+from support import kitchen
+from support import memories as m
+from support.cli import document, supermap
 
 
 @pytest.fixture(scope="module")

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from cli import document, supermap
 from supermap_cli.commands import perception
 from supermap_cli.commands.perception import PerceptionFigure, ways_of_perceiving
+from support.cli import document, supermap
 
 
 def test_a_world_is_built_once_for_each_way_of_perceiving(tmp_path: Path) -> None:

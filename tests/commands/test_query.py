@@ -8,10 +8,9 @@ from pathlib import Path
 
 import pytest
 
-import databases
-import kitchen
-from cli import document, supermap
 from supermap_cli.errors import MemoryStoreError, QueryError
+from support import databases, kitchen
+from support.cli import document, supermap
 
 
 @pytest.fixture(scope="module")

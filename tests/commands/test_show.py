@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-import kitchen
-import memories as m
-from cli import document, supermap
 from supermap_cli.errors import QueryError
 from supermap_cli.memory import open_store
 from supermap_cli.types.memory import MapDelta
+from support import kitchen
+from support import memories as m
+from support.cli import document, supermap
 
 
 @pytest.fixture(scope="module")

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pytest
 
-import cli
 from supermap_cli.commands.simulate import detector_errors
 from supermap_cli.errors import ConfigError, SimulationError
 from supermap_cli.simulation import scenarios
 from supermap_cli.simulation.scenarios import SCENARIOS
+from support import cli
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "simulated_office" / "run.sh"
 

@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import pytest
 
-import evaluated as e
 from supermap_cli.evaluation.answers import score_answers
 from supermap_cli.evaluation.estimate import EstimatedAnswer
 from supermap_cli.types.truth import TrueQuestion
+from support import evaluated as e
 
 
 def answering(truth, **answers):

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import pytest
 
-import evaluated as e
 from supermap_cli.evaluation.change_recall import score_change_recall
+from support import evaluated as e
 
 
 def rows(scores):

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import evaluated as e
 from supermap_cli.evaluation.changes import score_changes
 from supermap_cli.evaluation.estimate import EstimatedChange
+from support import evaluated as e
 
 
 def counts(score):

@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import evaluated as e
 from supermap_cli.evaluation.estimate import EstimatedObservation
 from supermap_cli.evaluation.identity import score_identity
 from supermap_cli.evaluation.switches import within
 from supermap_cli.geometry.boxes import Box3D
+from support import evaluated as e
 
 
 def one_chair():

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import evaluated as e
 from supermap_cli.evaluation.instances import score_instances
+from support import evaluated as e
 
 
 def figures(scores):

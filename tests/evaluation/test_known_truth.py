@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import evaluated as e
 from supermap_cli.evaluation.known_truth import known_truth
+from support import evaluated as e
 
 
 def test_an_empty_keyframe_list_knows_nothing():

@@ -9,9 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-import evaluated as e
 from supermap_cli.evaluation.known_truth import known_truth
 from supermap_cli.evaluation.matching import closeness, identify, match_one_to_one
+from support import evaluated as e
 
 
 def test_nothing_is_matched_to_nothing():

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import pytest
 
-import evaluated as e
 from supermap_cli.evaluation.objects import score_objects
+from support import evaluated as e
 
 
 def counts(score):

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import evaluated as e
 from supermap_cli.evaluation.estimate import EstimatedObservation
 from supermap_cli.evaluation.passages import score_passages
+from support import evaluated as e
 
 
 def walked(*, look=lambda object_id, state, second: e.Sight()):

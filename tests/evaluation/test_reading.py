@@ -11,8 +11,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-import kitchen
-import memories as m
 from supermap_cli.errors import EvaluationError
 from supermap_cli.evaluation.overlay import fit_level, lay_over_truth
 from supermap_cli.evaluation.reading import read_estimate
@@ -21,6 +19,8 @@ from supermap_cli.memory import open_store
 from supermap_cli.memory.reading import MapReader
 from supermap_cli.types.memory import KeyframeRecord, MapDelta
 from supermap_cli.types.truth import GroundTruth, TrueQuestion, TrueSightings, TrueTraversal
+from support import kitchen
+from support import memories as m
 
 NONE_SEEN = TrueSightings(
     *(np.zeros(0, kind) for kind in (int, int, int, bool, np.float32, np.float32, int, np.float32))

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-import evaluated as e
 from supermap_cli.evaluation.semantics import VOID, on_voxels, score_semantics, semantic_figures
+from support import evaluated as e
 
 
 def values(figures):

@@ -14,11 +14,11 @@ import pytest
 from jsonschema import Draft202012Validator
 from plyfile import PlyData
 
-import kitchen
-import memories as m
-from cli import document, supermap
 from supermap_cli.types.memory import MapDelta
 from supermap_schema.json_schemas import load_schema
+from support import kitchen
+from support import memories as m
+from support.cli import document, supermap
 
 TIMES = ("0 s", "40 s", "99 s", "500 s", "1000.5 s", "1002 s", "1090 s", "monday", "tuesday")
 ODD = (11, 12, 13, 14)

@@ -15,11 +15,10 @@ from typing import Any
 
 import pytest
 
-import kitchen
-import stopping
 from supermap_cli.errors import ExportError
 from supermap_cli.exporting.destination import whole_file, whole_folder
 from supermap_cli.exporting.selection import Source
+from support import kitchen, stopping
 
 FULL = OSError(errno.ENOSPC, "No space left on device")
 

@@ -14,10 +14,6 @@ import pytest
 from jsonschema import Draft202012Validator
 from plyfile import PlyData
 
-import kitchen
-import large_memories
-import memories as m
-from cli import supermap
 from supermap_cli.errors import ExportError, QueryError
 from supermap_cli.exporting import parquet_tables
 from supermap_cli.geometry.boxes import polygon_area_m2
@@ -25,6 +21,9 @@ from supermap_cli.geometry.open3d_loader import load_open3d
 from supermap_cli.memory import reading, streaming
 from supermap_cli.types.memory import MapDelta
 from supermap_schema.json_schemas import load_schema
+from support import kitchen, large_memories
+from support import memories as m
+from support.cli import supermap
 
 
 @pytest.fixture

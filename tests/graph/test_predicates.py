@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from graph_nodes import Point, node, table
 from supermap_cli.graph.predicates import PREDICATES, GraphNode, Pair
+from support.graph_nodes import Point, node, table
 
 CUP: Point = (0.08, 0.08, 0.1)
 CHAIR: Point = (0.45, 0.45, 0.9)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from graph_nodes import node, table
 from supermap_cli.graph.predicates import PREDICATES, GraphNode, Pair, SpatialPredicate
 from supermap_cli.graph.scene_graph import SceneGraph, neighbours
 from supermap_cli.types.memory import SpatialEdge
+from support.graph_nodes import node, table
 
 
 def cup(x: float = 0.3, y: float = 0.1, z: float = 0.75, number: int = 1) -> GraphNode:

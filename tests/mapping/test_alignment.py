@@ -8,7 +8,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-import synthetic_room as room
 from supermap_cli.errors import AlignmentError
 from supermap_cli.geometry.cameras import PinholeCamera
 from supermap_cli.geometry.se3 import inverse, make_transform, rotation_angle_rad
@@ -20,6 +19,7 @@ from supermap_cli.mapping.levelling import level, level_view
 from supermap_cli.mapping.place_search import Candidate, distinct
 from supermap_cli.mapping.structure import CoarseDepth, Structure, coarse_depth, join
 from supermap_cli.recordings import open_bag_recording
+from support import synthetic_room as room
 
 CAMERA = PinholeCamera(room.WIDTH, room.HEIGHT, room.FOCAL, room.FOCAL, room.WIDTH / 2, room.HEIGHT / 2)
 RECORDING = Path(__file__).parents[3] / "shared" / "data" / "redkitchen.mcap"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import scenes as s
+from support import scenes as s
 
 
 def test_a_thing_where_space_had_been_seen_empty_has_appeared() -> None:

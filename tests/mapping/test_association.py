@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import scenes as s
 from supermap_cli.mapping.association import Association, affinity, associate, near_enough
 from supermap_cli.mapping.lifting import LiftedDetection
 from supermap_cli.mapping.objects import MapObject
+from support import scenes as s
 
 LEFT, RIGHT = s.CHAIR.at(1.6, 0.35), s.CHAIR.at(1.6, -0.35)
 

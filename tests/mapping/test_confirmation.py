@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import scenes as s
 from supermap_cli.types.detections import Detections, no_detections
 from supermap_cli.types.memory import MapDelta
+from support import scenes as s
 
 CHAIR_WORLD = (*s.ROOM, s.CHAIR)
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-import scenes as s
 from supermap_cli.mapping.depth import depth_view
+from support import scenes as s
 
 FACING = s.looking((0, 0, 1), (1, 0, 1))
 WALL = s.Thing("", (2.05, 0, 1), (0.1, 8, 8))

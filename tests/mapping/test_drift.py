@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-import scenes as s
 from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.geometry.se3 import inverse
 from supermap_cli.mapping.drift import DriftCorrection, shifted
 from supermap_cli.mapping.structure import CoarseDepth
+from support import scenes as s
 
 BOX = s.Thing("", (1.0, 1.2, 0.5), (0.6, 0.6, 1.0))
 WORLD = (*s.ROOM, s.CHAIR, s.TABLE, BOX)

@@ -8,11 +8,11 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-import scenes as s
 from supermap_cli.config import Ablation
 from supermap_cli.mapping.engine import MappingEngine
 from supermap_cli.types.detections import Detections, no_detections
 from supermap_cli.types.memory import MapDelta
+from support import scenes as s
 
 CHAIR_WORLD = (*s.ROOM, s.CHAIR)
 FIRST = (*s.ROOM, s.TABLE, s.CUP, s.CHAIR.at(1.6, -1.0), s.PERSON.at(2.2, 1.2))

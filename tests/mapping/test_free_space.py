@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import scenes as s
 from supermap_cli.errors import MemoryStoreError
 from supermap_cli.mapping.free_space import FreeSpaceMemory, decode_small_depth
+from support import scenes as s
 
 EYE = s.looking((0, 0, 1.2), (2, 0, 1.0))
 PLACE = np.stack(np.meshgrid(*[np.linspace(-0.1, 0.1, 5)] * 3), axis=-1).reshape(-1, 3)

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-import scenes as s
 from supermap_cli.mapping.belief import Vantage, Viewpoints
 from supermap_cli.mapping.fusion import (
     EXISTENCE_MAX,
@@ -27,6 +26,7 @@ from supermap_cli.mapping.recall import ScoreModel
 from supermap_cli.mapping.visibility import ObjectView
 from supermap_cli.mapping.voxel_map import LOG_ODDS_MAX
 from supermap_cli.types.detections import RegionMask
+from support import scenes as s
 
 EYE = s.looking((0, 0, 1.2), (1.6, 0, 0.4))
 AREA = 160 * 120

@@ -13,7 +13,7 @@ from supermap_cli.mapping.levelling import LevelView, gravity_up, level, level_v
 from supermap_cli.mapping.structure import Structure, coarse_depth, join
 from supermap_cli.recordings import open_bag_recording
 from supermap_cli.types.sensing import ImuSample, StampedPose
-from synthetic_room import room_sweeps
+from support.synthetic_room import room_sweeps
 
 RECORDING = Path(__file__).parents[3] / "shared" / "data" / "redkitchen.mcap"
 UP = np.array([0.0, 0.0, 1.0])

@@ -10,12 +10,12 @@ from hypothesis.extra import numpy as hnp
 from numpy.typing import NDArray
 from scipy import ndimage
 
-import scenes as s
 from supermap_cli.mapping.bodies import joined_bodies
 from supermap_cli.mapping.depth import depth_view
 from supermap_cli.mapping.lifting import MAX_POINTS, LiftedDetection, erosion_px, is_truncated, lift
 from supermap_cli.mapping.mask_core import erode
 from supermap_cli.types.detections import Detections, no_detections
+from support import scenes as s
 
 EYE = s.looking((0, 0, 1.2), (1.6, 0, 0.4))
 SCENE = s.render((*s.ROOM, s.BOX), EYE)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-import scenes as s
 from supermap_cli.mapping.lifecycle import join
 from supermap_cli.mapping.objects import OpenState
 from supermap_cli.types.detections import Detections
+from support import scenes as s
 
 
 def in_halves(scene: s.Scene, at_s: float) -> Detections:

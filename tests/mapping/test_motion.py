@@ -6,8 +6,8 @@ from functools import partial
 import numpy as np
 import pytest
 
-import scenes as s
 from supermap_cli.mapping.motion import Course, MotionState, first_course
+from support import scenes as s
 
 
 def follow(places: list[tuple[float, float]], *, overlap: float = 0.0, size_m: float = 0.3) -> MotionState:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-import scenes as s
 from supermap_cli.types.memory import MapDelta, TemporalEdge
+from support import scenes as s
 
 
 def arc(run: s.Run, *things: s.Thing, looks: int = 8, target: s.Point = (1.6, 0, 0.4)) -> MapDelta:

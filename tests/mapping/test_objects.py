@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-import scenes as s
 from supermap_cli.mapping.belief import LabelBelief
 from supermap_cli.mapping.objects import MapObject, ObjectMap, OpenState, coarse_edge_m, measure_shape, upright_box
 from supermap_cli.mapping.voxel_map import VoxelMap
+from support import scenes as s
 
 
 def filled(size: tuple[float, float, float], yaw: float = 0.0, center: s.Point = (0, 0, 0)) -> np.ndarray:

@@ -7,9 +7,9 @@ from collections.abc import Iterable
 import numpy as np
 import pytest
 
-import scenes as s
 from supermap_cli.mapping.absence import OBSERVABLE_SHARE
 from supermap_cli.types.memory import TemporalEdge
+from support import scenes as s
 
 CHAIR_WORLD = (*s.ROOM, s.CHAIR)
 SCREEN = s.Thing("", (0.9, 0, 0.8), (0.05, 1.6, 1.8))

@@ -7,11 +7,11 @@ import json
 import numpy as np
 import pytest
 
-import scenes as s
 from supermap_cli.mapping.changes import instance_record
 from supermap_cli.mapping.engine import MappingEngine
 from supermap_cli.mapping.restoring import restore_object, restore_objects
 from supermap_cli.types.memory import InstanceRecord
+from support import scenes as s
 
 CHAIR_WORLD = (*s.ROOM, s.CHAIR)
 

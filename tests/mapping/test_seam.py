@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-import scenes as s
 from supermap_cli.geometry.cameras import EquirectangularCamera
 from supermap_cli.geometry.se3 import make_transform
 from supermap_cli.mapping.depth import depth_view
 from supermap_cli.mapping.seam import box_before_turning, turn_px, turned_depth, turned_detections, turned_keyframe
 from supermap_cli.types.detections import Detections, Hypothesis, RegionMask
 from supermap_cli.types.keyframe import Keyframe
+from support import scenes as s
 
 CAMERA = EquirectangularCamera(360, 180)
 T_MAP_CAMERA = make_transform([[0, 0, 1], [-1, 0, 0], [0, -1, 0]], [1.0, 2.0, 0.9])

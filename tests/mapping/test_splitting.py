@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-import scenes as s
 from supermap_cli.mapping.belief import Vantage
 from supermap_cli.mapping.splitting import SplitEvidence, nearer_to_second, shared, side_by_side
 from supermap_cli.types.detections import Detections
+from support import scenes as s
 
 LEFT, RIGHT = s.CHAIR.at(1.6, 0.23), s.CHAIR.at(1.6, -0.23)
 CHAIRS = (*s.ROOM, LEFT, RIGHT)

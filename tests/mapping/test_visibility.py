@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-import scenes as s
 from supermap_cli.mapping.depth import DepthView, depth_sigma_m, depth_view
 from supermap_cli.mapping.visibility import ObjectView, check_visibility, look_at, tolerance_m
+from support import scenes as s
 
 VOXEL_M = 0.02
 EYE = s.looking((0, 0, 1), (1, 0, 1))

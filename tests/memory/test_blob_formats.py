@@ -14,11 +14,11 @@ import cv2
 import numpy as np
 import pytest
 
-import databases
-import synthetic_room as room
-from cli import supermap
 from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.types.packing import pack
+from support import databases
+from support import synthetic_room as room
+from support.cli import supermap
 
 
 class Voxels(NamedTuple):

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from sqlalchemy.exc import IntegrityError
 
-import databases
-import memories as m
 from supermap_cli.errors import MemoryStoreError
 from supermap_cli.memory import open_store
 from supermap_cli.memory.values import Checkpoint
 from supermap_cli.types.memory import MapDelta
+from support import databases
+from support import memories as m
 
 CHAIR = MapDelta(
     keyframes=(m.keyframe(1), m.keyframe(2)),

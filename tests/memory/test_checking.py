@@ -6,14 +6,14 @@ from pathlib import Path
 
 import pytest
 
-import databases
-import memories as m
 from supermap_cli.memory import open_store
 from supermap_cli.memory.checking import check
 from supermap_cli.memory.databases import dialect_of
 from supermap_cli.memory.invariants import INVARIANTS
 from supermap_cli.memory.values import Problem
 from supermap_cli.types.memory import MapDelta
+from support import databases
+from support import memories as m
 
 CHAIR, TABLE, DESK, CUP = 1, 2, 3, 4
 

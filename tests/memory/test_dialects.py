@@ -7,9 +7,9 @@ from collections.abc import Iterator
 import pytest
 from sqlalchemy import Connection
 
-import kitchen
 from supermap_cli.memory import open_store
 from supermap_cli.memory.databases import dialect_of
+from support import kitchen
 
 
 @pytest.fixture(scope="module")

@@ -10,12 +10,12 @@ from pathlib import Path
 
 import pytest
 
-import memories as m
 from supermap_cli.errors import MemoryStoreError
 from supermap_cli.memory import open_store
 from supermap_cli.memory.databases.sqlite import SqliteFile
 from supermap_cli.types.memory import MapDelta
 from supermap_schema import SCHEMA_VERSION
+from support import memories as m
 
 
 def folder(path: Path) -> None:

@@ -13,10 +13,6 @@ from typing import Any
 import pytest
 from sqlalchemy import make_url
 
-import databases
-import kitchen
-import memories as m
-from cli import supermap
 from supermap_cli.errors import MemoryStoreError
 from supermap_cli.memory import open_store
 from supermap_cli.memory.databases import database_of, dialect_of
@@ -24,6 +20,9 @@ from supermap_cli.memory.databases.postgresql import PostgresqlSchema
 from supermap_cli.memory.opening import upgrade_database
 from supermap_cli.types.memory import MapDelta
 from supermap_schema import SCHEMA_VERSION
+from support import databases, kitchen
+from support import memories as m
+from support.cli import supermap
 
 FRAME = MapDelta(keyframes=(m.keyframe(1),))
 

@@ -11,14 +11,13 @@ from pathlib import Path
 
 import pytest
 
-import databases
-import kitchen
-from cli import document
 from supermap_cli.errors import QueryError
 from supermap_cli.memory import open_store
 from supermap_cli.memory.opening import read_sql
 from supermap_schema import SCHEMA_VERSION
 from supermap_schema.models import Base
+from support import databases, kitchen
+from support.cli import document
 
 pytestmark = pytest.mark.postgresql_only
 ENDLESS = "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n) SELECT {} FROM n"

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-import memories as m
 from supermap_cli.memory import open_store
 from supermap_cli.types.memory import MapDelta
+from support import memories as m
 
 MERGED = MapDelta(
     keyframes=(m.keyframe(1, x=0.5), m.keyframe(2, x=1.5)),

@@ -15,12 +15,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-import databases
-import kitchen
-import large_memories
-import memories as m
-from cli import document, supermap
-from databases import examples
 from supermap_cli.errors import MemoryStoreError, QueryError
 from supermap_cli.memory import open_store
 from supermap_cli.memory.checking import check
@@ -28,6 +22,10 @@ from supermap_cli.memory.retention import KeptFrom
 from supermap_cli.memory.values import Checkpoint
 from supermap_cli.query.keeping import kept_from
 from supermap_cli.types.memory import MapDelta, Observation
+from support import databases, kitchen, large_memories
+from support import memories as m
+from support.cli import document, supermap
+from support.databases import examples
 
 DAY_S = 86_400
 

@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import memories as m
 from supermap_cli.memory import open_store
 from supermap_cli.types.memory import MapDelta, VoxelCloud
+from support import memories as m
 
 
 def large_cloud(seed: int) -> VoxelCloud:

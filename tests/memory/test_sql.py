@@ -12,11 +12,11 @@ from pathlib import Path
 
 import pytest
 
-import kitchen
 from supermap_cli.errors import MemoryStoreError, QueryError
 from supermap_cli.memory import open_store
 from supermap_cli.memory.opening import read_sql
 from supermap_schema import SCHEMA_VERSION
+from support import kitchen
 
 pytestmark = pytest.mark.sqlite_only("speaks SQLite's SQL; PostgreSQL's stands in test_postgresql_sql")
 

@@ -9,10 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import databases
-import fakes as f
-import memories as m
-import scenes as s
 from supermap_cli.errors import AlignmentError, MemoryStoreError
 from supermap_cli.geometry.se3 import make_transform, transform_points
 from supermap_cli.memory import MapStore, open_store
@@ -21,6 +17,10 @@ from supermap_cli.memory.checking import check
 from supermap_cli.merging.merge import MemoryMerge, MergeSummary
 from supermap_cli.traversal_build import TraversalBuild
 from supermap_schema.models import Base
+from support import databases
+from support import fakes as f
+from support import memories as m
+from support import scenes as s
 
 DAY_S = 86_400.0
 STOOL = s.Thing("stool", (2.2, -0.9, 0.25), (0.35, 0.35, 0.5), (40, 160, 60))

@@ -6,8 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 
-import memories as m
-import scenes as s
 from supermap_cli.geometry.cameras import camera_to_json
 from supermap_cli.geometry.voxels import pack_keys, voxel_keys
 from supermap_cli.mapping.belief import LabelBelief
@@ -20,6 +18,8 @@ from supermap_cli.merging.relations import join_edges, judge_anew
 from supermap_cli.merging.witnessing import Witness, stored_view
 from supermap_cli.types.detections import Hypothesis
 from supermap_cli.types.memory import KeyframeRecord, SpatialEdge
+from support import memories as m
+from support import scenes as s
 
 TABLE = s.Thing("table", (2.0, 0, 0.4), (0.8, 1.6, 0.8), (150, 100, 60))
 

@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-import memories as m
 from supermap_cli.geometry.se3 import inverse, make_transform, transform_points
 from supermap_cli.geometry.voxels import pack_keys
 from supermap_cli.mapping.belief import Vantage, Viewpoints
 from supermap_cli.mapping.voxel_map import VoxelMap
 from supermap_cli.merging.passage import Passage
+from support import memories as m
 
 
 def level(yaw_deg: float, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> np.ndarray:

@@ -17,7 +17,7 @@ from supermap_cli.types.sensing import StampedPose, Sweep
 from supermap_kiss_icp import KissIcpOptions
 from supermap_kiss_icp.odometry import KissIcpOdometry
 from supermap_kiss_icp.registration import clean_scan, exp_se3, log_se3
-from synthetic_room import RoomTruth, room_sweeps
+from support.synthetic_room import RoomTruth, room_sweeps
 
 
 @dataclass

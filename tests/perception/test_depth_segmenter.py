@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from frames import CAMERA, frame
 from supermap_cli.geometry.arrays import BoolArray, FloatArray
 from supermap_cli.types.detections import Detections, Hypothesis, RegionMask
 from supermap_depth_segmenter import DepthSegmenterOptions
 from supermap_depth_segmenter.segmenter import DepthSegmenter
+from support.frames import CAMERA, frame
 
 Box = tuple[float, float, float, float]
 RAYS = CAMERA.rays().astype(np.float64)

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from frames import frame, shared_file
 from supermap_cli.errors import DetectorError
 from supermap_cli.geometry.cameras import PinholeCamera
 from supermap_cli.types.sensing import CameraFrame
@@ -17,7 +16,8 @@ from supermap_onnx import OnnxOptions
 from supermap_onnx.detector import OnnxDetector
 from supermap_onnx.layouts import EndToEnd, Ultralytics, Yolox, grid, recognise
 from supermap_onnx.weights import find_model, parse_names
-from tiny_onnx import write_constant_model
+from support.frames import frame, shared_file
+from support.tiny_onnx import write_constant_model
 
 SIZE = (128, 128)
 CELLS = 16 * 16 + 8 * 8 + 4 * 4

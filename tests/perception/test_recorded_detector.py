@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from frames import frame
 from supermap_cli.errors import DetectorError
 from supermap_cli.geometry.arrays import IntArray
 from supermap_cli.types.detections import Detections, Hypothesis
 from supermap_recorded.detector import RecordedDetector
+from support.frames import frame
 
 
 def recorded(stamp_ns: int, *scores: float) -> Detections:

@@ -8,11 +8,11 @@ from types import SimpleNamespace
 import pytest
 from pydantic import Field
 
-from broken_plugins import break_plugin
 from supermap_cli import hookimpl
 from supermap_cli.errors import ConfigError, PluginError
 from supermap_cli.hookspecs import Options, Register
 from supermap_cli.plugin_manager import Plugins, load_plugins, parse_option_arguments
+from support.broken_plugins import break_plugin
 
 
 class SightOptions(Options):

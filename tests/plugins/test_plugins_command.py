@@ -8,9 +8,9 @@ from types import SimpleNamespace
 import pytest
 from typer.testing import CliRunner
 
-from broken_plugins import break_plugin
 from supermap_cli import hookimpl, plugin_manager
 from supermap_cli.main import make_app
+from support.broken_plugins import break_plugin
 
 
 def run(*arguments: str) -> str:

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import pytest
 
-import kitchen
-import memories as m
 from supermap_cli.errors import QueryError
 from supermap_cli.memory import open_store
 from supermap_cli.query.resolution import Answer, answer
 from supermap_cli.types.memory import MapDelta
+from support import kitchen
+from support import memories as m
 
 Ask = Callable[[str], Answer]
 

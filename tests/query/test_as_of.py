@@ -7,8 +7,6 @@ from pathlib import Path
 
 import pytest
 
-import kitchen
-import memories as m
 from supermap_cli.errors import QueryError
 from supermap_cli.memory import open_store
 from supermap_cli.memory.reading import MapReader
@@ -18,6 +16,8 @@ from supermap_cli.query.instants import instant_of
 from supermap_cli.query.overview import Overview, overview_at
 from supermap_cli.query.resolution import answer
 from supermap_cli.types.memory import MapDelta
+from support import kitchen
+from support import memories as m
 
 
 @pytest.fixture(scope="module")

@@ -9,9 +9,6 @@ from pathlib import Path
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-import memories as m
-from databases import examples
-from random_memories import LABELS, make_random_memory
 from supermap_cli.memory import open_store
 from supermap_cli.memory.as_of import AsOf
 from supermap_cli.memory.reading import MapReader
@@ -20,6 +17,9 @@ from supermap_cli.query.clock import clock_of
 from supermap_cli.query.instants import instant_of
 from supermap_cli.query.overview import overview_at
 from supermap_cli.query.standing import held_at, standing_at
+from support import memories as m
+from support.databases import examples
+from support.random_memories import LABELS, make_random_memory
 
 seeds = st.integers(0, 10_000)
 asked = st.tuples(st.integers(-2, 132), st.none() | st.integers(-2, 132))

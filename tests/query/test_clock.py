@@ -6,10 +6,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-import memories as m
 from supermap_cli.errors import QueryError
 from supermap_cli.query.clock import Clock
 from supermap_cli.query.stretches import Stretch
+from support import memories as m
 
 S = 10**9
 DAY_S = 86_400

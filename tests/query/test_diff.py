@@ -8,8 +8,6 @@ from pathlib import Path
 
 import pytest
 
-import kitchen
-import memories as m
 from supermap_cli.errors import QueryError
 from supermap_cli.memory import open_store
 from supermap_cli.memory.checking import check
@@ -19,6 +17,8 @@ from supermap_cli.memory.said import Hearing
 from supermap_cli.query.diff import Change, diff
 from supermap_cli.query.life import history
 from supermap_cli.types.memory import InstanceRecord, MapDelta, StateRecord, Visit
+from support import kitchen
+from support import memories as m
 
 
 @pytest.fixture(scope="module")

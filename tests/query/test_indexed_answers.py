@@ -9,11 +9,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from brute_force import BruteForce
-from databases import examples
-from random_memories import LABELS, make_random_memory
 from supermap_cli.memory import open_store
 from supermap_cli.query.resolution import answer
+from support.brute_force import BruteForce
+from support.databases import examples
+from support.random_memories import LABELS, make_random_memory
 
 WORDS = (*LABELS, "everything", "chair-1", "cup-2", "piano", "lampe", "stool")
 RELATIONS = ("near", "next to", "on", "under", "inside", "above", "attached to")

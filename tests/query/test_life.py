@@ -8,8 +8,6 @@ from pathlib import Path
 
 import pytest
 
-import kitchen
-import memories as m
 from supermap_cli.memory import open_store
 from supermap_cli.memory.reading import MapReader
 from supermap_cli.query.clock import clock_of
@@ -17,6 +15,8 @@ from supermap_cli.query.instants import instant_of
 from supermap_cli.query.life import MOST_RELATIONS, History, history
 from supermap_cli.query.story import MOST_SENTENCES, shortened, story
 from supermap_cli.types.memory import MapDelta
+from support import kitchen
+from support import memories as m
 
 
 @pytest.fixture(scope="module")

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from memories import Point, upright_box
 from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.geometry.boxes import Box3D
 from supermap_cli.query.relations import RelationName, box_distance_m, covered_share, holds
+from support.memories import Point, upright_box
 
 TABLE = upright_box((0, 0, 0.375), (1.9, 0.9, 0.75))
 

@@ -9,13 +9,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-import memories as m
-from lives import lives
 from supermap_cli.memory.values import StoredInstance
 from supermap_cli.query.clock import Clock
 from supermap_cli.query.standing import held_at, in_words, standing_at
 from supermap_cli.query.stretches import Stretch
 from supermap_cli.types.memory import StateRecord
+from support import memories as m
+from support.lives import lives
 
 CLOCK = Clock((Stretch(1, "monday", m.ns(0), m.ns(1000)),))
 

@@ -8,12 +8,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-import lives
-import memories as m
 from supermap_cli.memory.values import StoredInstance
 from supermap_cli.query.instants import Instant
 from supermap_cli.query.standing import held_at, standing_at
 from supermap_cli.query.verdicts import MOVE_M, Case, Verdict, distance, ends_of
+from support import lives
+from support import memories as m
 
 times = st.integers(-5, lives.END_S + 5)
 

@@ -5,13 +5,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import bags
 from supermap_cli.errors import RecordingError
 from supermap_cli.geometry.cameras import EquirectangularCamera
 from supermap_cli.geometry.se3 import inverse, make_transform
 from supermap_cli.hookspecs import RecordingRequest
 from supermap_cli.protocols import Recording
 from supermap_cli.recordings import open_bag_recording
+from support import bags
 
 FRAME = "camera_optical_frame"
 SIZE, K = (bags.WIDTH, bags.HEIGHT), (bags.FOCAL, bags.FOCAL, (bags.WIDTH - 1) / 2, (bags.HEIGHT - 1) / 2)

@@ -10,12 +10,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-import bags
 from supermap_cli.errors import RecordingError
 from supermap_cli.hookspecs import RecordingRequest
 from supermap_cli.recordings import open_bag_recording
 from supermap_cli.recordings.bag_recording import BagRecording
 from supermap_cli.recordings.clock_faults import AWAY_NS, StepForward, step_back, step_forward, strays
+from support import bags
 
 FRAME = "camera_optical_frame"
 SIZE, K = (bags.WIDTH, bags.HEIGHT), (bags.FOCAL, bags.FOCAL, (bags.WIDTH - 1) / 2, (bags.HEIGHT - 1) / 2)

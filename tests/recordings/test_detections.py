@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-import bags
 from supermap_cli.hookspecs import RecordingRequest
 from supermap_cli.recordings import open_bag_recording
 from supermap_cli.recordings.detection_messages import DetectionArrival, join_masks, with_mask_image
 from supermap_cli.types.detections import Detections, Hypothesis, no_detections
+from support import bags
 
 SECOND = 1_000_000_000
 FRAME = "camera_optical_frame"

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import shutil
 
-import bags
 from supermap_cli.hookspecs import RecordingRequest
 from supermap_cli.recordings import open_bag_recording
 from supermap_cli.recordings.fingerprint import recording_fingerprint, window_fingerprint
+from support import bags
 
 
 def test_it_is_the_same_wherever_the_recording_lies_and_another_for_another(tmp_path):

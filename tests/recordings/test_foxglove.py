@@ -9,9 +9,9 @@ import pytest
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 from mcap.writer import Writer
 
-import bags
 from supermap_cli.hookspecs import RecordingRequest
 from supermap_cli.recordings import open_bag_recording
+from support import bags
 
 FIELD = descriptor_pb2.FieldDescriptorProto
 SCHEMAS = {

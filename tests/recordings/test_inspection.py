@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-import bags
 from supermap_cli.errors import RecordingError
 from supermap_cli.hookspecs import RecordingRequest
 from supermap_cli.main import make_app
 from supermap_cli.recordings import open_bag_recording
 from supermap_cli.recordings.inspection import inspect_recording
+from support import bags
 
 
 def inspect(path, **request):

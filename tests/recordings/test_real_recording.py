@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import bags
 from supermap_cli.geometry.cameras import PinholeCamera
 from supermap_cli.hookspecs import RecordingRequest
 from supermap_cli.recordings import open_bag_recording
+from support import bags
 
 REDKITCHEN = Path(__file__).parents[3] / "shared" / "data" / "redkitchen.mcap"
 pytestmark = pytest.mark.skipif(not REDKITCHEN.is_file(), reason=f"the real recording is not there: {REDKITCHEN}")

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-import bags
 from supermap_cli.geometry.cameras import EquirectangularCamera, PinholeCamera
 from supermap_cli.geometry.se3 import make_transform
 from supermap_cli.hookspecs import RecordingRequest
@@ -11,6 +10,7 @@ from supermap_cli.recordings import open_bag_recording
 from supermap_cli.recordings.lidar_depth import SweepDepth, close_gaps, deskew_sweep, draw_returns
 from supermap_cli.recordings.registration import SameCentre, ZBuffer, splat_nearest
 from supermap_cli.types.sensing import Sweep
+from support import bags
 
 COLOR = PinholeCamera(64, 48, 60.0, 60.0, 31.5, 23.5)
 HALF = PinholeCamera(32, 24, 30.0, 30.0, 15.5, 11.5)

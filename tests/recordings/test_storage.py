@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from mcap.writer import CompressionType
 
-import bags
 from supermap_cli.errors import RecordingError
 from supermap_cli.recordings.notes import Notes
 from supermap_cli.recordings.storage import Channel, RawMessage, merge_lazily, open_storage
+from support import bags
 
 FORMATS = ["run.mcap", "run.db3", "run.bag", "run"]
 

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-import bags
 from supermap_cli.errors import ConfigError, RecordingError
 from supermap_cli.recordings.decoding import Decoder
 from supermap_cli.recordings.notes import Notes
 from supermap_cli.recordings.probing import probe_topics
 from supermap_cli.recordings.storage import open_storage
 from supermap_cli.recordings.topics import is_rectified, namespace_of, plan_topics
+from support import bags
 
 SIZE, K = (8, 6), (8.0, 8.0, 3.5, 2.5)
 RGB, DEPTH = np.zeros((6, 8, 3), np.uint8), np.ones((6, 8), np.uint16)

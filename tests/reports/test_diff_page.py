@@ -12,9 +12,6 @@ import cv2
 import numpy as np
 import pytest
 
-import kitchen
-import memories as m
-from cli import supermap
 from supermap_cli.errors import SupermapError
 from supermap_cli.geometry.boxes import Box3D
 from supermap_cli.geometry.cameras import PinholeCamera, camera_to_json
@@ -28,6 +25,9 @@ from supermap_cli.reports.diff_plot import check_plot, draw_diff
 from supermap_cli.reports.pictures import cut_out
 from supermap_cli.reports.plan import Arrow, Outline, extent_of, plan_svg
 from supermap_cli.types.memory import MapDelta
+from support import kitchen
+from support import memories as m
+from support.cli import supermap
 
 CAMERA = PinholeCamera(320, 240, 230.0, 230.0, 159.5, 119.5)
 LOOKING_ALONG_X = np.array([[0, 0, 1, -3.0], [-1, 0, 0, 0], [0, -1, 0, 0.8], [0, 0, 0, 1]])

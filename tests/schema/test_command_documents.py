@@ -7,11 +7,11 @@ from types import SimpleNamespace
 
 import pytest
 
-import bags
-import synthetic_room as room
-from cli import document
 from supermap_cli import hookimpl, plugin_manager
 from supermap_cli.hookspecs import Options, Register
+from support import bags
+from support import synthetic_room as room
+from support.cli import document
 
 
 @pytest.fixture(autouse=True)

@@ -11,7 +11,6 @@ from alembic.migration import MigrationContext
 from alembic.script import ScriptDirectory
 from sqlalchemy import Connection, create_engine, text
 
-import memories as m
 from supermap_cli.memory import open_store
 from supermap_cli.memory.checking import check
 from supermap_cli.memory.opening import upgrade_database
@@ -19,6 +18,7 @@ from supermap_cli.types.memory import MapDelta
 from supermap_schema import SCHEMA_VERSION, postgresql, sqlite
 from supermap_schema.models import Base
 from supermap_schema.upgrading import alembic_config, upgrade
+from support import memories as m
 
 CLAUSES = re.compile(r"\n|, (?=\w+ (?:INTEGER|TEXT|REAL|BLOB)\b)")
 """Between columns and constraints; SQLite writes a column that was added later onto the last line."""

@@ -11,12 +11,12 @@ from typing import Any
 import pytest
 from sqlalchemy import text
 
-import kitchen
-import memories as m
 from supermap_cli.memory import open_store
 from supermap_cli.query.clock import Clock, clock_of
 from supermap_cli.types.memory import MapDelta
 from supermap_schema.views import VIEW_NAMES
+from support import kitchen
+from support import memories as m
 
 
 def history() -> MapDelta:

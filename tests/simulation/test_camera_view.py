@@ -1,13 +1,13 @@
 import numpy as np
 import pytest
 
-import simulated
-from simulated import SECOND_NS, START_NS
 from supermap_cli.geometry.cameras import Camera, EquirectangularCamera, FisheyeCamera, PinholeCamera
 from supermap_cli.geometry.se3 import inverse, transform_points
 from supermap_cli.simulation.sensors.camera_view import render
 from supermap_cli.simulation.sensors.scene import Scene
 from supermap_cli.simulation.world import World, box_of
+from support import simulated
+from support.simulated import SECOND_NS, START_NS
 
 PINHOLE = PinholeCamera(160, 120, 116.0, 116.0, 79.5, 59.5)
 FISHEYE = FisheyeCamera(160, 120, 40.0, 40.0, 79.5, 59.5)

@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from small_office import box, furniture, two_rooms
 from supermap_cli.geometry.boxes import Box3D
 from supermap_cli.simulation.building_plan import BuildingPlan, Room
 from supermap_cli.simulation.motion.free_space import FreeSpace
+from support.small_office import box, furniture, two_rooms
 
 EMPTY = FreeSpace(two_rooms(), [], clearance_m=0.3)
 FURNISHED = FreeSpace(two_rooms(), furniture(), clearance_m=0.3)

@@ -3,13 +3,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import simulated
-from simulated import SECOND_NS, START_NS
 from supermap_cli.geometry.se3 import inverse
 from supermap_cli.simulation.rigs import Lidar
 from supermap_cli.simulation.sensors.lidar_sensor import LidarSensor
 from supermap_cli.simulation.sensors.scene import Scene
 from supermap_cli.simulation.world import World
+from support import simulated
+from support.simulated import SECOND_NS, START_NS
 
 SCAN_NS = SECOND_NS // 10
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from small_office import furniture, two_rooms
 from supermap_cli.geometry.se3 import make_transform, transform_points
 from supermap_cli.simulation.motion.free_space import FreeSpace
 from supermap_cli.simulation.motion.people import PERSON_CLEARANCE_M, carried_by_person, walking_person
 from supermap_cli.simulation.world import Material, Shape, Thing
+from support.small_office import furniture, two_rooms
 
 START_NS = 1_700_000_000_000_000_000
 PERSON, MOTIONS = walking_person(

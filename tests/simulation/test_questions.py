@@ -8,15 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import kitchen_truth as kt
-import perfect_map
-import truths
 from supermap_cli.query.grammar import parse
 from supermap_cli.query.vocabulary import load_vocabulary, match_labels
 from supermap_cli.simulation.recording.questions import KINDS, NEVER_THERE, SPOKEN, ask_questions, means, plural
 from supermap_cli.simulation.recording.witness import Unsure, Witness
 from supermap_cli.simulation.worlds.shapes import LABELS
 from supermap_cli.types.truth import GroundTruth, TrueChange, TrueObject
+from support import kitchen_truth as kt
+from support import perfect_map, truths
 
 DAYS = (tuple(range(10)), tuple(range(1000, 1010)))
 DESK, CHAIR, MUG, BAG, CAN = (1.4, 0.7, 0.74), (0.5, 0.5, 0.9), (0.08, 0.08, 0.1), (0.3, 0.2, 0.4), (0.3, 0.3, 0.5)

@@ -10,9 +10,6 @@ import numpy as np
 import pytest
 from mcap.reader import NonSeekingReader
 
-import perfect_map
-import simulated
-import simulated_visits
 from supermap_cli.errors import SimulationError
 from supermap_cli.geometry.se3 import inverse
 from supermap_cli.hookspecs import RecordingRequest
@@ -23,6 +20,7 @@ from supermap_cli.simulation.rigs import OdometryDrift
 from supermap_cli.simulation.sensors.camera_view import render
 from supermap_cli.simulation.sensors.scene import Scene
 from supermap_cli.truth_file import read_truth
+from support import perfect_map, simulated, simulated_visits
 
 TOPICS = (
     *("/camera/color/image_raw/compressed", "/imu/data", "/odom", "/detections", "/detections/masks"),

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from small_office import furniture, two_rooms
 from supermap_cli.simulation.motion.free_space import FreeSpace
 from supermap_cli.simulation.motion.routes import ROBOT_RADIUS_M, plan_route
 from supermap_cli.simulation.route import Route
+from support.small_office import furniture, two_rooms
 
 START_NS = 1_700_000_000_000_000_000
 FOCUS = np.array([6.2, 3.9])

@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
 
-import simulated
-from simulated import BOX_ARRIVES_NS, BOX_FROM, BOX_LEAVES_NS, BOX_TO, CUP_LEAVES_NS, SECOND_NS, START_NS
 from supermap_cli.geometry.se3 import transform_points
 from supermap_cli.simulation.sensors.scene import Scene
 from supermap_cli.simulation.world import Fixture, Material, Stay, Thing, World
+from support import simulated
+from support.simulated import BOX_ARRIVES_NS, BOX_FROM, BOX_LEAVES_NS, BOX_TO, CUP_LEAVES_NS, SECOND_NS, START_NS
 
 TABLE, CUP, CHAIR, BALL, BOX = range(1, 6)
 DOWN, ABOVE = np.array([[0, 0, -1.0]]), np.array([0, 0, 2.0])

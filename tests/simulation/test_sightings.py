@@ -1,8 +1,6 @@
 import numpy as np
 import pytest
 
-import simulated
-from simulated import BOX_ARRIVES_NS, CUP_LEAVES_NS, SECOND_NS, START_NS
 from supermap_cli.geometry.cameras import EquirectangularCamera, PinholeCamera
 from supermap_cli.geometry.se3 import transform_points
 from supermap_cli.simulation.recording.sightings import SightLines, SurfaceCoverage
@@ -10,6 +8,8 @@ from supermap_cli.simulation.sensors.camera_view import render
 from supermap_cli.simulation.sensors.scene import Scene
 from supermap_cli.simulation.views import Sights
 from supermap_cli.simulation.world import Motion, Stay, Thing, World
+from support import simulated
+from support.simulated import BOX_ARRIVES_NS, CUP_LEAVES_NS, SECOND_NS, START_NS
 
 CAMERA = PinholeCamera(320, 240, 232.0, 232.0, 159.5, 119.5)
 PANORAMA = EquirectangularCamera(480, 240)

@@ -9,8 +9,6 @@ import numpy as np
 import pytest
 from jsonschema import Draft202012Validator
 
-import simulated
-import simulated_visits
 from supermap_cli.geometry.se3 import make_transform, transform_points
 from supermap_cli.simulation.recording.truth import WatchedVisit, find_changes, make_truth, passages
 from supermap_cli.simulation.scenario import Scenario
@@ -19,6 +17,7 @@ from supermap_cli.simulation.world import Motion, Stay, Thing, World, sample_sur
 from supermap_cli.truth_file import to_document
 from supermap_cli.types.truth import GroundTruth, TrueChange
 from supermap_schema.json_schemas import load_schema
+from support import simulated, simulated_visits
 
 S = simulated.SECOND_NS
 START = simulated.START_NS

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import memories as m
+from support import memories as m
 
 GROW = """
 CREATE TEMP TABLE copy AS WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n WHERE i < {instances})

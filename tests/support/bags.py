@@ -17,8 +17,8 @@ from typing import Any
 import cv2
 import numpy as np
 
-from bag_writer import BagWriter, compressed_depth_png
 from supermap_cli.geometry.se3 import make_transform
+from support.bag_writer import BagWriter, compressed_depth_png
 
 START_NS = 1_700_000_000_000_000_000
 PERIOD_NS = 100_000_000

@@ -1,7 +1,7 @@
 """A furnished room, rendered: the test suite's synthetic world. Writes small ROS 2 recordings with ground truth.
 
-    python tests/synthetic_room.py visit1.mcap --seed 1
-    python tests/synthetic_room.py visit2.mcap --seed 2 --visit 2
+    PYTHONPATH=tests python -m support.synthetic_room visit1.mcap --seed 1
+    PYTHONPATH=tests python -m support.synthetic_room visit2.mcap --seed 2 --visit 2
 
 The world frame is level, x and y from the room's centre, z = 0 on the floor. The robot drives around the table and
 looks inwards. `rgbd` gives colour, depth and a level `odom`; `lidar` gives colour, a spinning LiDAR with per-point
@@ -18,11 +18,11 @@ from typing import Any, Literal
 
 import numpy as np
 
-from room_messages import RoomBag
 from supermap_cli.geometry.boxes import Box3D
 from supermap_cli.geometry.open3d_loader import load_open3d
 from supermap_cli.geometry.se3 import inverse, make_transform
 from supermap_cli.types.sensing import Sweep
+from support.room_messages import RoomBag
 
 Rig = Literal["rgbd", "lidar"]
 DAY_NS = 86_400_000_000_000

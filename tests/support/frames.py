@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from supermap_cli.geometry.cameras import PinholeCamera
 from supermap_cli.types.sensing import CameraFrame
 
-SHARED = Path(__file__).resolve().parents[2] / "shared"
+SHARED = Path(__file__).resolve().parents[3] / "shared"
 CAMERA = PinholeCamera(160, 120, 150.0, 150.0, 79.5, 59.5)
 
 

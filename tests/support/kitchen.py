@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import memories as m
 from supermap_cli.types.memory import MapDelta
+from support import memories as m
 
 TABLE, CUP, CHAIR, OTHER_CHAIR, TV, PLANT, BOOK, VASE, LAMP = range(1, 10)
 TABLE_SIZE = (1.9, 0.9, 0.75)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from hypothesis import strategies as st
 
-import memories as m
 from supermap_cli.memory.values import StoredInstance, StoredTraversal, StoredVisit
 from supermap_cli.types.memory import StateRecord
+from support import memories as m
 
 PLACES: tuple[m.Point, ...] = ((0, 0, 0.5), (2, 0, 0.5), (0, 3, 0.5))
 END_S = 200

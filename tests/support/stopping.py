@@ -19,9 +19,6 @@ from typing import Any
 import numpy as np
 from sqlalchemy import Engine, event, select
 
-import databases
-import simulated
-import simulated_visits
 from supermap_cli.main import main
 from supermap_cli.memory import open_store
 from supermap_cli.simulation.detection.detector_errors import DetectorErrors
@@ -30,6 +27,7 @@ from supermap_cli.simulation.rigs import DepthSensor, OdometryDrift
 from supermap_cli.simulation.route import Route
 from supermap_cli.simulation.scenario import Scenario, SimulatedVisit
 from supermap_schema.models import Base
+from support import databases, simulated, simulated_visits
 
 SETTINGS = "[build.keyframes]\nrate_hz = 5\nbatch = 3\ncheckpoint_s = 0.05\n"
 """Small batches and frequent checkpoints: many moments to be killed at."""

@@ -8,7 +8,6 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from databases import run_sql  # noqa: F401 - beside what makes memories
 from supermap_cli.geometry.boxes import Box3D
 from supermap_cli.geometry.cameras import PinholeCamera, camera_to_json
 from supermap_cli.memory import MapStore, TraversalStart, open_store
@@ -27,6 +26,7 @@ from supermap_cli.types.memory import (
     Visit,
     VoxelCloud,
 )
+from support.databases import run_sql  # noqa: F401 - beside what makes memories
 
 EPOCH_S = 1_767_603_600  # 2026-01-05T09:00:00Z, a Monday
 SIZE = (0.5, 0.5, 1.0)

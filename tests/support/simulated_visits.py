@@ -6,13 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 
-import simulated
 from supermap_cli.geometry.cameras import EquirectangularCamera, PinholeCamera
 from supermap_cli.geometry.se3 import make_transform
 from supermap_cli.simulation.building_plan import BuildingPlan, Room
 from supermap_cli.simulation.rigs import DepthSensor, Imu, OdometryDrift, Rig, panorama_rig, rgbd_rig
 from supermap_cli.simulation.route import Route
 from supermap_cli.simulation.scenario import Scenario, SimulatedVisit
+from support import simulated
 
 T_WORLD_ODOM = make_transform([[0, -1, 0], [1, 0, 0], [0, 0, 1]], [-1.0, 0.5, 0.0])
 PLAN = BuildingPlan((Room("room", np.array([-3, -2.5]), np.array([3, 2.5])),), (), 2.6)

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-import memories as m
 from supermap_cli.types.memory import InstanceRecord, MapDelta, SpatialEdge, StateRecord, Visit
+from support import memories as m
 
 LABELS = ("chair", "table", "cup", "lamp")
 TRAVERSALS = (("monday", (0, 50)), ("tuesday", (80, 130)))

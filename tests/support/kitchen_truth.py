@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 
-import memories as m
 from supermap_cli.geometry.se3 import make_transform
 from supermap_cli.truth_file import write_truth
 from supermap_cli.types.truth import (
@@ -20,6 +19,7 @@ from supermap_cli.types.truth import (
     TrueSurface,
     TrueTraversal,
 )
+from support import memories as m
 
 MONDAY = tuple(float(second) for second in range(101))
 TUESDAY = tuple(float(second) for second in range(1000, 1101))

@@ -11,7 +11,6 @@ from types import SimpleNamespace
 import numpy as np
 from pydantic import Field
 
-import scenes as s
 from supermap_cli.config import BuildConfig
 from supermap_cli.geometry.arrays import IntArray
 from supermap_cli.geometry.se3 import inverse, make_transform
@@ -23,6 +22,7 @@ from supermap_cli.recordings.fingerprint import window_fingerprint
 from supermap_cli.types.detections import Detections, RegionMask, TrackPrior, Tracks
 from supermap_cli.types.memory import KeyframeRecord, MapDelta
 from supermap_cli.types.sensing import CameraFrame, ImuSample, StampedPose, Sweep
+from support import scenes as s
 
 T_BASE_CAMERA = make_transform([[0, 0, 1], [-1, 0, 0], [0, -1, 0]], [0, 0, 0])
 """A camera that looks along the base's x axis."""
