@@ -285,6 +285,7 @@ class FramePipeline:
             depth_step=config.depth_step,
             thumbnail_jpeg=thumbnail(keyframe, config.thumbnail_px) if config.thumbnail_px else None,
             detected=detected,
+            camera_id=keyframe.camera_id,
         )
 
     def _take_batch(
@@ -326,6 +327,7 @@ def place_frame(frame: CameraFrame, T_map_base: FloatArray, clock_shift_ns: int 
         T_map_base @ frame.T_base_camera,
         T_map_base,
         frame.returns_camera,
+        frame.camera_id,
     )
 
 

@@ -10,14 +10,47 @@ from supermap_cli.geometry.arrays import Float32Array, IntArray, UInt8Array
 from supermap_cli.types.detections import Detections, RegionMask, TrackPrior, Tracks
 from supermap_cli.types.sensing import CameraFrame, ImuSample, StampedPose, Sweep
 
+SensorMessage = CameraFrame | Sweep | ImuSample | StampedPose | Detections
+"""What a source gives, each with its `stamp_ns` in sensor time."""
+
 
 @runtime_checkable
-class Recording(Protocol):
-    """A recording opened for reading. Every call of a stream starts it anew, in the order of sensor time, and never
-    holds more than a few seconds of it in memory. Streams keep to the window (`start_ns`, `end_ns`) the recording was
-    opened with; poses, sweeps and IMU reach a little beyond it.
+class Source(Protocol):
+    """Sensors that can be listened to: a robot, a recording, a data set. It may never end.
 
     Errors: `RecordingError` (or `CalibrationError`) naming file, topic, time and cure.
+    """
+
+    @property
+    def streams(self) -> frozenset[str]:
+        """Which of "color", "depth", "lidar", "imu", "poses", "detections", "masks" there are."""
+        ...
+
+    @property
+    def cameras(self) -> tuple[str, ...]:
+        """The `camera_id` of every camera, the main one first."""
+        ...
+
+    @property
+    def base_frame(self) -> str:
+        """The frame that poses move, as named by the source."""
+        ...
+
+    @property
+    def warnings(self) -> Sequence[str]:
+        """What was corrected or left out so far, one line each."""
+        ...
+
+    def messages(self) -> Iterator[SensorMessage]:
+        """All streams together, in the order of their stamps as far as they arrive so."""
+        ...
+
+
+@runtime_checkable
+class Recording(Source, Protocol):
+    """A finite recording opened for reading. Every call of a stream starts it anew, in the order of sensor time, and
+    never holds more than a few seconds of it in memory. Streams keep to the window (`start_ns`, `end_ns`) the recording
+    was opened with; poses, sweeps and IMU reach a little beyond it.
     """
 
     @property
@@ -35,21 +68,6 @@ class Recording(Protocol):
         """Sensor time of the window's end, or of the last frame if that is later."""
         ...
 
-    @property
-    def streams(self) -> frozenset[str]:
-        """Which of "color", "depth", "lidar", "imu", "poses", "detections", "masks" there are."""
-        ...
-
-    @property
-    def base_frame(self) -> str:
-        """The frame that poses move, as named in the recording."""
-        ...
-
-    @property
-    def warnings(self) -> Sequence[str]:
-        """What was mended or left out while opening and reading, one line each."""
-        ...
-
     def fingerprint(self) -> str:
         """Hex digest that is the same for the same recording and window, cheap for large files: the
         `recordings.fingerprint.window_fingerprint` of `content_fingerprint` and the window.
@@ -60,12 +78,18 @@ class Recording(Protocol):
         """Hex digest that is the same for the same recording, whatever the window."""
         ...
 
-    def frame_stamps_ns(self) -> IntArray:
-        """(n,) int64 stamps of all usable colour frames, ascending, without decoding any image."""
+    def frame_stamps_ns(self, camera_id: str | None = None) -> IntArray:
+        """(n,) int64 stamps of all usable frames of a camera (`None`: the main one), ascending, without decoding any
+        image.
+        """
         ...
 
-    def frames(self, selected: Callable[[int], bool] | None = None) -> Iterator[CameraFrame]:
-        """Camera frames in order; `selected(stamp_ns)` says which are worth decoding (all, if not given)."""
+    def frames(
+        self, selected: Callable[[int], bool] | None = None, camera_id: str | None = None
+    ) -> Iterator[CameraFrame]:
+        """Frames of a camera (`None`: the main one) in order; `selected(stamp_ns)` says which are worth decoding (all,
+        if not given).
+        """
         ...
 
     def poses(self) -> Iterator[StampedPose]:
@@ -77,15 +101,15 @@ class Recording(Protocol):
         ...
 
     def imu(self) -> Iterator[ImuSample]:
-        """IMU samples turned into the base frame."""
+        """IMU samples, in the IMU's frame."""
         ...
 
-    def detection_stamps_ns(self) -> IntArray:
-        """(n,) int64 stamps of the images that recorded detections belong to (`header.stamp`), ascending."""
+    def detection_stamps_ns(self, camera_id: str | None = None) -> IntArray:
+        """(n,) int64 stamps of a camera's images that recorded detections belong to (`header.stamp`), ascending."""
         ...
 
-    def detections(self) -> Iterator[Detections]:
-        """Recorded detections with their masks, in the order of their images' stamps."""
+    def detections(self, camera_id: str | None = None) -> Iterator[Detections]:
+        """Recorded detections of a camera with their masks, in the order of their images' stamps."""
         ...
 
 

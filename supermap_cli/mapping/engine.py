@@ -341,6 +341,7 @@ class MappingEngine:
             0 if view is None else int(np.count_nonzero(view.supported)),
             0 if view is None else int(np.count_nonzero(view.contradicted)),
             detection.track_id,
+            keyframe.camera_id,
         )
         self.turns.observe(observation)
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from supermap_cli.errors import CalibrationError, RecordingError
 from supermap_cli.geometry.arrays import IntArray
+from supermap_cli.protocols import SensorMessage
 from supermap_cli.recordings import messages
 from supermap_cli.recordings.camera_frames import CameraFrames
 from supermap_cli.recordings.clock_faults import REORDER_NS
@@ -24,7 +25,7 @@ from supermap_cli.recordings.poses import recorded_poses
 from supermap_cli.recordings.probing import Topic
 from supermap_cli.recordings.storage import RawMessage
 from supermap_cli.types.detections import Detections
-from supermap_cli.types.sensing import CameraFrame, ImuSample, StampedPose, Sweep
+from supermap_cli.types.sensing import MAIN_CAMERA, CameraFrame, ImuSample, StampedPose, Sweep
 
 _LATE_NS = 5_000_000_000
 
@@ -101,6 +102,11 @@ class BagRecording:
         return frozenset(roles)
 
     @property
+    def cameras(self) -> tuple[str, ...]:
+        """The `camera_id` of every camera, the main one first."""
+        return (MAIN_CAMERA,)
+
+    @property
     def base_frame(self) -> str:
         """The frame that poses move, as named in the recording."""
         return self._opened.base_frame
@@ -118,12 +124,24 @@ class BagRecording:
         """Hex digest of what is in the files, whatever the window."""
         return content_fingerprint(self.path, self._opened.storage.channels)
 
-    def frame_stamps_ns(self) -> IntArray:
-        """(n,) int64 stamps of all usable colour frames, ascending, without decoding any image."""
+    def messages(self) -> Iterator[SensorMessage]:
+        """All streams together, in the order of their stamps."""
+        poses = self.poses() if "poses" in self.streams else iter(())
+        frames = [self.frames(camera_id=camera_id) for camera_id in self.cameras]
+        detections = [self.detections(camera_id) for camera_id in self.cameras]
+        streams: tuple[Iterator[SensorMessage], ...] = (poses, self.imu(), self.sweeps(), *frames, *detections)
+        return heapq.merge(*streams, key=lambda message: message.stamp_ns)
+
+    def frame_stamps_ns(self, camera_id: str | None = None) -> IntArray:
+        """(n,) int64 stamps of all usable frames of a camera, ascending, without decoding any image."""
+        self._check_camera(camera_id)
         return self._camera_frames.stamps_ns()
 
-    def frames(self, selected: Callable[[int], bool] | None = None) -> Iterator[CameraFrame]:
-        """Camera frames in order; `selected` is asked about all stamps, ascending, before any image is decoded."""
+    def frames(
+        self, selected: Callable[[int], bool] | None = None, camera_id: str | None = None
+    ) -> Iterator[CameraFrame]:
+        """Frames of a camera in order; `selected` is asked about all stamps, ascending, before any image is decoded."""
+        self._check_camera(camera_id)
         return self._camera_frames.frames(selected)
 
     def poses(self) -> Iterator[StampedPose]:
@@ -138,12 +156,13 @@ class BagRecording:
         return iter(()) if lidar is None else in_order(self._sweeps(lidar), self._note_late("sweeps"))
 
     def imu(self) -> Iterator[ImuSample]:
-        """IMU samples turned into the base frame; nothing where there is none, or none that TF places."""
+        """IMU samples with their mounting on the base; nothing where there is none, or none that TF places."""
         topic = self._imu_topic()
         return iter(()) if topic is None else in_order(self._imu(topic), self._note_late("IMU samples"))
 
-    def detection_stamps_ns(self) -> IntArray:
-        """(n,) int64 stamps of the images that recorded detections belong to (`header.stamp`), ascending."""
+    def detection_stamps_ns(self, camera_id: str | None = None) -> IntArray:
+        """(n,) int64 stamps of a camera's images that recorded detections belong to (`header.stamp`), ascending."""
+        self._check_camera(camera_id)
         topic = self._opened.plan.topic("detections")
         if topic is None:
             return np.zeros(0, np.int64)
@@ -151,9 +170,14 @@ class BagRecording:
         stamps = {messages.peek_stamp_ns(raw, decode) for raw in self._messages([topic.name], _LATE_NS)}
         return np.array(sorted(stamp for stamp in stamps if window.holds(stamp)), np.int64)
 
-    def detections(self) -> Iterator[Detections]:
-        """Recorded detections with their masks, in the order of their images' stamps."""
+    def detections(self, camera_id: str | None = None) -> Iterator[Detections]:
+        """Recorded detections of a camera with their masks, in the order of their images' stamps."""
+        self._check_camera(camera_id)
         return join_masks(self._detection_arrivals(), _LATE_NS)
+
+    def _check_camera(self, camera_id: str | None) -> None:
+        if camera_id is not None and camera_id not in self.cameras:
+            raise ValueError(f"no camera {camera_id!r} among {self.cameras}")
 
     def _note_late(self, what: str) -> Callable[[int, int], None]:
         def note(count: int, stamp_ns: int) -> None:
@@ -215,8 +239,7 @@ class BagRecording:
             T_base_imu = transforms.lookup(opened.base_frame, topic.frame_id, sample.stamp_ns)
             finite = np.isfinite(sample.angular_rate).all() and np.isfinite(sample.specific_force).all()
             if T_base_imu is not None and finite and opened.window.holds(sample.stamp_ns, MARGIN_NS):
-                R = T_base_imu[:3, :3]
-                yield ImuSample(sample.stamp_ns, R @ sample.angular_rate, R @ sample.specific_force)
+                yield ImuSample(sample.stamp_ns, sample.angular_rate, sample.specific_force, T_base_imu)
 
     def _detection_arrivals(self) -> Iterator[DetectionArrival]:
         plan, opened = self._opened.plan, self._opened

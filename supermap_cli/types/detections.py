@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from supermap_cli.geometry.arrays import BoolArray, Float32Array, IntArray, check_shape
+from supermap_cli.types.sensing import MAIN_CAMERA
 
 
 @dataclass(frozen=True)
@@ -54,6 +55,8 @@ class Detections:
 
     `boxes_xyxy` is (n, 4) float32 pixels; `scores` is (n,) float32, the best hypothesis's; `hypotheses` holds, for each
     detection, all labels considered, best first, never empty; `masks` holds one `RegionMask` or `None` each.
+    `stamp_ns` and `camera_id` are the image's. `embeddings` (n, d) float32, unit length, describe what each shows;
+    `None` where the detector gives none.
     """
 
     stamp_ns: int
@@ -61,6 +64,8 @@ class Detections:
     scores: Float32Array
     hypotheses: tuple[tuple[Hypothesis, ...], ...]
     masks: tuple[RegionMask | None, ...]
+    camera_id: str = MAIN_CAMERA
+    embeddings: Float32Array | None = None
 
     def __post_init__(self) -> None:
         n = len(self.boxes_xyxy)
@@ -70,6 +75,8 @@ class Detections:
             raise ValueError(f"expected {n} hypotheses and masks, got {len(self.hypotheses)} and {len(self.masks)}")
         if not all(self.hypotheses):
             raise ValueError("every detection needs at least one label hypothesis")
+        if self.embeddings is not None:
+            check_shape("embeddings", self.embeddings, (n, None))
 
     def __len__(self) -> int:
         return len(self.scores)
@@ -88,6 +95,8 @@ class Detections:
             self.scores[indices],
             tuple(self.hypotheses[i] for i in indices),
             tuple(self.masks[i] for i in indices),
+            self.camera_id,
+            None if self.embeddings is None else self.embeddings[indices],
         )
 
     def with_masks(self, masks: tuple[RegionMask | None, ...]) -> Detections:
@@ -95,9 +104,9 @@ class Detections:
         return replace(self, masks=masks)
 
 
-def no_detections(stamp_ns: int) -> Detections:
+def no_detections(stamp_ns: int, camera_id: str = MAIN_CAMERA) -> Detections:
     """An image in which nothing was found (which is evidence too)."""
-    return Detections(stamp_ns, np.zeros((0, 4), np.float32), np.zeros(0, np.float32), (), ())
+    return Detections(stamp_ns, np.zeros((0, 4), np.float32), np.zeros(0, np.float32), (), (), camera_id)
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from supermap_cli.geometry.arrays import Float32Array, FloatArray, UInt8Array, check_shape
 from supermap_cli.geometry.cameras import Camera
 from supermap_cli.geometry.se3 import check_transform
+from supermap_cli.types.sensing import MAIN_CAMERA
 
 
 @dataclass(frozen=True)
@@ -15,7 +16,7 @@ class Keyframe:
 
     `rgb` (h, w, 3) uint8; `depth_m` (h, w) float32 in the measure of `Camera.depth_of`, 0 = no return;
     `T_map_camera` and `T_map_base` at the image's stamp. `returns_camera` (n, 3) are the LiDAR's returns that the depth
-    was drawn of, in the optical frame; `None` where the depth is a camera's own.
+    was drawn of, in the optical frame; `None` where the depth is a camera's own. `camera_id` names the camera.
     """
 
     stamp_ns: int
@@ -25,6 +26,7 @@ class Keyframe:
     T_map_camera: FloatArray
     T_map_base: FloatArray
     returns_camera: FloatArray | None = None
+    camera_id: str = MAIN_CAMERA
 
     def __post_init__(self) -> None:
         check_shape("rgb", self.rgb, (self.camera.height, self.camera.width, 3))

@@ -9,6 +9,7 @@ from typing import Literal
 from supermap_cli.geometry.arrays import Float32Array, FloatArray, Int32Array, UInt8Array, check_shape
 from supermap_cli.geometry.boxes import Box3D
 from supermap_cli.types.detections import Hypothesis
+from supermap_cli.types.sensing import MAIN_CAMERA
 
 Presence = Literal["present", "absent", "doubted"]
 """Absent: its place was seen empty. Doubted: nobody saw it go, but nothing says any more that it was ever real."""
@@ -22,7 +23,7 @@ class KeyframeRecord:
 
     `depth_png` is a small 16-bit millimetre PNG (0 = no return) in the measure of the camera, `depth_step` pixels of
     the camera apart in u and v: with the pose it says later which space was seen empty at that time. `camera` is the
-    camera's JSON form (`geometry.cameras.camera_to_json`).
+    camera's JSON form (`geometry.cameras.camera_to_json`), `camera_id` its name among those of the rig.
     """
 
     stamp_ns: int
@@ -33,6 +34,7 @@ class KeyframeRecord:
     depth_step: int
     thumbnail_jpeg: bytes | None
     detected: bool
+    camera_id: str = MAIN_CAMERA
 
 
 @dataclass(frozen=True)
@@ -40,7 +42,7 @@ class Observation:
     """What one detection said of one instance; never changed once written.
 
     `centroid_map` is (3,) metres; `evidence_for` and `evidence_against` count the object's points that the keyframe
-    supported and contradicted.
+    supported and contradicted; `camera_id` names the keyframe's camera.
     """
 
     stamp_ns: int
@@ -53,6 +55,7 @@ class Observation:
     evidence_for: int
     evidence_against: int
     track_id: int
+    camera_id: str = MAIN_CAMERA
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""What a recording gives: camera frames, LiDAR sweeps, IMU samples, poses."""
+"""What sensors give: camera frames, LiDAR sweeps, IMU samples, poses."""
 
 from __future__ import annotations
 
@@ -10,6 +10,9 @@ from supermap_cli.geometry.arrays import Float32Array, FloatArray, IntArray, UIn
 from supermap_cli.geometry.cameras import Camera
 from supermap_cli.geometry.se3 import check_transform
 
+MAIN_CAMERA = "camera"
+"""The `camera_id` of a rig's only camera."""
+
 
 @dataclass(frozen=True)
 class CameraFrame:
@@ -19,6 +22,7 @@ class CameraFrame:
     `Camera.depth_of` (z for a pinhole, range for a panorama), 0 = no return; `None` where the rig has a LiDAR instead.
     `T_base_camera` places the optical frame (z forward) in the robot's base at the stamp. `returns_camera` (n, 3) are
     the LiDAR's returns that `depth_m` was drawn of, in the optical frame; `None` where the depth is a camera's own.
+    `camera_id` names the camera among those of the rig.
     """
 
     stamp_ns: int
@@ -28,6 +32,7 @@ class CameraFrame:
     camera: Camera
     T_base_camera: FloatArray
     returns_camera: FloatArray | None = None
+    camera_id: str = MAIN_CAMERA
 
     def __post_init__(self) -> None:
         check_shape("rgb", self.rgb, (self.camera.height, self.camera.width, 3))
@@ -62,11 +67,29 @@ class Sweep:
 
 @dataclass(frozen=True)
 class ImuSample:
-    """Angular rate (rad/s) and specific force (m/s^2), both (3,) float64, in the robot's base frame."""
+    """Angular rate (rad/s) and specific force (m/s^2), (3,) float64 in the IMU's frame; `T_base_imu` (4, 4) is the
+    mounting, with its lever arm.
+    """
 
     stamp_ns: int
-    angular_rate_base: FloatArray
-    specific_force_base: FloatArray
+    angular_rate_imu: FloatArray
+    specific_force_imu: FloatArray
+    T_base_imu: FloatArray
+
+    def __post_init__(self) -> None:
+        check_shape("angular_rate_imu", self.angular_rate_imu, (3,))
+        check_shape("specific_force_imu", self.specific_force_imu, (3,))
+        check_transform("T_base_imu", self.T_base_imu)
+
+    @property
+    def angular_rate_base(self) -> FloatArray:
+        """(3,) rad/s about the base's axes."""
+        return np.asarray(self.T_base_imu[:3, :3] @ self.angular_rate_imu, np.float64)
+
+    @property
+    def specific_force_base(self) -> FloatArray:
+        """(3,) m/s^2 along the base's axes, as felt where the IMU sits."""
+        return np.asarray(self.T_base_imu[:3, :3] @ self.specific_force_imu, np.float64)
 
 
 @dataclass(frozen=True)

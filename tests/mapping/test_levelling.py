@@ -101,7 +101,7 @@ def imu_run(R_base_level: np.ndarray, force: np.ndarray) -> tuple[list[ImuSample
         stamp_ns = k * 10_000_000
         poses.append(StampedPose(stamp_ns, make_transform(R_odom_base, [0, 0, 0])))
         specific = R_odom_base.T @ R_base_level @ force + rng.normal(0, 0.05, 3)
-        samples.append(ImuSample(stamp_ns, np.zeros(3), specific))
+        samples.append(ImuSample(stamp_ns, np.zeros(3), specific, np.eye(4)))
     return samples, Trajectory(poses)
 
 
