@@ -14,8 +14,8 @@ from supermap_cli.memory import open_store
 from supermap_cli.memory.checking import check
 from supermap_cli.query.clock import clock_of
 from supermap_cli.query.diff import Change, Diff, diff
-from supermap_cli.query.life import History, history
-from supermap_cli.query.story import story
+from supermap_cli.query.history_text import story
+from supermap_cli.query.object_history import History, history
 from supermap_cli.traversal_build import TraversalBuild
 from supermap_cli.types.detections import Detections
 from supermap_cli.types.sensing import CameraFrame

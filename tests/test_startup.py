@@ -23,13 +23,13 @@ finally:
 """
 
 WITH_A_BUG = """
-import supermap_cli.query.resolution
+import supermap_cli.query.answers
 from supermap_cli.main import main
 
 def answer(*_):
     raise RuntimeError("a bug of ours")
 
-supermap_cli.query.resolution.answer = answer
+supermap_cli.query.answers.answer = answer
 main()
 """
 

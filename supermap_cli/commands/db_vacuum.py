@@ -46,7 +46,7 @@ def vacuum(
     """
     from supermap_cli.memory import open_store  # noqa: PLC0415 - keeps start-up light
     from supermap_cli.query.clock import clock_of  # noqa: PLC0415
-    from supermap_cli.query.keeping import kept_from  # noqa: PLC0415
+    from supermap_cli.query.retention_policy import kept_from  # noqa: PLC0415
     from supermap_cli.query.views import to_document  # noqa: PLC0415
 
     with open_store(database_url(db), read_only=dry_run) as store:

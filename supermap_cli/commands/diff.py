@@ -117,7 +117,7 @@ def _row(change: Change, clock: Clock) -> tuple[str, ...]:
     when = clock.span(change.not_before_ns, change.not_after_ns) + (
         " (perhaps before)" if change.perhaps_before else ""
     )
-    may_be = "".join(f"; may be {each.id} ({each.probability:.0%})" for each in change.may_be)
+    may_be = "".join(f"; may be {candidate.id} ({candidate.probability:.0%})" for candidate in change.may_be)
     moved = change.kind == "moved" and change.distance_m is not None
     return (
         change.kind,

@@ -157,7 +157,7 @@ def _json(source: Source, target: Target) -> str:
 
 
 def _geojson(source: Source, target: Target) -> str:
-    from supermap_cli.exporting.plan import write_plan  # noqa: PLC0415 - keeps start-up light
+    from supermap_cli.exporting.geojson import write_plan  # noqa: PLC0415 - keeps start-up light
 
     with _text_file(target) as file:
         write_plan(source, file)
@@ -165,8 +165,8 @@ def _geojson(source: Source, target: Target) -> str:
 
 
 def _ply(source: Source, target: Target) -> str:
-    from supermap_cli.exporting.cloud import write_cloud  # noqa: PLC0415 - keeps start-up light
     from supermap_cli.exporting.destination import whole_file  # noqa: PLC0415
+    from supermap_cli.exporting.ply import write_cloud  # noqa: PLC0415 - keeps start-up light
 
     with whole_file(target.path, force=target.force) as partial:
         count = write_cloud(source, partial, ascii_text=target.ascii_text)

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from supermap_cli.query.clock import Clock
-    from supermap_cli.query.life import FrameView, History
+    from supermap_cli.query.object_history import FrameView, History
     from supermap_cli.query.views import RelationView
 
 MOST_ROWS = 40
@@ -55,17 +55,17 @@ def history(  # noqa: PLR0917 - a command line has many options
     from supermap_cli.memory import open_store  # noqa: PLC0415 - keeps start-up light
     from supermap_cli.memory.pictures import crop_jpegs  # noqa: PLC0415
     from supermap_cli.query.clock import clock_of  # noqa: PLC0415
-    from supermap_cli.query.instants import instant_of  # noqa: PLC0415
-    from supermap_cli.query.life import history as life_of  # noqa: PLC0415
+    from supermap_cli.query.object_history import history as life_of  # noqa: PLC0415
+    from supermap_cli.query.time_points import instant_of  # noqa: PLC0415
     from supermap_cli.query.views import to_document  # noqa: PLC0415
 
     with open_store(database_url(db), read_only=True) as store, store.reader() as reader:
         clock = clock_of(reader)
         told = life_of(reader, text_id, None if at is None else instant_of(at, reader, clock), clock)
         if crops is not None:
-            _save(told.frames, crop_jpegs(reader, [each.observation for each in told.frames]), told.id, crops)
+            _save(told.frames, crop_jpegs(reader, [frame.observation for frame in told.frames]), told.id, crops)
         if html is not None:
-            from supermap_cli.reports.life_page import write_life_page  # noqa: PLC0415
+            from supermap_cli.reports.history_page import write_life_page  # noqa: PLC0415
 
             write_life_page(told, reader, html)
             err().print(f"wrote {html}", markup=False)
@@ -90,8 +90,8 @@ def _save(frames: Sequence[FrameView], jpegs: dict[int, bytes], text_id: str, fo
 
 
 def _print(told: History, clock: Clock) -> None:
-    from supermap_cli.query.keeping import evidence_notes  # noqa: PLC0415 - keeps start-up light
-    from supermap_cli.query.story import story  # noqa: PLC0415 - keeps start-up light
+    from supermap_cli.query.history_text import story  # noqa: PLC0415 - keeps start-up light
+    from supermap_cli.query.retention_policy import evidence_notes  # noqa: PLC0415 - keeps start-up light
 
     console = out()
     merged = f", asked as {told.asked_id}" if told.asked_id.casefold() != told.id.casefold() else ""
@@ -105,32 +105,32 @@ def _print(told: History, clock: Clock) -> None:
     for sentence in story(told, clock):
         console.print(f"- {sentence}", markup=False)
     console.print()
-    around = {each.state: each for each in told.surroundings}
+    around = {surroundings.state: surroundings for surroundings in told.surroundings}
     columns = ("state#", "place seen empty", "first seen", "last seen", "gone by", "position (m)", "label", "next to")
     rows = [
         (
-            str(each.state),
-            clock.brief(each.empty_before_ns),
-            clock.brief(each.first_seen_ns),
-            clock.brief(each.last_seen_ns),
-            clock.brief(each.gone_ns),
-            position_text(each.position),
-            each.label,
-            _next_to(told.id, around[each.state].relations) if each.state in around else "-",
+            str(interval.state),
+            clock.brief(interval.empty_before_ns),
+            clock.brief(interval.first_seen_ns),
+            clock.brief(interval.last_seen_ns),
+            clock.brief(interval.gone_ns),
+            position_text(interval.position),
+            interval.label,
+            _next_to(told.id, around[interval.state].relations) if interval.state in around else "-",
         )
-        for each in told.intervals
+        for interval in told.intervals
     ]
     print_table(console, f"{len(rows)} states", columns, _shortened(rows))
     events = [
         (
-            each.kind,
-            _end(each.from_id, each.from_state),
-            _end(each.to_id, each.to_state),
-            clock.span(each.not_before_ns, each.not_after_ns),
-            "" if each.distance_m is None else f"{each.distance_m:.2f}",
-            f"{each.probability:.2f}",
+            event.kind,
+            _end(event.from_id, event.from_state),
+            _end(event.to_id, event.to_state),
+            clock.span(event.not_before_ns, event.not_after_ns),
+            "" if event.distance_m is None else f"{event.distance_m:.2f}",
+            f"{event.probability:.2f}",
         )
-        for each in told.events
+        for event in told.events
     ]
     of_events = ("event", "from", "to", "when", "distance (m)#", "probability#")
     print_table(console, f"{len(events)} events", of_events, _shortened(events))
@@ -138,20 +138,20 @@ def _print(told: History, clock: Clock) -> None:
 
 
 def _print_sightings(told: History, clock: Clock) -> None:
-    pictures = {each.traversal for each in told.frames}
+    pictures = {frame.traversal for frame in told.frames}
     rows = [
         (
-            each.traversal,
-            str(each.supported),
-            str(each.in_view),
-            str(each.contradicted),
-            clock.brief(each.first_support_ns),
-            clock.brief(each.last_support_ns),
-            str(each.observation_count),
-            ", ".join(f"{label} {share:.0%}" for label, share in list(each.labels.items())[:3]) or "-",
-            "yes" if each.traversal in pictures else "-",
+            sighting.traversal,
+            str(sighting.supported),
+            str(sighting.in_view),
+            str(sighting.contradicted),
+            clock.brief(sighting.first_support_ns),
+            clock.brief(sighting.last_support_ns),
+            str(sighting.observation_count),
+            ", ".join(f"{label} {share:.0%}" for label, share in list(sighting.labels.items())[:3]) or "-",
+            "yes" if sighting.traversal in pictures else "-",
         )
-        for each in told.sightings
+        for sighting in told.sightings
     ]
     columns = (
         "traversal",
@@ -179,7 +179,8 @@ def _shortened(rows: Sequence[tuple[str, ...]]) -> list[tuple[str, ...]]:
 def _next_to(own: str, relations: Sequence[RelationView]) -> str:
     """The three relations that say most, from its own side."""
     shown = [
-        f"{each.name} {each.object}" if each.subject == own else f"{each.subject} {each.name} it" for each in relations
+        f"{relation.name} {relation.object}" if relation.subject == own else f"{relation.subject} {relation.name} it"
+        for relation in relations
     ]
     return ", ".join(shown[:3]) or "-"
 

@@ -10,8 +10,8 @@ from supermap_cli.commands.common import AtOption, DbOption, JsonOption, LimitOp
 from supermap_cli.commands.tables import evidence_text, position_text, print_table, size_text
 
 if TYPE_CHECKING:
+    from supermap_cli.query.answers import Answer
     from supermap_cli.query.clock import Clock
-    from supermap_cli.query.resolution import Answer
     from supermap_cli.query.views import InstanceView
 
 
@@ -47,8 +47,8 @@ def query(
     too.
     """
     from supermap_cli.memory import open_store  # noqa: PLC0415 - keeps start-up light
+    from supermap_cli.query.answers import answer  # noqa: PLC0415
     from supermap_cli.query.clock import clock_of  # noqa: PLC0415
-    from supermap_cli.query.resolution import answer  # noqa: PLC0415
     from supermap_cli.query.views import to_document  # noqa: PLC0415
 
     with open_store(database_url(db), read_only=True) as store, store.reader() as reader:
@@ -67,7 +67,7 @@ def _print(found: Answer, clock: Clock) -> None:
         console.print(f"note: {note}", markup=False)
     if found.instances:
         columns = ("id", "label", "position (m)", "size (m)", "presence", "seen", "left", "relation", "observations")
-        print_table(console, "", columns, (_row(each, clock) for each in found.instances))
+        print_table(console, "", columns, (_row(instance, clock) for instance in found.instances))
     if found.more != 0:
         more = "more fit" if found.more is None else f"{found.more} more fit"
         console.print(f"{more} than are listed: see --limit, or ask 'how many'", markup=False)
@@ -76,7 +76,8 @@ def _print(found: Answer, clock: Clock) -> None:
 def _row(found: InstanceView, clock: Clock) -> tuple[str, ...]:
     newest = found.intervals[-1]
     relations = dict.fromkeys(
-        f"{each.name} {each.object} ({each.basis}, {each.distance_m:.2f} m)" for each in found.relations
+        f"{relation.name} {relation.object} ({relation.basis}, {relation.distance_m:.2f} m)"
+        for relation in found.relations
     )
     return (
         found.id,

@@ -48,8 +48,8 @@ def show(
     from supermap_cli.memory import open_store  # noqa: PLC0415 - keeps start-up light
     from supermap_cli.query.clock import clock_of  # noqa: PLC0415
     from supermap_cli.query.details import details, details_at  # noqa: PLC0415
-    from supermap_cli.query.instants import instant_of  # noqa: PLC0415
     from supermap_cli.query.overview import Overview, overview, overview_at  # noqa: PLC0415
+    from supermap_cli.query.time_points import instant_of  # noqa: PLC0415
     from supermap_cli.query.views import to_document  # noqa: PLC0415
 
     with open_store(database_url(db), read_only=True) as store, store.reader() as reader:
@@ -75,15 +75,15 @@ def _print_overview(shown: Overview, clock: Clock) -> None:
     console = out()
     rows = [
         (
-            each.id,
-            each.label,
-            position_text(each.position),
-            size_text(each.box),
-            f"{each.confidence:.2f}",
-            clock.brief(each.intervals[-1].last_seen_ns),
-            str(each.evidence.observation_count),
+            instance.id,
+            instance.label,
+            position_text(instance.position),
+            size_text(instance.box),
+            f"{instance.confidence:.2f}",
+            clock.brief(instance.intervals[-1].last_seen_ns),
+            str(instance.evidence.observation_count),
         )
-        for each in shown.instances
+        for instance in shown.instances
     ]
     columns = ("id", "label", "position (m)", "size (m)", "confidence#", "last seen", "observations#")
     when = "" if shown.as_of is None else f" as of {shown.as_of}"
@@ -92,7 +92,11 @@ def _print_overview(shown: Overview, clock: Clock) -> None:
     if shown.counts:
         console.print(", ".join(f"{count} {label}" for label, count in shown.counts.items()), markup=False)
     if shown.unknown:
-        told = [(each.id, position_text(each.position), each.standing.words) for each in shown.unknown if each.standing]
+        told = [
+            (instance.id, position_text(instance.position), instance.standing.words)
+            for instance in shown.unknown
+            if instance.standing
+        ]
         of = f"{len(told) + shown.more_unknown} of which nobody can say"
         print_table(console, of, ("id", "position (m)", "why"), told)
     if shown.absent and shown.as_of is not None:
@@ -106,7 +110,7 @@ def print_traversals(traversals: tuple[TraversalView, ...], clock: Clock) -> Non
     """The table of traversals, with a column for shifted clocks where there are any."""
     from supermap_cli.building.time_order import duration_text  # noqa: PLC0415 - keeps start-up light
 
-    shifted = any(each.clock_shift_ns for each in traversals)
+    shifted = any(traversal.clock_shift_ns for traversal in traversals)
     columns = (
         "#",
         "traversal",
@@ -119,16 +123,20 @@ def print_traversals(traversals: tuple[TraversalView, ...], clock: Clock) -> Non
     )
     rows = [
         (
-            str(each.number),
-            each.name,
-            each.recording,
-            clock.text(each.start_ns),
-            clock.text(each.end_ns),
-            str(each.keyframes),
-            each.status,
-            *((f"+ {duration_text(each.clock_shift_ns)}" if each.clock_shift_ns else "-",) if shifted else ()),
+            str(traversal.number),
+            traversal.name,
+            traversal.recording,
+            clock.text(traversal.start_ns),
+            clock.text(traversal.end_ns),
+            str(traversal.keyframes),
+            traversal.status,
+            *(
+                (f"+ {duration_text(traversal.clock_shift_ns)}" if traversal.clock_shift_ns else "-",)
+                if shifted
+                else ()
+            ),
         )
-        for each in traversals
+        for traversal in traversals
     ]
     print_table(out(), f"{len(traversals)} traversals", columns, rows)
     if shifted:
@@ -163,13 +171,13 @@ def _print_details(shown: ObjectDetails, clock: Clock) -> None:
         ("subject", "relation", "object", "since", "distance (m)#", "confidence#"),
         (
             (
-                each.subject,
-                each.name,
-                each.object,
-                clock.brief(each.since_ns),
-                f"{each.distance_m:.2f}",
-                f"{each.confidence:.2f}",
+                relation.subject,
+                relation.name,
+                relation.object,
+                clock.brief(relation.since_ns),
+                f"{relation.distance_m:.2f}",
+                f"{relation.confidence:.2f}",
             )
-            for each in shown.relations
+            for relation in shown.relations
         ),
     )

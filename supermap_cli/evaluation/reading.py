@@ -27,10 +27,10 @@ from supermap_cli.mapping.voxel_map import voxel_map_from_cloud
 from supermap_cli.memory import open_store
 from supermap_cli.memory.reading import MapReader
 from supermap_cli.memory.values import StoredInstance
+from supermap_cli.query.answers import answer
 from supermap_cli.query.candidates import label_in
 from supermap_cli.query.diff import diff
-from supermap_cli.query.resolution import answer
-from supermap_cli.query.stretches import Stretch, own_time, stretches_of
+from supermap_cli.query.traversal_spans import Stretch, own_time, stretches_of
 from supermap_cli.query.views import Vector
 from supermap_cli.truth_file import read_truth
 from supermap_cli.types.memory import StateRecord

@@ -48,7 +48,7 @@ def whole_folder(path: Path, names: Collection[str], *, force: bool) -> Iterator
     with _stopped_as_by_ctrl_c():
         _check_target(path, force=force)
         if path.exists():
-            found = {each.name for each in path.iterdir()} if path.is_dir() else {path.name}
+            found = {entry.name for entry in path.iterdir()} if path.is_dir() else {path.name}
             others = sorted(found - set(names))
             if others:
                 raise ExportError(
@@ -103,16 +103,16 @@ def _beside(path: Path, what: str) -> Path:
 def _clear_leftovers(path: Path) -> None:
     """Take away what exports to `path` left that were killed; what they had moved aside takes its place again."""
     named = re.compile(rf"\.{re.escape(path.name)}\.(\d+)\.({_PARTIAL}|{_REPLACED})")
-    for each in path.absolute().parent.iterdir():
-        found = named.fullmatch(each.name)
+    for entry in path.absolute().parent.iterdir():
+        found = named.fullmatch(entry.name)
         if found is None or _runs(int(found[1])):
             continue
         if found[2] == _REPLACED and not path.exists():
-            each.rename(path)
-        elif each.is_dir():
-            shutil.rmtree(each, ignore_errors=True)
+            entry.rename(path)
+        elif entry.is_dir():
+            shutil.rmtree(entry, ignore_errors=True)
         else:
-            each.unlink(missing_ok=True)
+            entry.unlink(missing_ok=True)
 
 
 def _runs(pid: int) -> bool:

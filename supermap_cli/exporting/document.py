@@ -6,7 +6,7 @@ import json
 from collections.abc import Callable, Iterable, Iterator
 from typing import TextIO
 
-from supermap_cli.exporting.leaving import Leaving
+from supermap_cli.exporting.exported_instance import Leaving
 from supermap_cli.exporting.selection import Source
 from supermap_cli.exporting.tables import (
     KEYFRAMES,
@@ -19,7 +19,7 @@ from supermap_cli.exporting.tables import (
     Table,
     visits_of,
 )
-from supermap_cli.query.standing import standing_view
+from supermap_cli.query.presence_at import standing_view
 from supermap_cli.query.views import box_view, interval_view, to_document, vector
 from supermap_cli.version import __version__
 
@@ -50,7 +50,7 @@ def write_document(source: Source, file: TextIO, *, observations: bool = False) 
         file.write(f"\n{_dumps(key)}: {_dumps(value)},")
     parts: list[tuple[str, Iterable[object]]] = [
         ("traversals", _objects(source, TRAVERSALS)),
-        ("instances", (_instance(source, each) for each in source.instances(visits=True))),
+        ("instances", (_instance(source, instance) for instance in source.instances(visits=True))),
         ("spatial_edges", _objects(source, SPATIAL_EDGES)),
         ("temporal_edges", _objects(source, TEMPORAL_EDGES)),
         ("keyframes", _objects(source, KEYFRAMES)),
@@ -99,8 +99,8 @@ def _instance(source: Source, leaving: Leaving) -> dict[str, object]:
         "box": to_document(box_view(leaving.box)),
         "observation_count": leaving.observations,
         "first_traversal": source.traversal_names[leaving.traversal_id],
-        "intervals": [to_document(interval_view(each)) for each in leaving.states],
-        "visits": [{name: cell for name, cell in each.items() if name != "id"} for each in visits],
+        "intervals": [to_document(interval_view(state)) for state in leaving.states],
+        "visits": [{name: cell for name, cell in visit.items() if name != "id"} for visit in visits],
     }
 
 

@@ -11,15 +11,15 @@ from typing import TypeVar
 from sqlalchemy import select
 
 from supermap_cli.errors import QueryError
-from supermap_cli.exporting.leaving import Leaving, leaving_as_of, leaving_today
+from supermap_cli.exporting.exported_instance import Leaving, leaving_as_of, leaving_today
 from supermap_cli.memory.reading import MapReader
 from supermap_cli.memory.said import Hearing
 from supermap_cli.memory.streaming import survivors_of_merged
 from supermap_cli.memory.values import StoredInstance, StoredTraversal
 from supermap_cli.query.clock import Clock, clock_of
-from supermap_cli.query.instants import Instant, find_traversal, instant_of
-from supermap_cli.query.moments import Moment
-from supermap_cli.query.standing import Standing, standing_at
+from supermap_cli.query.presence_at import Standing, standing_at
+from supermap_cli.query.time_points import Instant, find_traversal, instant_of
+from supermap_cli.query.time_selector import Moment
 from supermap_cli.types.memory import StateRecord
 from supermap_schema.models import PRESENCES, Instance, State
 
@@ -151,7 +151,7 @@ class Source:
         self._progress = progress
         self.clock: Clock = clock_of(reader)
         self.traversals = tuple(filter(selection.has_traversal, reader.traversals))
-        self.traversal_names = {each.id: each.name for each in reader.traversals}
+        self.traversal_names = {traversal.id: traversal.name for traversal in reader.traversals}
 
     def instances(self, *, visits: bool = False, named: bool = True) -> Iterator[Leaving]:
         """Every instance that leaves; its visits are read only if wanted.
@@ -203,4 +203,4 @@ class Source:
         """The numbers of what leaves; `None`: everything."""
         if self.selection == Selection():
             return None
-        return frozenset(each.number for each in self.instances(named=False))
+        return frozenset(instance.number for instance in self.instances(named=False))

@@ -10,11 +10,11 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from supermap_cli.exporting.leaving import Leaving
+from supermap_cli.exporting.exported_instance import Leaving
 from supermap_cli.exporting.selection import Source
 from supermap_cli.geometry.boxes import Box3D
 from supermap_cli.memory import streaming
-from supermap_cli.query.stretches import moment_of_stamp
+from supermap_cli.query.traversal_spans import moment_of_stamp
 
 ColumnKind = Literal["text", "integer", "real", "time"]
 Cell = int | float | str | None
@@ -41,15 +41,15 @@ class Table:
     def written_columns(self) -> tuple[Column, ...]:
         """The columns with the text of every time beside it."""
         return tuple(
-            each
+            written
             for column in self.columns
-            for each in ((column, Column(column.name.removesuffix("_ns"))) if column.kind == "time" else (column,))
+            for written in ((column, Column(column.name.removesuffix("_ns"))) if column.kind == "time" else (column,))
         )
 
     def written_rows(self, source: Source) -> Iterator[Cells]:
         """The rows for `written_columns`."""
         times = [column.kind == "time" for column in self.columns]
-        told = _utc if all(each.has_wall_time for each in source.clock.stretches) else _nothing
+        told = _utc if all(span.has_wall_time for span in source.clock.stretches) else _nothing
         for row in self.rows(source):
             cells: list[Cell] = []
             for cell, is_time in zip(row, times, strict=True):
@@ -79,12 +79,25 @@ def _place(centroid: Any, box: Box3D) -> Cells:
 
 
 def _traversals(source: Source) -> Iterator[Cells]:
-    for each in source.traversals:
+    for traversal in source.traversals:
         yield (
-            *(each.name, each.number, each.recording, each.fingerprint, each.status, each.start_ns, each.end_ns),
-            *(each.keyframes, each.clock_shift_ns, each.crops_kept_from_ns, each.observations_kept_from_ns),
-            each.thumbnails_kept_from_ns,
-            *(json.dumps(each.T_map_odom.tolist()), _json(each.config), _json(each.versions)),
+            *(
+                traversal.name,
+                traversal.number,
+                traversal.recording,
+                traversal.fingerprint,
+                traversal.status,
+                traversal.start_ns,
+                traversal.end_ns,
+            ),
+            *(
+                traversal.keyframes,
+                traversal.clock_shift_ns,
+                traversal.crops_kept_from_ns,
+                traversal.observations_kept_from_ns,
+            ),
+            traversal.thumbnails_kept_from_ns,
+            *(json.dumps(traversal.T_map_odom.tolist()), _json(traversal.config), _json(traversal.versions)),
         )
 
 
@@ -96,21 +109,28 @@ def _keyframes(source: Source) -> Iterator[Cells]:
 
 
 def _instances(source: Source) -> Iterator[Cells]:
-    for each in source.instances():
+    for instance in source.instances():
         yield (
-            *(each.id, each.number, each.label, each.presence, each.existence_log_odds, each.first_seen_ns),
-            *(each.last_seen_ns, *_place(each.centroid_map, each.box), each.observations),
-            *(source.traversal_names[each.traversal_id], _json(each.label_belief), *each.gap_ns),
+            *(
+                instance.id,
+                instance.number,
+                instance.label,
+                instance.presence,
+                instance.existence_log_odds,
+                instance.first_seen_ns,
+            ),
+            *(instance.last_seen_ns, *_place(instance.centroid_map, instance.box), instance.observations),
+            *(source.traversal_names[instance.traversal_id], _json(instance.label_belief), *instance.gap_ns),
         )
 
 
 def _states(source: Source) -> Iterator[Cells]:
     for instance in source.instances(named=False):
-        for each in instance.states:
+        for state in instance.states:
             yield (
-                *(instance.id, each.index, each.label, instance.presence_in(each), float(each.confidence)),
-                *(each.empty_before_ns, each.first_seen_ns, each.last_seen_ns, each.gone_ns),
-                *(*_place(each.centroid_map, each.box), *instance.gap_ns),
+                *(instance.id, state.index, state.label, instance.presence_in(state), float(state.confidence)),
+                *(state.empty_before_ns, state.first_seen_ns, state.last_seen_ns, state.gone_ns),
+                *(*_place(state.centroid_map, state.box), *instance.gap_ns),
             )
 
 
@@ -132,12 +152,12 @@ def _visits(source: Source) -> Iterator[Cells]:
 
 def visits_of(instance: Leaving, source: Source) -> Iterator[Cells]:
     """The rows of one instance in `VISITS`."""
-    shown = {each.id for each in source.traversals}
-    for each in instance.visits:
-        if each.traversal_id in shown:
+    shown = {traversal.id for traversal in source.traversals}
+    for visit in instance.visits:
+        if visit.traversal_id in shown:
             yield (
-                *(instance.id, source.traversal_names[each.traversal_id], each.supported, each.in_view),
-                *(each.contradicted, each.first_support_ns, each.last_support_ns),
+                *(instance.id, source.traversal_names[visit.traversal_id], visit.supported, visit.in_view),
+                *(visit.contradicted, visit.first_support_ns, visit.last_support_ns),
             )
 
 

@@ -1,6 +1,6 @@
 """How many things stood at a time, and which those are: judged by the database itself, from states alone.
 
-The judgement is that of `supermap_cli.query.standing`, and a test holds the two together.
+The judgement is that of `supermap_cli.query.presence_at`, and a test holds the two together.
 """
 
 from __future__ import annotations

@@ -12,7 +12,7 @@ from supermap_cli.memory.as_of import AsOf
 from supermap_cli.memory.finding import BELIEVED
 from supermap_cli.memory.reading import MapReader
 from supermap_cli.memory.values import StoredInstance
-from supermap_cli.query.moments import Moment
+from supermap_cli.query.time_selector import Moment
 from supermap_cli.query.views import RelationView
 from supermap_cli.types.memory import StateRecord
 
@@ -74,12 +74,12 @@ class Listed:
 
     def numbers(self) -> Iterator[list[int]]:
         """All at once."""
-        yield list(dict.fromkeys(each.instance.number for each in self.candidates))
+        yield list(dict.fromkeys(candidate.instance.number for candidate in self.candidates))
 
     def among(self, numbers: Collection[int]) -> list[Candidate]:
         """Those with one of the given numbers."""
         wanted = set(numbers)
-        return [each for each in self.candidates if each.instance.number in wanted]
+        return [candidate for candidate in self.candidates if candidate.instance.number in wanted]
 
 
 @dataclass(frozen=True)
@@ -139,7 +139,7 @@ class Called:
         while part := list(islice(numbers, PART)):
             lives = self.reader.lives_of(part)
             believed = (lives[number] for number in part if number in lives and lives[number].presence != "doubted")
-            yield from (each for each in believed if self.labels is None or is_called(each, self.labels))
+            yield from (instance for instance in believed if self.labels is None or is_called(instance, self.labels))
 
     def first(self, limit: int) -> list[int]:
         """The smallest numbers of all that were ever called so, and may have a state at the moment."""

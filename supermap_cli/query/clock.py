@@ -11,8 +11,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from supermap_cli.memory.reading import MapReader
-from supermap_cli.query.stretches import Stretch, moment_of_stamp, stretch_at, stretches_of
-from supermap_cli.query.written_times import ReadTime, is_time_of_day, read_time
+from supermap_cli.query.time_parsing import ReadTime, is_time_of_day, read_time
+from supermap_cli.query.traversal_spans import Stretch, moment_of_stamp, stretch_at, stretches_of
 
 __all__ = ["Clock", "clock_of", "is_time_of_day"]
 
@@ -26,7 +26,7 @@ class Clock:
     @property
     def origin_ns(self) -> int:
         """The earliest time of the map."""
-        return min((each.start_ns for each in self.stretches), default=0)
+        return min((span.start_ns for span in self.stretches), default=0)
 
     def text(self, stamp_ns: int | None) -> str:
         """A time in words, "-" for none."""
@@ -67,15 +67,15 @@ class Clock:
             written = written[11:]
         elif brief:
             written = f"{moment_of_stamp(own_ns):%Y-%m-%d %H:%M:%SZ}"
-        named = stretch.shift_ns or any(each.has(own_ns) for each in self.stretches if each is not stretch)
+        named = stretch.shift_ns or any(span.has(own_ns) for span in self.stretches if span is not stretch)
         return f"{stretch.name}@{written}" if named else written
 
     @property
     def _of_one_day(self) -> bool:
         """Whether all that has a date is of the same one."""
-        dated = [each for each in self.stretches if each.has_wall_time]
-        ends_ns = [end_ns for each in dated for end_ns in (each.own_start_ns, each.own_end_ns)]
-        return len({moment_of_stamp(each).date() for each in ends_ns}) == 1
+        dated = [span for span in self.stretches if span.has_wall_time]
+        ends_ns = [end_ns for span in dated for end_ns in (span.own_start_ns, span.own_end_ns)]
+        return len({moment_of_stamp(end_ns).date() for end_ns in ends_ns}) == 1
 
 
 def clock_of(reader: MapReader) -> Clock:

@@ -9,11 +9,11 @@ from supermap_cli.errors import QueryError
 from supermap_cli.memory.reading import MapReader
 from supermap_cli.memory.values import StoredInstance
 from supermap_cli.query.clock import Clock
-from supermap_cli.query.instants import Instant
-from supermap_cli.query.naming import label_shares, name_by
+from supermap_cli.query.label_consensus import label_shares, name_by
 from supermap_cli.query.overview import seen_by
+from supermap_cli.query.presence_at import Known, StandingView, held_at, standing_at, standing_view
 from supermap_cli.query.relations import box_distance_m
-from supermap_cli.query.standing import Known, StandingView, held_at, standing_at, standing_view
+from supermap_cli.query.time_points import Instant
 from supermap_cli.query.views import (
     BoxView,
     EvidenceView,
@@ -82,8 +82,8 @@ def details_at(reader: MapReader, text_id: str, instant: Instant, clock: Clock) 
         raise QueryError(f"{text_id!r} has stood nowhere", where=reader.where, cure="leave out --at")
     state, seen = standing.state, seen_by(reader, instance, instant)
     name = name_by(seen, at_ns)
-    by_then = {each.id for each in reader.traversals if each.start_ns <= at_ns}
-    begun = [each for each in instance.states if each.first_seen_ns <= at_ns]
+    by_then = {traversal.id for traversal in reader.traversals if traversal.start_ns <= at_ns}
+    begun = [state for state in instance.states if state.first_seen_ns <= at_ns]
     return ObjectDetails(
         id=instance.id,
         asked_id=text_id,
@@ -94,12 +94,12 @@ def details_at(reader: MapReader, text_id: str, instant: Instant, clock: Clock) 
         position=vector(state.centroid_map),
         box=box_view(state.box),
         first_seen_ns=instance.first_seen_ns,
-        last_seen_ns=max((each.stamp_ns for each in seen), default=instance.first_seen_ns),
+        last_seen_ns=max((observation.stamp_ns for observation in seen), default=instance.first_seen_ns),
         merged_ids=merged_ids(reader, instance),
         intervals=tuple(map(interval_view, begun or instance.states[:1])),
         relations=relations_of(reader, instance, at_ns),
         evidence=evidence_of(
-            seen, [each for each in instance.visits if each.traversal_id in by_then], reader.traversals
+            seen, [visit for visit in instance.visits if visit.traversal_id in by_then], reader.traversals
         ),
         as_of=instant.text,
         as_of_ns=at_ns,
@@ -125,7 +125,7 @@ def find_instance(reader: MapReader, text_id: str) -> StoredInstance:
 
 def merged_ids(reader: MapReader, instance: StoredInstance) -> tuple[str, ...]:
     """The ids of what turned out to be part of it."""
-    return tuple(reader.text_ids[each] for each in instance.numbers if each != instance.number)
+    return tuple(reader.text_ids[number] for number in instance.numbers if number != instance.number)
 
 
 def relations_of(reader: MapReader, instance: StoredInstance, at_ns: int | None) -> tuple[RelationView, ...]:
@@ -134,7 +134,7 @@ def relations_of(reader: MapReader, instance: StoredInstance, at_ns: int | None)
     holding = [edge for edge in edges if _holds(edge, at_ns)]
     held = {(edge.subject, edge.relation, edge.object) for edge in holding}
     ends = {number for edge in holding for number in (edge.subject, edge.object)}
-    others = {each.number: each for each in reader.instances_of(ends)}
+    others = {instance.number: instance for instance in reader.instances_of(ends)}
     return tuple(
         relation_view(reader, edge, others[edge.subject], others[edge.object], at_ns)
         for edge in holding
@@ -148,9 +148,9 @@ def relation_view(
 ) -> RelationView:
     """A stored relation as it leaves the program, with how far apart the two stand, or stood at a time."""
     boxes = []
-    for each in (subject, obj):
-        state = None if at_ns is None else held_at(each.states, at_ns)
-        boxes.append(each.box if state is None else state.box)
+    for end in (subject, obj):
+        state = None if at_ns is None else held_at(end.states, at_ns)
+        boxes.append(end.box if state is None else state.box)
     return RelationView(
         name=edge.relation,
         subject=reader.text_ids[edge.subject],

@@ -11,11 +11,11 @@ from supermap_cli.memory.numbers import batches
 from supermap_cli.memory.reading import MapReader
 from supermap_cli.memory.said import Hearing
 from supermap_cli.memory.values import Said, StoredInstance, StoredTraversal
+from supermap_cli.query.change_classification import KINDS, Case, ChangeKind, Ends, Verdict, distance, ends_of
 from supermap_cli.query.clock import clock_of
-from supermap_cli.query.instants import Instant, instant_of, of_traversal
-from supermap_cli.query.keeping import given_up_notes
-from supermap_cli.query.naming import Name, by_traversal, name_by, sure_name
-from supermap_cli.query.verdicts import KINDS, Case, ChangeKind, Ends, Verdict, distance, ends_of
+from supermap_cli.query.label_consensus import Name, by_traversal, name_by, sure_name
+from supermap_cli.query.retention_policy import given_up_notes
+from supermap_cli.query.time_points import Instant, instant_of, of_traversal
 from supermap_cli.query.views import (
     EvidenceView,
     IntervalView,
@@ -101,7 +101,7 @@ def diff(reader: MapReader, first: str | None = None, second: str | None = None)
     are not two, or for what is neither a time nor a traversal.
     """
     given = _choose(reader, first, second)
-    before, after = sorted(given, key=lambda each: each.at_ns)
+    before, after = sorted(given, key=lambda side: side.at_ns)
     ends = ends_of(before, after, reader.traversals)
     comparison = Comparison(reader, ends)
     found = [change for part in batches(_spoken_of(reader, ends)) for change in comparison.changes(part)]
@@ -137,9 +137,9 @@ class Comparison:
         """What became of each of some instances, if either end speaks of it; who walked by is left out."""
         looked = self.ends.looked_before | self.ends.looked_after
         found = self.reader.instances_of(numbers, traversal_ids=looked)
-        things = [each for each in found if each.presence != "doubted" and each.label not in ANIMATE]
+        things = [instance for instance in found if instance.presence != "doubted" and instance.label not in ANIMATE]
         edges = self._edges(things)
-        cases = [Case(each, self.ends, edges[each.number], self.reader.text_ids) for each in things]
+        cases = [Case(instance, self.ends, edges[instance.number], self.reader.text_ids) for instance in things]
         verdicts = [(case, verdict) for case in cases if (verdict := self._verdict(case)) is not None]
         said = self._hearing.of([case.instance for case, _ in verdicts])
         for case, verdict in verdicts:
@@ -198,14 +198,14 @@ class Comparison:
 
     def _edges(self, things: Sequence[StoredInstance]) -> dict[int, list[TemporalEdge]]:
         """The temporal edges that touch some instances, by instance; the names of all their ends are known then."""
-        touching = self.reader.temporal_edges({part for each in things for part in each.numbers})
+        touching = self.reader.temporal_edges({part for instance in things for part in instance.numbers})
         ends = {number for edge in touching for number in (edge.from_number, edge.to_number)}
         self.reader.text_ids.of(set(self.reader.survivors.of(ends).values()) | ends)
         edges: dict[int, list[TemporalEdge]] = defaultdict(list)
         for edge in touching:
             for number in {edge.from_number, edge.to_number}:
                 edges[number].append(edge)
-        return {each.number: [edge for part in each.numbers for edge in edges[part]] for each in things}
+        return {instance.number: [edge for part in instance.numbers for edge in edges[part]] for instance in things}
 
     def _names(self, seen: Sequence[Said]) -> tuple[Name | None, Name | None]:
         """What it was surely called at either end."""
@@ -221,14 +221,16 @@ class Comparison:
         for the later end those since the earlier one.
         """
         if end.traversal is not None:
-            return [each for each in seen if each.traversal_id == end.traversal.id]
+            return [observation for observation in seen if observation.traversal_id == end.traversal.id]
         if state is None:
             return []
         low_ns = self.ends.before.at_ns + 1 if end is self.ends.after else state.first_seen_ns
-        return [each for each in seen if max(low_ns, state.first_seen_ns) <= each.stamp_ns <= end.at_ns]
+        return [
+            observation for observation in seen if max(low_ns, state.first_seen_ns) <= observation.stamp_ns <= end.at_ns
+        ]
 
     def _evidence(self, instance: StoredInstance, seen: Sequence[Said], traversal_ids: frozenset[int]) -> EvidenceView:
-        visits = [each for each in instance.visits if each.traversal_id in traversal_ids]
+        visits = [visit for visit in instance.visits if visit.traversal_id in traversal_ids]
         return evidence_of(seen, visits, self.reader.traversals)
 
     def _candidates(self, instance: StoredInstance, edges: Iterable[TemporalEdge]) -> tuple[CandidateView, ...]:
@@ -263,7 +265,7 @@ def _relabelled(verdict: Verdict, names: tuple[Name | None, Name | None], seen: 
 
 def _best_crop(side: Sequence[Said]) -> int | None:
     """The best crop of one side; one is only kept where it is clearly better than those before."""
-    return next((each.id for each in reversed(side) if each.cropped), None)
+    return next((observation.id for observation in reversed(side) if observation.cropped), None)
 
 
 def _spoken_of(reader: MapReader, ends: Ends) -> list[int]:
@@ -299,7 +301,7 @@ def _choose(reader: MapReader, first: str | None, second: str | None) -> tuple[I
 
 
 def _newest_but(traversals: Sequence[StoredTraversal], one: StoredTraversal | None) -> StoredTraversal:
-    return next(each for each in reversed(traversals) if one is None or each.id != one.id)
+    return next(traversal for traversal in reversed(traversals) if one is None or traversal.id != one.id)
 
 
 def _end_view(end: Instant) -> EndView:

@@ -6,7 +6,7 @@
     relation  := "near" | "next to" | "on" | "on top of" | "under" | "inside" | "above" | "attached to" | ...
     time      := "now" | "earlier" | "before" | "first" | "last" | "in" TRAVERSAL | "at" TIME | "at" TIME "in" TRAVERSAL
 
-What the words stand for is decided later, in `resolution`.
+What the words refer to is resolved later, in `answers`.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from typing import Literal
 
 from supermap_cli.errors import QueryError
 from supermap_cli.query.relations import RELATION_WORDS, RelationName
-from supermap_cli.query.written_times import OF_TRAVERSAL
+from supermap_cli.query.time_parsing import OF_TRAVERSAL
 
 Intent = Literal["find", "count", "exists"]
 TimeKind = Literal["now", "earlier", "first", "last", "traversal", "at"]
@@ -155,7 +155,7 @@ def parse(text: str, traversals: Collection[str] = ()) -> Question:
 
 
 def _words(text: str) -> Words:
-    return tuple(word for word in (each.strip("?!.,;:\"'()") for each in text.casefold().split()) if word)
+    return tuple(word for word in (word_.strip("?!.,;:\"'()") for word_ in text.casefold().split()) if word)
 
 
 def _take_opener(words: Words) -> tuple[Intent, Words]:

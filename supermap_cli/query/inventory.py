@@ -32,6 +32,6 @@ def inventory(reader: MapReader) -> Inventory:
         size_bytes=reader.size_bytes(),
         counts=reader.counts(),
         traversals=tuple(map(traversal_view, reader.traversals)),
-        versions={each.name: dict(each.versions) for each in reader.traversals},
-        config={each.name: dict(each.config) for each in reader.traversals},
+        versions={traversal.name: dict(traversal.versions) for traversal in reader.traversals},
+        config={traversal.name: dict(traversal.config) for traversal in reader.traversals},
     )

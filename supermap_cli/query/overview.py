@@ -11,9 +11,9 @@ from supermap_cli.memory.reading import MapReader
 from supermap_cli.memory.values import ObservationRef, StoredInstance
 from supermap_cli.query.candidates import label_in
 from supermap_cli.query.clock import Clock
-from supermap_cli.query.instants import Instant
-from supermap_cli.query.naming import name_by
-from supermap_cli.query.standing import Standing, standing_at, standing_view
+from supermap_cli.query.label_consensus import name_by
+from supermap_cli.query.presence_at import Standing, standing_at, standing_view
+from supermap_cli.query.time_points import Instant
 from supermap_cli.query.views import (
     LISTED,
     InstanceView,
@@ -56,7 +56,7 @@ def overview(reader: MapReader, limit: int = LISTED) -> Overview:
     listed = reader.instances_of(list(islice(finder.called(None, ["present"]), limit)))
     counts = finder.counts()
     return Overview(
-        instances=tuple(_summary(reader, each) for each in listed),
+        instances=tuple(_summary(reader, instance) for instance in listed),
         counts=counts,
         absent=finder.count(None, ["absent"]),
         traversals=tuple(map(traversal_view, reader.traversals)),
@@ -73,14 +73,16 @@ def overview_at(reader: MapReader, instant: Instant, clock: Clock, limit: int = 
     for (known, called), count in as_of.counts().items():
         totals[known] += count
         counts[called] += count if known == "present" else 0
-    there, unknown = (_told_at(reader, each, instant, clock) for each in (stood, doubtful))
-    counts.subtract(label_in(each, standing.state) for each, standing in stood)
-    counts.update(each.label for each in there)
+    there, unknown = (_told_at(reader, group, instant, clock) for group in (stood, doubtful))
+    counts.subtract(label_in(instance, standing.state) for instance, standing in stood)
+    counts.update(view.label for view in there)
     return Overview(
         instances=there,
         counts={called: count for called, count in sorted(counts.items()) if count},
         absent=totals["absent"],
-        traversals=tuple(traversal_view(each) for each in reader.traversals if each.start_ns <= instant.at_ns),
+        traversals=tuple(
+            traversal_view(traversal) for traversal in reader.traversals if traversal.start_ns <= instant.at_ns
+        ),
         more=totals["present"] - len(there),
         as_of=instant.text,
         as_of_ns=instant.at_ns,
@@ -91,19 +93,21 @@ def overview_at(reader: MapReader, instant: Instant, clock: Clock, limit: int = 
 
 def _standing(reader: MapReader, numbers: Collection[int], instant: Instant) -> list[tuple[StoredInstance, Standing]]:
     """Some instances in the order of their numbers, with what is known of them."""
-    known = ((each, standing_at(each, instant.at_ns, instant.begun_ns)) for each in reader.instances_of(numbers))
-    return [(each, standing) for each, standing in known if standing is not None]
+    known = (
+        (instance, standing_at(instance, instant.at_ns, instant.begun_ns)) for instance in reader.instances_of(numbers)
+    )
+    return [(instance, standing) for instance, standing in known if standing is not None]
 
 
 def _told_at(
     reader: MapReader, standing: Iterable[tuple[StoredInstance, Standing]], instant: Instant, clock: Clock
 ) -> tuple[InstanceView, ...]:
-    return tuple(_summary_at(reader, each, known, instant, clock) for each, known in standing)
+    return tuple(_summary_at(reader, instance, known, instant, clock) for instance, known in standing)
 
 
 def seen_by(reader: MapReader, instance: StoredInstance, instant: Instant) -> list[ObservationRef]:
     """What had been seen of an instance by a time."""
-    return [each for each in reader.observations(instance) if each.stamp_ns <= instant.at_ns]
+    return [observation for observation in reader.observations(instance) if observation.stamp_ns <= instant.at_ns]
 
 
 def _summary(reader: MapReader, instance: StoredInstance) -> InstanceView:
@@ -126,7 +130,7 @@ def _summary_at(
     seen = seen_by(reader, instance, instant)
     name = name_by(seen, instant.at_ns)
     begun = [state for state in instance.states if state.first_seen_ns <= instant.at_ns]
-    by_then = {each.id for each in reader.traversals if each.start_ns <= instant.at_ns}
+    by_then = {traversal.id for traversal in reader.traversals if traversal.start_ns <= instant.at_ns}
     return InstanceView(
         id=instance.id,
         label=standing.state.label if name is None else name.label,
@@ -137,7 +141,7 @@ def _summary_at(
         intervals=tuple(map(interval_view, begun or instance.states[:1])),
         relations=(),
         evidence=evidence_of(
-            seen, [each for each in instance.visits if each.traversal_id in by_then], reader.traversals
+            seen, [visit for visit in instance.visits if visit.traversal_id in by_then], reader.traversals
         ),
         standing=standing_view(standing, instant.at_ns, clock),
     )

@@ -16,7 +16,7 @@ from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.geometry.boxes import Box3D
 from supermap_cli.memory.reading import MapReader
 from supermap_cli.memory.values import ObservationRef, Said, Sighting, StoredInstance, StoredTraversal, StoredVisit
-from supermap_cli.query.standing import Known, StandingView
+from supermap_cli.query.presence_at import Known, StandingView
 from supermap_cli.types.memory import Presence, StateRecord, TemporalEdge
 
 Vector = tuple[float, float, float]
@@ -214,12 +214,12 @@ def evidence_view(
 ) -> EvidenceView:
     """What was seen of an instance within the given spans of time (and traversals), and how its place was looked at."""
     seen = [
-        each
-        for each in reader.sightings(instance)
-        if any(low <= each.stamp_ns <= high for low, high in spans)
-        and (traversal_ids is None or each.traversal_id in traversal_ids)
+        observation
+        for observation in reader.sightings(instance)
+        if any(low <= observation.stamp_ns <= high for low, high in spans)
+        and (traversal_ids is None or observation.traversal_id in traversal_ids)
     ]
-    visits = [each for each in instance.visits if traversal_ids is None or each.traversal_id in traversal_ids]
+    visits = [visit for visit in instance.visits if traversal_ids is None or visit.traversal_id in traversal_ids]
     return evidence_of(seen, visits, reader.traversals)
 
 
@@ -232,16 +232,16 @@ def evidence_of(
     """What some observations say, in the order of time, and how often some of the `traversals` looked there."""
     telling = telling_observations(seen)
     looked = list(visits)
-    limits = {each.id: each.observations_kept_from_ns for each in traversals}
-    given_up = [limits.get(each.traversal_id) for each in looked if each.supported]
+    limits = {traversal.id: traversal.observations_kept_from_ns for traversal in traversals}
+    given_up = [limits.get(visit.traversal_id) for visit in looked if visit.supported]
     return EvidenceView(
         observation_count=len(seen),
-        observations=tuple(each.id for each in telling),
-        keyframes_ns=tuple(dict.fromkeys(each.stamp_ns for each in telling)),
-        supported=sum(each.supported for each in looked),
-        in_view=sum(each.in_view for each in looked),
-        contradicted=sum(each.contradicted for each in looked),
-        given_up_before_ns=max((each for each in given_up if each is not None), default=None),
+        observations=tuple(observation.id for observation in telling),
+        keyframes_ns=tuple(dict.fromkeys(observation.stamp_ns for observation in telling)),
+        supported=sum(visit.supported for visit in looked),
+        in_view=sum(visit.in_view for visit in looked),
+        contradicted=sum(visit.contradicted for visit in looked),
+        given_up_before_ns=max((limit_ns for limit_ns in given_up if limit_ns is not None), default=None),
     )
 
 
@@ -249,8 +249,8 @@ def telling_observations(seen: Sequence[Seen]) -> Sequence[Seen]:
     """The first, the last and the best-scored observations, in the order of time, at most `SAMPLE`."""
     if len(seen) <= SAMPLE:
         return seen
-    best = sorted(seen[1:-1], key=lambda each: (-each.score, each.id))[: SAMPLE - 2]
-    return sorted([seen[0], seen[-1], *best], key=lambda each: (each.stamp_ns, each.id))
+    best = sorted(seen[1:-1], key=lambda observation: (-observation.score, observation.id))[: SAMPLE - 2]
+    return sorted([seen[0], seen[-1], *best], key=lambda observation: (observation.stamp_ns, observation.id))
 
 
 def support_spans(states: tuple[StateRecord, ...]) -> tuple[tuple[int, int], ...]:
@@ -263,7 +263,7 @@ def to_document(value: object) -> Any:
     if value is None or isinstance(value, str | int | float):
         return value.item() if isinstance(value, np.generic) else value
     if isinstance(value, list | tuple):
-        return [to_document(each) for each in value]
+        return [to_document(item) for item in value]
     if isinstance(value, dict):
         return {str(key): to_document(content) for key, content in value.items()}
     if is_dataclass(value) and not isinstance(value, type):
@@ -275,4 +275,4 @@ def to_document(value: object) -> Any:
 @cache
 def _named_fields(kind: type[Any]) -> tuple[tuple[str, bool], ...]:
     """The names of a view's fields, and whether they may be left out."""
-    return tuple((each.name, bool(each.metadata.get("optional"))) for each in fields(kind))
+    return tuple((view_field.name, bool(view_field.metadata.get("optional"))) for view_field in fields(kind))

@@ -103,16 +103,16 @@ def match_labels(phrase: str, labels: Collection[str]) -> LabelMatch:
 def _meant(name: str, known: Mapping[str, str], vocabulary: Vocabulary) -> frozenset[str]:
     names = vocabulary.names_of(name)
     wanted = set(names)
-    for each in names:
-        for kind in vocabulary.kinds.get(each, ()):
+    for synonym in names:
+        for kind in vocabulary.kinds.get(synonym, ()):
             wanted |= vocabulary.names_of(kind)
     return frozenset(label for label, normal in known.items() if normal in wanted or _has_head(normal, names))
 
 
 def _similar(name: str, known: Mapping[str, str], vocabulary: Vocabulary) -> frozenset[str]:
     wanted: set[str] = set()
-    for each in vocabulary.names_of(name):
-        for other in vocabulary.similar.get(each, ()):
+    for synonym in vocabulary.names_of(name):
+        for other in vocabulary.similar.get(synonym, ()):
             wanted |= vocabulary.names_of(other)
     return frozenset(label for label, normal in known.items() if normal in wanted)
 

@@ -14,9 +14,9 @@ from supermap_cli.query.diff import HAPPENED, Change, Diff
 from supermap_cli.query.views import EvidenceView, IntervalView, box_of
 from supermap_cli.reports.diff_plan import shown_before_after
 from supermap_cli.reports.files import write_file
+from supermap_cli.reports.floor_plan import plan_svg
 from supermap_cli.reports.page import badge, page, picture, table
 from supermap_cli.reports.pictures import cut_out, data_uri
-from supermap_cli.reports.plan import plan_svg
 
 MOST_CARDS = 200
 """More changes than these stand in the table only."""
@@ -36,7 +36,7 @@ def write_diff_page(found: Diff, reader: MapReader, path: Path) -> None:
 def diff_page(found: Diff, reader: MapReader) -> str:
     """The page as HTML."""
     clock = clock_of(reader)
-    told = [each for each in found.changes if each.kind in HAPPENED][:MOST_CARDS]
+    told = [change for change in found.changes if change.kind in HAPPENED][:MOST_CARDS]
     pictures = Pictures.of(told, reader, clock)
     title = f"{found.before.name} → {found.after.name}"
     return page(
@@ -49,7 +49,7 @@ def diff_page(found: Diff, reader: MapReader) -> str:
             "<h2>The place from above</h2>",
             _panels(found, reader),
             f"<h2>Changes ({len(told)})</h2>" if told else "<h2>Nothing changed that anybody saw</h2>",
-            '<div class="cards">' + "".join(_card(each, pictures, clock) for each in told) + "</div>",
+            '<div class="cards">' + "".join(_card(change, pictures, clock) for change in told) + "</div>",
             "<h2>Everything</h2>",
             _everything(found.changes, clock),
             f'<p class="soft">{EXPLAINED}</p>',
@@ -69,7 +69,7 @@ class Pictures:
     def of(cls, changes: Iterable[Change], reader: MapReader, clock: Clock) -> Pictures:
         """All pictures of some changes, read together."""
         told = list(changes)
-        ids = {each for change in told for each in (change.crop_before, change.crop_after) if each is not None}
+        ids = {crop_id for change in told for crop_id in (change.crop_before, change.crop_after) if crop_id is not None}
         stamps = {stamp for change in told for stamp in (*_stamps(change, before=True), *_stamps(change, before=False))}
         return cls(crop_jpegs(reader, ids), small_images(reader, stamps), clock)
 
@@ -139,14 +139,14 @@ def _facts(change: Change, clock: Clock) -> str:
         facts.append(f"{change.distance_m:.2f} m")
     if change.label_before and change.label_after and change.label_before != change.label_after:
         facts.append(f"{change.label_before} → {change.label_after}")
-    facts += [f"may be {each.id} ({each.probability:.0%})" for each in change.may_be]
+    facts += [f"may be {candidate.id} ({candidate.probability:.0%})" for candidate in change.may_be]
     facts.append(f"confidence {change.confidence:.2f}")
     return " · ".join(facts)
 
 
 def _everything(changes: Sequence[Change], clock: Clock) -> str:
     columns = ("what", "id", "label", "why", "between", "from (m)", "to (m)", "distance (m)#", "confidence#")
-    return table(columns, ((_row(each, clock), _rests_on(each, clock)) for each in changes))
+    return table(columns, ((_row(change, clock), _rests_on(change, clock)) for change in changes))
 
 
 def _rests_on(change: Change, clock: Clock) -> str:
@@ -156,17 +156,17 @@ def _rests_on(change: Change, clock: Clock) -> str:
 
 
 def _row(change: Change, clock: Clock) -> tuple[str, ...]:
-    labels = [each for each in dict.fromkeys((change.label_before, change.label_after)) if each is not None]
+    labels = [label for label in dict.fromkeys((change.label_before, change.label_after)) if label is not None]
     moved = change.kind == "moved" and change.distance_m is not None
-    may_be = "".join(f"; may be {each.id} ({each.probability:.0%})" for each in change.may_be)
+    may_be = "".join(f"; may be {candidate.id} ({candidate.probability:.0%})" for candidate in change.may_be)
     bounds = () if change.not_after_ns is None else (change.not_before_ns, change.not_after_ns)
-    times = [*(clock.brief(each) for each in bounds), *(["(perhaps before)"] if change.perhaps_before else [])]
+    times = [*(clock.brief(bound_ns) for bound_ns in bounds), *(["(perhaps before)"] if change.perhaps_before else [])]
     return (
         badge(change.kind),
         f'<span class="whole">{escape(change.id)}</span>',
         escape(" → ".join(labels) or change.label),
         f'<span class="why">{escape(change.reason + may_be)}</span>',
-        "<br>".join(f'<span class="whole">{escape(each)}</span>' for each in times),
+        "<br>".join(f'<span class="whole">{escape(time_text)}</span>' for time_text in times),
         _place(change.interval_before),
         _place(change.interval_after),
         f"{change.distance_m:.2f}" if moved else "",

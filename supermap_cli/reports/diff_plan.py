@@ -11,8 +11,8 @@ from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.memory.reading import MapReader
 from supermap_cli.query.diff import Change, Diff, EndView
 from supermap_cli.query.views import box_of
+from supermap_cli.reports.floor_plan import Arrow, Extent, Outline, extent_of
 from supermap_cli.reports.page import css_name
-from supermap_cli.reports.plan import Arrow, Extent, Outline, extent_of
 
 MOST_NAMES = 60
 """In a larger place only what changed is named."""
@@ -32,11 +32,13 @@ class Panel:
 def shown_before_after(found: Diff, reader: MapReader) -> tuple[Panel, Panel]:
     """The two drawings, with the ways of the robot of those sides that are traversals."""
     ways = [_way(end, reader) for end in (found.before, found.after)]
-    intervals = [each for change in found.changes for each in (change.interval_before, change.interval_after) if each]
-    extent = extent_of([*(box_of(each.box).footprint() for each in intervals), *ways])
+    intervals = [
+        interval for change in found.changes for interval in (change.interval_before, change.interval_after) if interval
+    ]
+    extent = extent_of([*(box_of(interval.box).footprint() for interval in intervals), *ways])
     naming = len(found.changes) <= MOST_NAMES
-    before = [each for change in found.changes for each in _outlines(change, before=True, naming=naming)]
-    after = [each for change in found.changes for each in _outlines(change, before=False, naming=naming)]
+    before = [outline for change in found.changes for outline in _outlines(change, before=True, naming=naming)]
+    after = [outline for change in found.changes for outline in _outlines(change, before=False, naming=naming)]
     arrows = [
         Arrow(box_of(change.interval_before.box).center[:2], box_of(change.interval_after.box).center[:2])
         for change in found.changes
@@ -75,5 +77,5 @@ def _way(end: EndView, reader: MapReader) -> FloatArray:
     """The robot's way (n, 2) in a traversal; of a plain time none."""
     if end.traversal is None:
         return np.zeros((0, 2))
-    traversal = next(each for each in reader.traversals if each.number == end.traversal.number)
+    traversal = next(traversal for traversal in reader.traversals if traversal.number == end.traversal.number)
     return reader.trajectory(traversal.id)[1][:, :2]

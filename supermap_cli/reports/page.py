@@ -103,8 +103,8 @@ Times are sensor time; places are metres in the map frame, z up.</footer>
 
 def table(columns: Sequence[str], rows: Iterable[tuple[Sequence[str], str]]) -> str:
     """A table of HTML cells; each row may have a line of HTML below it. Columns that end in "#" hold numbers."""
-    head = "".join(f"<th>{escape(each.removesuffix('#'))}</th>" for each in columns)
-    kinds = [' class="number"' if each.endswith("#") else "" for each in columns]
+    head = "".join(f"<th>{escape(column.removesuffix('#'))}</th>" for column in columns)
+    kinds = [' class="number"' if column.endswith("#") else "" for column in columns]
     bodies = []
     for row, below in rows:
         cells = "".join(f"<td{kind}>{cell}</td>" for kind, cell in zip(kinds, row, strict=True))

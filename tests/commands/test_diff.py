@@ -21,7 +21,7 @@ def db(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_a_diff_follows_the_published_schema(db: Path) -> None:
     found = document("diff", "diff", "monday", "tuesday", "--db", db)
     assert found["counts"]["disappeared"] == 1
-    assert {each["id"] for each in found["changes"] if each["kind"] == "moved"} == {"chair-1"}
+    assert {change["id"] for change in found["changes"] if change["kind"] == "moved"} == {"chair-1"}
 
 
 def test_the_table_keeps_not_seen_apart_from_gone(db: Path) -> None:

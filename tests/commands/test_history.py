@@ -19,9 +19,12 @@ def db(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_a_life_is_told_in_states_events_and_sightings(db: Path) -> None:
     told = document("history", "history", "chair-1", "--db", db)
-    assert [(each["state"], each["gone_ns"]) for each in told["intervals"]] == [(0, m.ns(1001)), (1, None)]
-    assert [(each["kind"], each["distance_m"]) for each in told["events"]] == [("moved", 3.6056)]
-    assert [(each["traversal"], each["supported"]) for each in told["sightings"]] == [("monday", 3), ("tuesday", 3)]
+    assert [(interval["state"], interval["gone_ns"]) for interval in told["intervals"]] == [(0, m.ns(1001)), (1, None)]
+    assert [(event["kind"], event["distance_m"]) for event in told["events"]] == [("moved", 3.6056)]
+    assert [(sighting["traversal"], sighting["supported"]) for sighting in told["sightings"]] == [
+        ("monday", 3),
+        ("tuesday", 3),
+    ]
     printed = supermap("history", "chair-1", "--db", db).stdout
     assert "chair-1 state 1" in printed
     assert "3.61" in printed

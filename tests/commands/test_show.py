@@ -23,9 +23,9 @@ def db(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_the_overview_holds_what_is_there_now(db: Path) -> None:
     shown = document("show", "show", "--db", db)
     assert shown["counts"]["chair"] == 2
-    assert "cup-1" not in [each["id"] for each in shown["instances"]]
+    assert "cup-1" not in [instance["id"] for instance in shown["instances"]]
     assert shown["absent"] == 1
-    assert [each["name"] for each in shown["traversals"]] == ["monday", "tuesday"]
+    assert [traversal["name"] for traversal in shown["traversals"]] == ["monday", "tuesday"]
     printed = supermap("show", "--db", db).stdout
     assert "8 objects" in printed
     assert "dining-table-1" in printed
@@ -33,7 +33,7 @@ def test_the_overview_holds_what_is_there_now(db: Path) -> None:
 
 def test_one_object_is_shown_with_its_relations(db: Path) -> None:
     shown = document("object", "show", "vase-1", "--db", db)
-    assert [each["stored_as"] for each in shown["relations"]] == ["on(vase-1, dining-table-1)"]
+    assert [relation["stored_as"] for relation in shown["relations"]] == ["on(vase-1, dining-table-1)"]
     assert shown["evidence"]["observation_count"] == 3
     assert "on" in supermap("show", "VASE-1", "--db", db).stdout
 
@@ -48,7 +48,7 @@ def test_an_unknown_id_is_an_error(db: Path) -> None:
 def test_the_past_is_shown_by_the_published_schemas(db: Path, at: str) -> None:
     shown = document("show", "show", "--at", at, "--db", db)
     told = [*shown["instances"], *shown["unknown"]]
-    assert {each["standing"]["presence"] for each in told} <= {"present", "unknown"}
+    assert {instance["standing"]["presence"] for instance in told} <= {"present", "unknown"}
     assert document("object", "show", "cup-1", "--at", at, "--db", db)["standing"]["words"]
 
 
@@ -66,7 +66,7 @@ def test_a_shifted_clock_is_told(tmp_path: Path) -> None:
         start = replace(m.start("monday", (180, 280)), clock_shift_ns=180 * 10**9)
         store.finish_traversal(store.begin_traversal(start))
     shown = document("show", "show", "--db", path)
-    assert [each["clock_shift_ns"] for each in shown["traversals"]] == [0, 180 * 10**9]
+    assert [traversal["clock_shift_ns"] for traversal in shown["traversals"]] == [0, 180 * 10**9]
     for command in (("show",), ("db", "info")):
         printed = supermap(*command, "--db", path).stdout
         assert "monday@2026-01-05T09:00:00.0Z" in printed

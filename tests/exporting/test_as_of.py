@@ -47,10 +47,10 @@ def make_gaps(path: Path) -> Path:
     monday, tuesday = kitchen.MONDAY, kitchen.TUESDAY
     first = MapDelta(
         keyframes=m.keyframes([2, 41, 91]),
-        instances=tuple(m.instance(each, "cup", (each, 0, 0.5), seen=monday) for each in ODD),
-        observations=tuple(m.observation(each, at, "cup") for each in ODD for at in (2, 41, 91)),
-        states=tuple(m.state(each, 0, monday, (each, 0, 0.5), label="cup") for each in ODD),
-        visits=tuple(m.visit(each, 3, 3, 0, monday) for each in ODD),
+        instances=tuple(m.instance(number, "cup", (number, 0, 0.5), seen=monday) for number in ODD),
+        observations=tuple(m.observation(number, at, "cup") for number in ODD for at in (2, 41, 91)),
+        states=tuple(m.state(number, 0, monday, (number, 0, 0.5), label="cup") for number in ODD),
+        visits=tuple(m.visit(number, 3, 3, 0, monday) for number in ODD),
     )
     second = MapDelta(
         keyframes=m.keyframes([1002, 1041, 1091]),
@@ -71,8 +71,8 @@ def make_gaps(path: Path) -> Path:
             m.state(moved, 1, tuesday, (moved, 5, 0.5), label="cup", empty_before=90),
         ),
         visits=(
-            *(m.visit(each, 3, 3, 0, tuesday) for each in (renamed, moved)),
-            *(m.visit(each, 0, 3, 3) for each in (left, lost)),
+            *(m.visit(number, 3, 3, 0, tuesday) for number in (renamed, moved)),
+            *(m.visit(number, 0, 3, 3) for number in (left, lost)),
         ),
     )
     days = (("monday", (0, 100), kitchen.monday, first), ("tuesday", (1000, 1100), kitchen.tuesday, second))
@@ -86,16 +86,16 @@ def shown(db: Path, at: str, *presences: str) -> dict[str, Told]:
     """What `show --at` says of all that stood or perhaps stood then, by id."""
     printed = document("show", "show", "--db", db, "--at", at)
     told = {
-        each["id"]: Told(
-            each["presence"],
-            each["label"],
-            tuple(each["position"]),
-            each["standing"]["not_before_ns"],
-            each["standing"]["not_after_ns"],
+        number["id"]: Told(
+            number["presence"],
+            number["label"],
+            tuple(number["position"]),
+            number["standing"]["not_before_ns"],
+            number["standing"]["not_after_ns"],
         )
-        for each in (*printed["instances"], *printed["unknown"])
+        for number in (*printed["instances"], *printed["unknown"])
     }
-    return {id_: each for id_, each in told.items() if not presences or each.presence in presences}
+    return {id_: told for id_, told in told.items() if not presences or told.presence in presences}
 
 
 def exported(db: Path, at: str, format_: str, *options: str) -> Any:
@@ -107,31 +107,31 @@ def exported(db: Path, at: str, format_: str, *options: str) -> Any:
 def in_document(db: Path, at: str, *options: str) -> dict[str, Told]:
     found = exported(db, at, "json", *options)
     Draft202012Validator(load_schema("export")).validate(found)
-    assert all(each["presence"] == each["standing"]["presence"] for each in found["instances"])
+    assert all(instance["presence"] == instance["standing"]["presence"] for instance in found["instances"])
     return {
-        each["id"]: Told(
-            each["presence"],
-            each["label"],
-            tuple(each["position"]),
-            each["standing"]["not_before_ns"],
-            each["standing"]["not_after_ns"],
+        instance["id"]: Told(
+            instance["presence"],
+            instance["label"],
+            tuple(instance["position"]),
+            instance["standing"]["not_before_ns"],
+            instance["standing"]["not_after_ns"],
         )
-        for each in found["instances"]
+        for instance in found["instances"]
     }
 
 
 def in_plan(db: Path, at: str, *options: str) -> dict[str, Told]:
-    features = (each["properties"] for each in exported(db, at, "geojson", *options)["features"])
+    features = (properties["properties"] for properties in exported(db, at, "geojson", *options)["features"])
     return {
-        each["id"]: Told(
-            each["presence"],
-            each["label"],
-            (each["x"], each["y"], each["z"]),
-            each["not_before_ns"],
-            each["not_after_ns"],
+        properties["id"]: Told(
+            properties["presence"],
+            properties["label"],
+            (properties["x"], properties["y"], properties["z"]),
+            properties["not_before_ns"],
+            properties["not_after_ns"],
         )
-        for each in features
-        if each["kind"] == "object"
+        for properties in features
+        if properties["kind"] == "object"
     }
 
 
@@ -142,7 +142,7 @@ def in_tables(db: Path, out: Path, at: str) -> tuple[dict[str, Told], dict[str, 
     told = []
     for name in ("instances", "states"):
         with (out / f"{name}.csv").open(newline="") as file:
-            told.append({each["id"]: of_row(each) for each in csv.DictReader(file)})
+            told.append({row["id"]: of_row(row) for row in csv.DictReader(file)})
     return told[0], told[1]
 
 
@@ -153,14 +153,14 @@ def of_row(row: dict[str, str]) -> Told:
 
 
 def presences(told: dict[str, Told]) -> set[str]:
-    return {each.presence for each in told.values()}
+    return {told.presence for told in told.values()}
 
 
 def test_the_memory_has_gaps(db: Path) -> None:
     """Else the tests below would hold of exports that know none."""
     assert presences(shown(db, "500 s")) == {"present", "unknown"}
-    assert {each.label for each in shown(db, "tuesday").values()} - {
-        each.label for each in shown(db, "monday").values()
+    assert {told.label for told in shown(db, "tuesday").values()} - {
+        told.label for told in shown(db, "monday").values()
     }
 
 
@@ -178,8 +178,8 @@ def test_the_plan_says_what_show_says(db: Path, at: str) -> None:
 def test_the_tables_say_what_show_says(db: Path, tmp_path: Path, at: str) -> None:
     instances, states = in_tables(db, tmp_path / "tables", at)
     assert instances == shown(db, at)
-    assert {id_: (each.presence, each.position) for id_, each in states.items()} == {
-        id_: (each.presence, each.position) for id_, each in instances.items()
+    assert {id_: (told.presence, told.position) for id_, told in states.items()} == {
+        id_: (told.presence, told.position) for id_, told in instances.items()
     }
 
 
@@ -189,14 +189,14 @@ def test_the_cloud_says_what_show_says(db: Path, tmp_path: Path, at: str) -> Non
     assert result.exit_code == 0, result.output
     read = PlyData.read(tmp_path / "cloud.ply")
     words = [comment.split() for comment in read.comments]
-    ids = {each[1]: each[2] for each in words if each[0] == "instance" and each[3] == "label"}
-    said = {ids[each[1]]: each[3].rstrip(":") for each in words if each[0] == "instance" and each[2] == "is"}
-    labels = {each[1]: " ".join(each[2:]) for each in words if each[0] == "label"}
-    called = {each[2]: labels[each[4]] for each in words if each[0] == "instance" and each[3] == "label"}
+    ids = {words[1]: words[2] for words in words if words[0] == "instance" and words[3] == "label"}
+    said = {ids[words[1]]: words[3].rstrip(":") for words in words if words[0] == "instance" and words[2] == "is"}
+    labels = {words[1]: " ".join(words[2:]) for words in words if words[0] == "label"}
+    called = {words[2]: labels[words[4]] for words in words if words[0] == "instance" and words[3] == "label"}
     expected = shown(db, at)
-    assert said == {id_: each.presence for id_, each in expected.items()}
-    assert called == {id_: each.label for id_, each in expected.items()}
-    assert {int(each) for each in ids} == set(np.unique(read["vertex"]["instance"]))
+    assert said == {id_: told.presence for id_, told in expected.items()}
+    assert called == {id_: told.label for id_, told in expected.items()}
+    assert {int(number) for number in ids} == set(np.unique(read["vertex"]["instance"]))
 
 
 @pytest.mark.parametrize("at", TIMES)
@@ -207,9 +207,9 @@ def test_only_what_is_known_to_have_stood_is_present(db: Path, at: str) -> None:
 @pytest.mark.parametrize("at", TIMES)
 def test_all_has_what_did_not_stand_then_as_well(db: Path, at: str) -> None:
     found = in_document(db, at, "--all")
-    absent = {id_ for id_, each in found.items() if each.presence == "absent"}
+    absent = {id_ for id_, told in found.items() if told.presence == "absent"}
     assert len(absent) == document("show", "show", "--db", db, "--at", at)["absent"]
-    assert {id_: each for id_, each in found.items() if id_ not in absent} == shown(db, at)
+    assert {id_: told for id_, told in found.items() if id_ not in absent} == shown(db, at)
 
 
 def test_what_a_traversal_saw_stood_at_its_end_though_it_left_later(db: Path) -> None:
@@ -222,7 +222,7 @@ def test_a_thing_is_looked_for_by_what_it_was_called_then(db: Path) -> None:
     def found(at: str, label: str) -> Iterable[str]:
         return in_document(db, at, "--label", label).keys()
 
-    called = next(id_ for id_, each in in_document(db, "tuesday").items() if each.label == "mug")
+    called = next(id_ for id_, told in in_document(db, "tuesday").items() if told.label == "mug")
     assert called in found("monday", "cup")
     assert called not in found("monday", "mug")
     assert called in found("tuesday", "mug")
@@ -236,7 +236,9 @@ def test_a_plan_and_a_document_say_of_when_they_are(db: Path) -> None:
 
 
 def test_what_was_seen_later_is_not_counted(db: Path) -> None:
-    then, today = ({each["id"]: each for each in exported(db, at, "json")["instances"]} for at in ("monday", "tuesday"))
+    then, today = (
+        {instance["id"]: instance for instance in exported(db, at, "json")["instances"]} for at in ("monday", "tuesday")
+    )
     table = "dining-table-1"
     assert (then[table]["observation_count"], today[table]["observation_count"]) == (3, 6)
     assert (then[table]["last_seen_ns"], today[table]["last_seen_ns"]) == (m.ns(90), m.ns(1090))

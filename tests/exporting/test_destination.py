@@ -24,7 +24,7 @@ FULL = OSError(errno.ENOSPC, "No space left on device")
 
 
 def names(folder: Path) -> set[str]:
-    return {each.name for each in folder.iterdir()}
+    return {path.name for path in folder.iterdir()}
 
 
 def fill_the_disk(writing: AbstractContextManager[Path]) -> None:
@@ -140,18 +140,18 @@ def stop_while_it_writes(stop: int) -> None:
     whole = Source.instances
 
     def stopped(self: Source, **options: bool) -> Iterator[Any]:
-        for each in whole(self, **options):
+        for instance in whole(self, **options):
             (partial,) = Path().glob(".out.*.partial")
             assert partial.exists()
             os.kill(os.getpid(), stop)
-            yield each
+            yield instance
 
     Source.instances = stopped  # type: ignore[method-assign]
 
 
 @pytest.mark.parametrize("stop", [signal.SIGTERM, signal.SIGINT])
 @pytest.mark.parametrize(
-    "options", [("--format", "json"), ("--format", "ply"), ("--format", "csv")], ids=lambda each: each[1]
+    "options", [("--format", "json"), ("--format", "ply"), ("--format", "csv")], ids=lambda options: options[1]
 )
 def test_a_stopped_export_leaves_nothing(tmp_path: Path, stop: int, options: Sequence[str]) -> None:
     kitchen.make_kitchen(tmp_path / "map.db")

@@ -48,15 +48,15 @@ def plan(db: Path, *options: str) -> dict[str, Any]:
     """Feature by id."""
     result = supermap("export", "--db", db, "--out", "-", "--format", "geojson", *options)
     assert result.exit_code == 0, result.output
-    return {each["id"]: each for each in json.loads(result.stdout)["features"]}
+    return {feature["id"]: feature for feature in json.loads(result.stdout)["features"]}
 
 
 def cloud(path: Path) -> tuple[Any, dict[int, str], dict[int, str]]:
     """Vertices, ids by number and labels by index, as plyfile and the comments have them."""
     read = PlyData.read(path)
     words = [comment.split() for comment in read.comments]
-    ids = {int(each[1]): each[2] for each in words if each[0] == "instance" and each[3] == "label"}
-    labels = {int(each[1]): " ".join(each[2:]) for each in words if each[0] == "label"}
+    ids = {int(words[1]): words[2] for words in words if words[0] == "instance" and words[3] == "label"}
+    labels = {int(words[1]): " ".join(words[2:]) for words in words if words[0] == "label"}
     return read["vertex"].data, ids, labels
 
 
@@ -70,14 +70,14 @@ def rows(path: Path) -> list[dict[str, str]]:
 
 def test_the_document_is_the_whole_memory(db: Path) -> None:
     found = document(db, "--observations")
-    assert [each["name"] for each in found["traversals"]] == ["monday", "tuesday"]
-    assert {each["id"] for each in found["instances"]} == {
+    assert [traversal["name"] for traversal in found["traversals"]] == ["monday", "tuesday"]
+    assert {instance["id"] for instance in found["instances"]} == {
         *("dining-table-1", "cup-1", "chair-1", "chair-2", "tv-1", "potted-plant-1", "book-1", "vase-1", "lamp-1")
     }
-    chair = next(each for each in found["instances"] if each["id"] == "chair-1")
-    assert [each["position"] for each in chair["intervals"]] == [[0.0, 1.0, 0.5], [-3.0, 3.0, 0.5]]
-    assert [each["traversal"] for each in chair["visits"]] == ["monday", "tuesday"]
-    assert {each["kind"] for each in found["temporal_edges"]} == {"disappeared", "moved", "appeared", "candidate"}
+    chair = next(instance for instance in found["instances"] if instance["id"] == "chair-1")
+    assert [interval["position"] for interval in chair["intervals"]] == [[0.0, 1.0, 0.5], [-3.0, 3.0, 0.5]]
+    assert [visit["traversal"] for visit in chair["visits"]] == ["monday", "tuesday"]
+    assert {edge["kind"] for edge in found["temporal_edges"]} == {"disappeared", "moved", "appeared", "candidate"}
     assert len(found["spatial_edges"]) == 4
     assert len(found["keyframes"]) == 6
     assert len(found["observations"]) == 39
@@ -86,19 +86,19 @@ def test_the_document_is_the_whole_memory(db: Path) -> None:
 
 def test_a_document_of_a_label_has_what_belongs_to_it(db: Path) -> None:
     found = document(db, "--observations", "--label", "Chair")
-    assert {each["id"] for each in found["instances"]} == {"chair-1", "chair-2"}
-    assert {each["id"] for each in found["observations"]} == {"chair-1", "chair-2"}
-    assert [each["kind"] for each in found["temporal_edges"]] == ["moved"]
+    assert {instance["id"] for instance in found["instances"]} == {"chair-1", "chair-2"}
+    assert {observation["id"] for observation in found["observations"]} == {"chair-1", "chair-2"}
+    assert [edge["kind"] for edge in found["temporal_edges"]] == ["moved"]
     assert found["spatial_edges"] == []
 
 
 def test_a_document_of_a_traversal_has_what_it_saw(db: Path) -> None:
     found = document(db, "--observations", "--traversal", "tuesday")
-    assert "book-1" not in {each["id"] for each in found["instances"]}
-    assert {each["traversal"] for each in found["observations"]} == {"tuesday"}
-    assert [each["name"] for each in found["traversals"]] == ["tuesday"]
-    chair = next(each for each in found["instances"] if each["id"] == "chair-1")
-    assert [each["state"] for each in chair["intervals"]] == [1]
+    assert "book-1" not in {instance["id"] for instance in found["instances"]}
+    assert {observation["traversal"] for observation in found["observations"]} == {"tuesday"}
+    assert [traversal["name"] for traversal in found["traversals"]] == ["tuesday"]
+    chair = next(instance for instance in found["instances"] if instance["id"] == "chair-1")
+    assert [interval["state"] for interval in chair["intervals"]] == [1]
 
 
 def test_what_was_merged_leaves_as_what_it_is_part_of(tmp_path: Path) -> None:
@@ -110,7 +110,7 @@ def test_what_was_merged_leaves_as_what_it_is_part_of(tmp_path: Path) -> None:
         visits=(m.visit(1, 1, 2, 0, (1, 1)), m.visit(3, 1, 2, 0, (2, 2))),
     )
     found = document(m.make_memory(tmp_path / "map.db", ("monday", (0, 10), delta)), "--observations")
-    assert [each["id"] for each in found["observations"]] == ["cup-1", "cup-1"]
+    assert [observation["id"] for observation in found["observations"]] == ["cup-1", "cup-1"]
     (cup,) = found["instances"]
     (visit,) = cup["visits"]
     assert (visit["supported"], visit["first_support_ns"], visit["last_support_ns"]) == (2, m.ns(1), m.ns(2))
@@ -121,7 +121,7 @@ def test_what_was_merged_leaves_as_what_it_is_part_of(tmp_path: Path) -> None:
 
 def test_the_plan_shows_what_stands_now_and_the_ways(db: Path) -> None:
     found = plan(db)
-    objects = {key: each for key, each in found.items() if each["properties"]["kind"] == "object"}
+    objects = {key: feature for key, feature in found.items() if feature["properties"]["kind"] == "object"}
     assert set(objects) == {
         *("dining-table-1#0", "chair-1#1", "chair-2#0", "tv-1#0", "potted-plant-1#0", "book-1#0", "vase-1#0"),
         "lamp-1#0",
@@ -170,7 +170,7 @@ def test_the_cloud_reads_back_with_what_each_point_is_of(db: Path, tmp_path: Pat
     assert {labels[index] for index in of_tv["label"]} == {"tv"}
     centres = (m.voxels().keys + 0.5) * m.voxels().voxel_m
     np.testing.assert_allclose(np.column_stack([of_tv[axis] for axis in "xyz"]), centres, atol=1e-4)
-    assert {tuple(each) for each in of_tv[["red", "green", "blue"]].tolist()} == {(128, 128, 128)}
+    assert {tuple(rgb) for rgb in of_tv[["red", "green", "blue"]].tolist()} == {(128, 128, 128)}
     np.testing.assert_allclose(of_tv["voxel_size"], 0.02, rtol=1e-5)
 
 
@@ -187,7 +187,7 @@ def test_open3d_reads_the_cloud(db: Path, tmp_path: Path, options: tuple[str, ..
 def test_in_an_earlier_place_a_shape_stands_shifted_and_the_header_says_so(db: Path, tmp_path: Path) -> None:
     export(db, tmp_path / "cloud.ply", "--all", "--label", "chair")
     read = PlyData.read(tmp_path / "cloud.ply")
-    moved = [each for each in read.comments if each.startswith("instance 3 state 0")]
+    moved = [comment for comment in read.comments if comment.startswith("instance 3 state 0")]
     assert moved == ["instance 3 state 0 is its newest shape shifted by 3.0000 -2.0000 0.0000"]
     x = read["vertex"]["x"][read["vertex"]["instance"] == kitchen.CHAIR]
     np.testing.assert_allclose(x[:3] - x[3:], 3.0, atol=1e-5)
@@ -198,13 +198,13 @@ def test_in_an_earlier_place_a_shape_stands_shifted_and_the_header_says_so(db: P
 
 def test_the_tables_hold_names_instead_of_numbers_and_times_in_words(db: Path, tmp_path: Path) -> None:
     export(db, tmp_path / "tables", "--format", "csv")
-    states = {(each["id"], each["state"]): each for each in rows(tmp_path / "tables" / "states.csv")}
+    states = {(row["id"], row["state"]): row for row in rows(tmp_path / "tables" / "states.csv")}
     chair = states["chair-1", "0"]
     assert (chair["presence"], chair["gone"], chair["gone_ns"]) == ("ended", "2026-01-05T09:16:41.0Z", str(m.ns(1001)))
     assert (states["chair-1", "1"]["gone"], states["chair-1", "1"]["x"]) == ("", "-3.0")
     observations = rows(tmp_path / "tables" / "observations.csv")
     assert len(observations) == 39
-    assert {each["traversal"] for each in observations} == {"monday", "tuesday"}
+    assert {observation["traversal"] for observation in observations} == {"monday", "tuesday"}
     assert json.loads(observations[0]["hypotheses"]) == [["dining table", 0.8], ["other", pytest.approx(0.2)]]
 
 
@@ -235,7 +235,7 @@ def test_parquet_without_pyarrow_says_how_to_get_it(db: Path, tmp_path: Path, mo
     result = supermap("export", "--db", db, "--format", "parquet", "--out", tmp_path / "tables")
     assert isinstance(result.exception, ExportError)
     assert "supermap-cli[parquet]" in str(result.exception)
-    assert [each.name for each in tmp_path.iterdir() if "tables" in each.name] == []
+    assert [path.name for path in tmp_path.iterdir() if "tables" in path.name] == []
 
 
 # Files (see test_destination.py)
@@ -254,7 +254,7 @@ def test_a_folder_with_other_things_is_never_replaced(db: Path, tmp_path: Path) 
     out = tmp_path / "tables"
     export(db, out, "--format", "csv")
     export(db, out, "--format", "csv", "--force", "--label", "chair")
-    assert {each["label"] for each in rows(out / "instances.csv")} == {"chair"}
+    assert {row["label"] for row in rows(out / "instances.csv")} == {"chair"}
     (out / "thesis.tex").write_text("mine")
     assert isinstance(supermap("export", "--db", db, "--out", out, "--format", "csv", "--force").exception, ExportError)
     assert (out / "thesis.tex").read_text() == "mine"

@@ -20,7 +20,7 @@ from supermap_cli.memory import open_store
 from supermap_cli.memory.checking import check
 from supermap_cli.memory.retention import KeptFrom
 from supermap_cli.memory.values import Checkpoint
-from supermap_cli.query.keeping import kept_from
+from supermap_cli.query.retention_policy import kept_from
 from supermap_cli.types.memory import MapDelta, Observation
 from support import databases, kitchen, large_memories
 from support import memories as m

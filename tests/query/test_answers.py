@@ -10,7 +10,7 @@ import pytest
 
 from supermap_cli.errors import QueryError
 from supermap_cli.memory import open_store
-from supermap_cli.query.resolution import Answer, answer
+from supermap_cli.query.answers import Answer, answer
 from supermap_cli.types.memory import MapDelta
 from support import kitchen
 from support import memories as m
@@ -73,7 +73,7 @@ def ask(tmp_path_factory: pytest.TempPathFactory) -> Ask:
     ],
 )  # fmt: skip
 def test_who_is_named(ask: Ask, question: str, ids: list[str]) -> None:
-    assert [each.id for each in ask(question).instances] == ids
+    assert [instance.id for instance in ask(question).instances] == ids
 
 
 def test_an_answer_says_where_when_and_on_what_evidence(ask: Ask) -> None:
@@ -108,7 +108,7 @@ def test_a_count_counts(ask: Ask) -> None:
 
 def test_what_is_gone_is_told_as_a_near_miss_with_its_bounds(ask: Ask) -> None:
     found = ask("where is the cup")
-    assert [each.id for each in found.nearest] == ["cup-1"]
+    assert [near_miss.id for near_miss in found.nearest] == ["cup-1"]
     assert "gone between 2026-01-05T09:01:30.0Z and 2026-01-05T09:16:45.0Z" in found.message
 
 
@@ -141,7 +141,7 @@ def test_what_is_said(ask: Ask, question: str, message: str) -> None:
 
 
 def test_a_doubtful_label_and_a_misspelling_are_near_misses(ask: Ask) -> None:
-    assert {each.reason for each in ask("vaze").nearest} == {"did you mean 'vase'?"}
+    assert {near_miss.reason for near_miss in ask("vaze").nearest} == {"did you mean 'vase'?"}
     assert "may be a other (10%)" in ask("other").nearest[0].reason
 
 
@@ -167,7 +167,7 @@ def test_an_id_that_was_merged_names_what_it_is_part_of(tmp_path: Path) -> None:
     path = m.make_memory(tmp_path / "map.db", ("monday", (0, 10), delta))
     with open_store(str(path), read_only=True) as store, store.reader() as reader:
         found = answer("cup-2", reader)
-    assert [each.id for each in found.instances] == ["cup-1"]
+    assert [instance.id for instance in found.instances] == ["cup-1"]
     assert found.notes == ("cup-2 is part of cup-1 today",)
 
 
@@ -222,7 +222,7 @@ def test_a_map_of_one_traversal_knows_an_earlier(tmp_path: Path) -> None:
     )
     path = m.make_memory(tmp_path / "map.db", ("monday", (0, 10), delta))
     with open_store(str(path), read_only=True) as store, store.reader() as reader:
-        assert [each.id for each in answer("everything earlier", reader).instances] == ["cup-1", "book-1"]
+        assert [instance.id for instance in answer("everything earlier", reader).instances] == ["cup-1", "book-1"]
 
 
 def test_an_instance_is_called_what_it_was_at_the_time(tmp_path: Path) -> None:

@@ -10,11 +10,11 @@ import pytest
 from supermap_cli.errors import QueryError
 from supermap_cli.memory import open_store
 from supermap_cli.memory.reading import MapReader
+from supermap_cli.query.answers import answer
 from supermap_cli.query.clock import clock_of
 from supermap_cli.query.details import ObjectDetails, details_at
-from supermap_cli.query.instants import instant_of
 from supermap_cli.query.overview import Overview, overview_at
-from supermap_cli.query.resolution import answer
+from supermap_cli.query.time_points import instant_of
 from supermap_cli.types.memory import MapDelta
 from support import kitchen
 from support import memories as m
@@ -68,8 +68,14 @@ def test_what_is_neither_is_an_error(reader: MapReader, written: str) -> None:
 
 def test_between_two_visits_what_has_gone_is_unknown(reader: MapReader) -> None:
     shown = all_at(reader, "09:10")
-    unknown = {each.id: each.standing.words for each in shown.unknown or () if each.standing}
-    assert {each.id for each in shown.instances} == {"dining-table-1", "chair-2", "tv-1", "potted-plant-1", "book-1"}
+    unknown = {instance.id: instance.standing.words for instance in shown.unknown or () if instance.standing}
+    assert {instance.id for instance in shown.instances} == {
+        "dining-table-1",
+        "chair-2",
+        "tv-1",
+        "potted-plant-1",
+        "book-1",
+    }
     assert unknown["cup-1"].startswith("left between 2026-01-05T09:01:30.0Z and 2026-01-05T09:16:45.0Z")
     assert unknown["chair-1"].startswith("left between")
     assert unknown["vase-1"].startswith("came between")
@@ -78,34 +84,34 @@ def test_between_two_visits_what_has_gone_is_unknown(reader: MapReader) -> None:
 
 
 def test_at_the_end_of_a_traversal_things_stand_as_they_stood_then(reader: MapReader) -> None:
-    (chair,) = [each for each in all_at(reader, "60 s").instances if each.id == "chair-1"]
+    (chair,) = [instance for instance in all_at(reader, "60 s").instances if instance.id == "chair-1"]
     assert (chair.position, chair.presence) == ((0.0, 1.0, 0.5), "present")
     assert chair.evidence.observation_count == 2
     shown = all_at(reader, "tuesday")
-    (chair,) = [each for each in shown.instances if each.id == "chair-1"]
+    (chair,) = [instance for instance in shown.instances if instance.id == "chair-1"]
     assert chair.position == (-3.0, 3.0, 0.5)
     assert shown.absent == 1
-    assert [each.name for each in all_at(reader, "monday").traversals] == ["monday"]
+    assert [traversal.name for traversal in all_at(reader, "monday").traversals] == ["monday"]
 
 
 def test_before_anything_was_seen_nothing_stands_and_nothing_is_gone(reader: MapReader) -> None:
     shown = all_at(reader, "2026-01-04T12:00:00Z")
     assert shown.instances == ()
-    assert {each.id for each in shown.unknown or ()} >= {"cup-1", "lamp-1", "chair-1"}
+    assert {instance.id for instance in shown.unknown or ()} >= {"cup-1", "lamp-1", "chair-1"}
     assert shown.absent == 1  # the vase's place was seen empty on monday
     assert answer("cup", reader, "2026-01-04T12:00:00Z").notes[0] == "the map begins at 2026-01-05T09:00:00.0Z"
 
 
 def test_after_the_end_what_stood_last_stands(reader: MapReader) -> None:
-    assert {each.id for each in all_at(reader, "2026-01-09T12:00:00Z").instances} == {
-        each.id for each in all_at(reader, "now").instances
+    assert {instance.id for instance in all_at(reader, "2026-01-09T12:00:00Z").instances} == {
+        instance.id for instance in all_at(reader, "now").instances
     }
     assert "what came after, nobody saw" in answer("chairs", reader, "2026-01-09T12:00:00Z").notes[0]
 
 
 def test_details_hold_the_relations_of_the_time(reader: MapReader) -> None:
     then, later = one_at(reader, "chair-1", "60 s"), one_at(reader, "chair-1", "now")
-    assert {each.stored_as for each in then.relations} == {
+    assert {relation.stored_as for relation in then.relations} == {
         "near(chair-1, potted-plant-1)",
         "beside(chair-1, dining-table-1)",
     }
@@ -139,7 +145,7 @@ def test_a_question_is_asked_as_of_a_time(
     reader: MapReader, question: str, at: str, ids: list[str], count: int | None, most: int | None
 ) -> None:
     found = answer(question, reader, at)
-    assert [each.id for each in found.instances] == ids
+    assert [instance.id for instance in found.instances] == ids
     assert (found.count, found.count_at_most) == (count, most)
 
 
@@ -159,7 +165,7 @@ def test_a_thing_merged_later_is_the_thing_it_turned_out_to_be(tmp_path: Path) -
     with open_store(str(path), read_only=True) as store, store.reader() as reader:
         shown = one_at(reader, "cup-2", "4.5 s")
         assert (shown.id, shown.asked_id, shown.presence) == ("cup-1", "cup-2", "present")
-        assert [each.id for each in all_at(reader, "4.5 s").instances] == ["cup-1"]
+        assert [instance.id for instance in all_at(reader, "4.5 s").instances] == ["cup-1"]
 
 
 def test_what_a_traversal_saw_stands_at_its_end(reader: MapReader) -> None:

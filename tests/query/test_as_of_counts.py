@@ -14,9 +14,9 @@ from supermap_cli.memory.as_of import AsOf
 from supermap_cli.memory.reading import MapReader
 from supermap_cli.query.candidates import is_called, label_in
 from supermap_cli.query.clock import clock_of
-from supermap_cli.query.instants import instant_of
 from supermap_cli.query.overview import overview_at
-from supermap_cli.query.standing import held_at, standing_at
+from supermap_cli.query.presence_at import held_at, standing_at
+from supermap_cli.query.time_points import instant_of
 from support import memories as m
 from support.databases import examples
 from support.random_memories import LABELS, make_random_memory
@@ -40,31 +40,39 @@ def test_a_time_is_judged_as_each_life_is(
 
 def compare(reader: MapReader, at_ns: int, since_ns: int | None, wanted: frozenset[str] | None) -> None:
     as_of = AsOf(reader.connection, at_ns, since_ns)
-    lives = sorted(reader.believed, key=lambda each: (-each.last_seen_ns, -each.number))
-    known = {each.number: standing_at(each, at_ns, since_ns) for each in lives}
+    lives = sorted(reader.believed, key=lambda instance: (-instance.last_seen_ns, -instance.number))
+    known = {instance.number: standing_at(instance, at_ns, since_ns) for instance in lives}
     present = Counter(
-        label_in(each, it.state) for each in lives if (it := known[each.number]) and it.presence == "present"
+        label_in(instance, it.state)
+        for instance in lives
+        if (it := known[instance.number]) and it.presence == "present"
     )
     counts = as_of.counts()
     assert {called: count for (presence, called), count in counts.items() if presence == "present"} == present
     for presence in ("present", "unknown", "absent"):
-        of = [each.number for each in lives if (it := known[each.number]) and it.presence == presence]
+        of = [instance.number for instance in lives if (it := known[instance.number]) and it.presence == presence]
         assert sum(count for (other, _), count in counts.items() if other == presence) == len(of)
         assert [as_of.first(presence, limit) for limit in (0, 2, 99)] == [of[:0], of[:2], of]
-    held = {each.number: held_at(each.states, at_ns) for each in lives}
-    fits = [each for each in lives if (it := held[each.number]) and (wanted is None or label_in(each, it) in wanted)]
+    held = {instance.number: held_at(instance.states, at_ns) for instance in lives}
+    fits = [
+        instance
+        for instance in lives
+        if (it := held[instance.number]) and (wanted is None or label_in(instance, it) in wanted)
+    ]
     unsure = [
-        each
-        for each in lives
-        if (it := known[each.number]) and it.presence == "unknown" and (wanted is None or is_called(each, wanted))
+        instance
+        for instance in lives
+        if (it := known[instance.number])
+        and it.presence == "unknown"
+        and (wanted is None or is_called(instance, wanted))
     ]
     tally = as_of.tally(wanted)
     assert (tally.fits, tally.unsure) == (len(fits), len(unsure))
-    assert tally.sure == sum(each not in unsure for each in fits)
-    assert tally.besides == sum(each not in fits for each in unsure)
-    numbers = sorted(each.number for each in unsure)
+    assert tally.sure == sum(instance not in unsure for instance in fits)
+    assert tally.besides == sum(instance not in fits for instance in unsure)
+    numbers = sorted(instance.number for instance in unsure)
     assert as_of.unsure(wanted, 3) == numbers[:3]
-    ids = [each.id for each in unsure if each.number == numbers[0]]
+    ids = [instance.id for instance in unsure if instance.number == numbers[0]]
     assert as_of.unsure(wanted, 3, ids) == numbers[1:4]
 
 
@@ -81,4 +89,4 @@ def test_a_short_overview_counts_what_it_does_not_list(seed: int, at: str) -> No
     assert len(short.instances) + short.more == len(whole.instances) == sum(short.counts.values())
     assert len(short.unknown or ()) + short.more_unknown == len(whole.unknown or ())
     assert (short.absent, whole.more, whole.more_unknown) == (whole.absent, 0, 0)
-    assert whole.counts == Counter(each.label for each in whole.instances)
+    assert whole.counts == Counter(instance.label for instance in whole.instances)

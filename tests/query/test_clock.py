@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from supermap_cli.errors import QueryError
 from supermap_cli.query.clock import Clock
-from supermap_cli.query.stretches import Stretch
+from supermap_cli.query.traversal_spans import Stretch
 from support import memories as m
 
 S = 10**9

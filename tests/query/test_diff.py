@@ -15,7 +15,7 @@ from supermap_cli.memory.numbers import batches
 from supermap_cli.memory.reading import MapReader
 from supermap_cli.memory.said import Hearing
 from supermap_cli.query.diff import Change, diff
-from supermap_cli.query.life import history
+from supermap_cli.query.object_history import history
 from supermap_cli.types.memory import InstanceRecord, MapDelta, StateRecord, Visit
 from support import kitchen
 from support import memories as m
@@ -51,7 +51,7 @@ def test_changes_have_bounds_distances_and_evidence(reader: MapReader) -> None:
     assert (cup.evidence_before.observation_count, cup.evidence_after.contradicted) == (3, 3)
     assert (chair.distance_m, chair.position_before) == (pytest.approx(3.6056), (0.0, 1.0, 0.5))
     assert (vase.not_before_ns, vase.not_after_ns) == (m.ns(90), m.ns(1001))
-    assert [(each.id, each.probability) for each in vase.may_be] == [("cup-1", 0.2)]
+    assert [(candidate.id, candidate.probability) for candidate in vase.may_be] == [("cup-1", 0.2)]
 
 
 def test_it_says_whether_the_place_was_in_view(reader: MapReader) -> None:
@@ -192,9 +192,9 @@ def test_what_was_split_off_did_not_appear(tmp_path: Path) -> None:
     )
     m.make_memory(path, ("a", (0, 10), deltas[0]), ("b", (100, 110), deltas[1]))
     with open_store(str(path), read_only=True) as store, store.reader() as reader:
-        changes = {each.id: each for each in diff(reader).changes}
+        changes = {change.id: change for change in diff(reader).changes}
         problems = check(reader)
-        events = [(each.kind, each.from_id, each.to_id) for each in history(reader, "chair-2").events]
+        events = [(event.kind, event.from_id, event.to_id) for event in history(reader, "chair-2").events]
     assert (changes["chair-1"].kind, changes["chair-2"].kind) == ("unchanged", "first observed")
     assert changes["chair-2"].reason == "was one with chair-1 until the two were told apart"
     assert problems == []
@@ -214,7 +214,7 @@ def test_within_a_gap_nothing_has_happened_yet(reader: MapReader) -> None:
     kinds = {change.id: change for change in diff(reader, "60 s", "09:10").changes}
     assert kinds["cup-1"].kind == "not observed again"
     assert kinds["cup-1"].reason.endswith("nobody can say for this time")
-    assert {each.kind for each in kinds.values()} == {"unchanged", "not observed again"}
+    assert {change.kind for change in kinds.values()} == {"unchanged", "not observed again"}
 
 
 def test_a_time_is_compared_with_a_traversal(reader: MapReader) -> None:
@@ -251,10 +251,10 @@ def test_what_came_and_went_in_between_is_noted(tmp_path: Path) -> None:
 
 def test_a_diff_read_in_parts_is_the_diff_read_at_once(reader: MapReader, monkeypatch: pytest.MonkeyPatch) -> None:
     sides = ((None, None), ("60 s", "09:18:20"), ("monday", "09:18:20"))
-    whole = [diff(reader, *each) for each in sides]
+    whole = [diff(reader, *pair) for pair in sides]
     monkeypatch.setattr("supermap_cli.query.diff.batches", lambda numbers: batches(numbers, 1))
     monkeypatch.setattr("supermap_cli.memory.said.batches", lambda numbers: batches(numbers, 1))
-    assert [diff(reader, *each) for each in sides] == whole
+    assert [diff(reader, *pair) for pair in sides] == whole
 
 
 @pytest.mark.parametrize("heard", [None, [1], [2, 3], [3, 1]])
@@ -275,18 +275,27 @@ def test_what_is_heard_of_some_traversals_is_what_they_said(tmp_path: Path, hear
         things = reader.instances
         found = Hearing(reader, heard).of(things)
         told = {
-            each.number: [seen for seen in reader.observations(each) if heard is None or seen.traversal_id in heard]
-            for each in things
+            instance.number: [
+                seen for seen in reader.observations(instance) if heard is None or seen.traversal_id in heard
+            ]
+            for instance in things
         }
     assert told[1]
     assert {
-        number: [(it.id, it.traversal_id, it.stamp_ns, it.label, it.score) for it in of] for number, of in found.items()
+        number: [
+            (observation.id, observation.traversal_id, observation.stamp_ns, observation.label, observation.score)
+            for observation in of
+        ]
+        for number, of in found.items()
     } == {
-        number: [(it.id, it.traversal_id, it.stamp_ns, it.label, it.score) for it in of]
+        number: [
+            (observation.id, observation.traversal_id, observation.stamp_ns, observation.label, observation.score)
+            for observation in of
+        ]
         for number, of in told.items()
         if of
     }
-    assert all(each.cropped == (each.stamp_ns > m.ns(100)) for of in found.values() for each in of)
+    assert all(observation.cropped == (observation.stamp_ns > m.ns(100)) for of in found.values() for observation in of)
 
 
 @pytest.mark.parametrize("empty_before", [None, 4.0])

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from supermap_cli.memory import open_store
-from supermap_cli.query.resolution import answer
+from supermap_cli.query.answers import answer
 from support.brute_force import BruteForce
 from support.databases import examples
 from support.random_memories import LABELS, make_random_memory
@@ -49,8 +49,8 @@ questions = st.builds(
 def test_the_indices_find_what_going_through_everything_finds(part: int, seed: int, asked: list[str]) -> None:
     with pytest.MonkeyPatch.context() as patch, tempfile.TemporaryDirectory() as folder:
         patch.setattr("supermap_cli.query.candidates.PART", part)
-        patch.setattr("supermap_cli.query.misses.FEW", part)
-        patch.setattr("supermap_cli.query.relating.FEW", part - 2)
+        patch.setattr("supermap_cli.query.near_misses.FEW", part)
+        patch.setattr("supermap_cli.query.relation_matching.FEW", part - 2)
         path = make_random_memory(Path(folder) / "map.db", seed)
         with open_store(str(path), read_only=True) as store, store.reader() as reader:
             for text in asked:
@@ -60,22 +60,25 @@ def test_the_indices_find_what_going_through_everything_finds(part: int, seed: i
 def compare(reader, text: str) -> None:  # type: ignore[no-untyped-def]
     found, expected = answer(text, reader), BruteForce(reader, text)
     told = {
-        each.id: (
-            [interval.state for interval in each.intervals],
-            [(it.subject, it.object, it.stored_as, it.since_ns, it.until_ns) for it in each.relations],
+        instance.id: (
+            [interval.state for interval in instance.intervals],
+            [
+                (relation.subject, relation.object, relation.stored_as, relation.since_ns, relation.until_ns)
+                for relation in instance.relations
+            ],
         )
-        for each in found.instances
+        for instance in found.instances
     }
     fits = expected.found()
     assert told == fits, text
     assert list(told) == sorted(fits, key=list(expected.parts).index), text
     if not found.instances:
-        assert [(each.id, each.distance_m) for each in found.nearest] == expected.nearest(), text
+        assert [(near_miss.id, near_miss.distance_m) for near_miss in found.nearest] == expected.nearest(), text
     counted = answer(f"how many {text}", reader)
-    assert counted.count == sum(each.presence != "unknown" for each in found.instances), text
+    assert counted.count == sum(instance.presence != "unknown" for instance in found.instances), text
     assert (counted.count_at_most or counted.count) == len(fits) + expected.perhaps(), text
     few = answer(text, reader, limit=2)
-    assert {each.id for each in few.instances} <= fits.keys()
+    assert {instance.id for instance in few.instances} <= fits.keys()
     assert len(few.instances) == min(2, len(fits))
     assert few.more is None or few.more == len(fits) - len(few.instances)
     assert (few.more == 0) == (len(fits) <= 2)

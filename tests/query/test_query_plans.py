@@ -12,14 +12,14 @@ from sqlalchemy import Engine, event
 from supermap_cli.costs.memory.filling import make_memory
 from supermap_cli.memory import open_store
 from supermap_cli.memory.reading import MapReader
+from supermap_cli.query.answers import answer
 from supermap_cli.query.clock import Clock, clock_of
 from supermap_cli.query.details import details, details_at
 from supermap_cli.query.diff import diff
-from supermap_cli.query.instants import Instant, instant_of
 from supermap_cli.query.inventory import inventory
-from supermap_cli.query.life import history
+from supermap_cli.query.object_history import history
 from supermap_cli.query.overview import overview, overview_at
-from supermap_cli.query.resolution import answer
+from supermap_cli.query.time_points import Instant, instant_of
 
 pytestmark = pytest.mark.sqlite_only("reads SQLite's query plans")
 
@@ -94,7 +94,7 @@ def day(reader: MapReader, name: str) -> tuple[Instant, Clock]:
 @pytest.mark.parametrize("few", [0, 100])
 @pytest.mark.parametrize("text", QUESTIONS)
 def test_no_question_scans_a_large_table(memory: Path, text: str, few: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("supermap_cli.query.relating.FEW", few)
+    monkeypatch.setattr("supermap_cli.query.relation_matching.FEW", few)
     found = scanned(memory, lambda reader: answer(text, reader))
     assert {table: how for table, how in found.items() if table not in ALLOWED.get(text, {})} == {}
 

@@ -55,7 +55,7 @@ def inner_points(box: Box3D) -> FloatArray:
     """Points (n, 3) all over a box."""
     corners = box.corners()
     steps = np.linspace(0, 1, 5)
-    u, v, w = (each.ravel()[:, None] for each in np.meshgrid(steps, steps, steps))
+    u, v, w = (steps.ravel()[:, None] for steps in np.meshgrid(steps, steps, steps))
     return corners[0] + u * (corners[1] - corners[0]) + v * (corners[3] - corners[0]) + w * (corners[4] - corners[0])
 
 

@@ -93,4 +93,4 @@ def test_the_table_is_in_normal_form_and_names_nothing_twice() -> None:
         assert name in group, f"{name!r} stands in two groups"
     for table in (vocabulary.kinds, vocabulary.similar):
         for name, others in table.items():
-            assert all(vocabulary.normalise(each) == each for each in (name, *others))
+            assert all(vocabulary.normalise(synonym) == synonym for synonym in (name, *others))

@@ -22,8 +22,8 @@ from supermap_cli.query.diff import diff
 from supermap_cli.reports.diff_page import diff_page, write_diff_page
 from supermap_cli.reports.diff_plan import shown_before_after
 from supermap_cli.reports.diff_plot import check_plot, draw_diff
+from supermap_cli.reports.floor_plan import Arrow, Outline, extent_of, plan_svg
 from supermap_cli.reports.pictures import cut_out
-from supermap_cli.reports.plan import Arrow, Outline, extent_of, plan_svg
 from supermap_cli.types.memory import MapDelta
 from support import kitchen
 from support import memories as m
@@ -41,10 +41,13 @@ def jpeg(colour: tuple[int, int, int], size: tuple[int, int] = (80, 60)) -> byte
 def with_pictures(delta: MapDelta) -> MapDelta:
     """The kitchen's traversals with a small image of each keyframe and a crop of each observation."""
     keyframes = tuple(
-        replace(each, camera=camera_to_json(CAMERA), T_map_camera=LOOKING_ALONG_X, thumbnail_jpeg=jpeg((90, 120, 150)))
-        for each in delta.keyframes
+        replace(frame, camera=camera_to_json(CAMERA), T_map_camera=LOOKING_ALONG_X, thumbnail_jpeg=jpeg((90, 120, 150)))
+        for frame in delta.keyframes
     )
-    crops = tuple(replace(each, crop_jpeg=jpeg((10, each.object_number * 20, 200))) for each in delta.observations)
+    crops = tuple(
+        replace(observation, crop_jpeg=jpeg((10, observation.object_number * 20, 200)))
+        for observation in delta.observations
+    )
     return replace(delta, keyframes=keyframes, observations=crops)
 
 
@@ -69,7 +72,7 @@ def test_the_page_needs_nothing_from_elsewhere(reader: MapReader) -> None:
     assert "<script" not in page
     addresses = re.findall(r'(?:src|href)="([^"]*)"', page)
     assert addresses
-    assert all(each.startswith("data:image/jpeg;base64,") for each in addresses)
+    assert all(address.startswith("data:image/jpeg;base64,") for address in addresses)
     assert "url(http" not in page
     assert "@import" not in page
 
@@ -92,9 +95,9 @@ def test_the_plan_shows_the_place_before_and_after_on_one_scale(reader: MapReade
     assert before.extent == after.extent
     (arrow,) = after.arrows
     assert arrow.end.tolist() == [-3.0, 3.0]
-    assert {each.told for each in before.outlines if each.style == "disappeared"} == {"cup-1"}
-    assert {each.told for each in after.outlines if each.style == "appeared"} == {"vase-1"}
-    assert {each.style for each in after.outlines if each.told == "cup-1"} == {"disappeared ghost"}
+    assert {outline.told for outline in before.outlines if outline.style == "disappeared"} == {"cup-1"}
+    assert {outline.told for outline in after.outlines if outline.style == "appeared"} == {"vase-1"}
+    assert {outline.style for outline in after.outlines if outline.told == "cup-1"} == {"disappeared ghost"}
     assert len(before.ways[0]) == 3
 
 
@@ -122,7 +125,7 @@ def test_a_plan_is_well_formed_and_keeps_the_scale() -> None:
     root = ET.fromstring(svg)  # noqa: S314 - our own drawing
     polygon = root.find("{http://www.w3.org/2000/svg}polygon")
     assert polygon is not None
-    drawn = np.array([tuple(map(float, each.split(","))) for each in polygon.attrib["points"].split()])
+    drawn = np.array([tuple(map(float, corner.split(","))) for corner in polygon.attrib["points"].split()])
     assert np.ptp(drawn[:, 0]) == pytest.approx(2 * np.ptp(drawn[:, 1]), abs=0.2)
     assert drawn[2, 1] < drawn[1, 1]  # y upwards
     assert extent_of([]).px_per_m > 0
@@ -144,8 +147,8 @@ def test_a_place_is_cut_out_of_the_image_that_shows_it() -> None:
 
 def test_pictures_are_read_by_number_and_stamp(reader: MapReader) -> None:
     crops = crops_of(reader, [kitchen.CUP])[kitchen.CUP]
-    assert [each.stamp_ns for each in crops] == [m.ns(1), m.ns(40), m.ns(90)]
-    assert set(crop_jpegs(reader, [each.observation for each in crops])) == {each.observation for each in crops}
+    assert [crop.stamp_ns for crop in crops] == [m.ns(1), m.ns(40), m.ns(90)]
+    assert set(crop_jpegs(reader, [crop.observation for crop in crops])) == {crop.observation for crop in crops}
     assert set(small_images(reader, [m.ns(1), m.ns(2)])) == {m.ns(1)}
 
 
@@ -181,4 +184,4 @@ def test_the_life_of_an_object_is_a_page_too(db: Path, tmp_path: Path) -> None:
     assert "moved 3.61 m" in content
     assert content.count("<img") == 2
     assert len(list(folder.glob("chair-1-state*.jpg"))) == 2
-    assert all(each.read_bytes()[:2] == b"\xff\xd8" for each in folder.iterdir())
+    assert all(path.read_bytes()[:2] == b"\xff\xd8" for path in folder.iterdir())

@@ -8,8 +8,8 @@ from supermap_cli.memory.reading import MapReader
 from supermap_cli.memory.values import StoredInstance
 from supermap_cli.query.clock import clock_of
 from supermap_cli.query.grammar import RelatedTo, Things, parse
-from supermap_cli.query.moments import moment_of
 from supermap_cli.query.relations import STORED_FORMS, box_distance_m, holds
+from supermap_cli.query.time_selector import moment_of
 from supermap_cli.query.vocabulary import load_vocabulary, match_labels
 from supermap_cli.types.memory import SpatialEdge, StateRecord
 
@@ -20,14 +20,14 @@ class BruteForce:
     """One question to one map."""
 
     def __init__(self, reader: MapReader, text: str) -> None:
-        question = parse(text, [each.name for each in reader.traversals])
+        question = parse(text, [traversal.name for traversal in reader.traversals])
         self.things = question.things
         self.moment = moment_of(question.time, reader, clock_of(reader))
         self.everything = reader.instances
         self.believed = reader.believed
-        self.edges: tuple[SpatialEdge, ...] = reader.edges_of([each.number for each in reader.instances])
-        self.ids = {each.number: each.id for each in reader.instances}
-        self.parts = {reader.text_ids[part]: each for each in reader.instances for part in each.numbers}
+        self.edges: tuple[SpatialEdge, ...] = reader.edges_of([instance.number for instance in reader.instances])
+        self.ids = {instance.number: instance.id for instance in reader.instances}
+        self.parts = {reader.text_ids[part]: instance for instance in reader.instances for part in instance.numbers}
 
     def found(self) -> dict[str, tuple[list[int], list[tuple[object, ...]]]]:
         """The states in which every instance fits, and its relations."""
@@ -43,8 +43,8 @@ class BruteForce:
         if self.moment.kind != "at" or self.things.relation is not None:
             return 0
         told = self.found().keys()
-        known = [self.moment.standing(each) for each in self._called(self.things) if each.id not in told]
-        return sum(each is not None and each.presence == "unknown" for each in known)
+        known = [self.moment.standing(instance) for instance in self._called(self.things) if instance.id not in told]
+        return sum(standing is not None and standing.presence == "unknown" for standing in known)
 
     def nearest(self) -> list[tuple[str, float | None]]:
         """The near misses and their distances."""
@@ -52,7 +52,7 @@ class BruteForce:
             return [(text_id, None) for text_id in self._perhaps_called(missing)]
         if self.things.relation is not None and (misses := self._too_far(self.things, self.things.relation)):
             return misses
-        return [(each.id, None) for each in self._called(self.things) if each.states][:3]
+        return [(instance.id, None) for instance in self._called(self.things) if instance.states][:3]
 
     def _find(self, things: Things, *, as_reference: bool) -> list[Fit]:
         labels = None if things.noun is None or self._named(things.noun) else self._labels(things.noun)
@@ -117,13 +117,13 @@ class BruteForce:
         vocabulary = load_vocabulary()
         name = vocabulary.normalise(noun)
         doubtful = [
-            (-share, each.number, each.id)
-            for each in self.believed
-            for label, share in each.label_belief.items()
-            if share >= 0.1 and vocabulary.normalise(label) in vocabulary.names_of(name) and each.states
+            (-share, instance.number, instance.id)
+            for instance in self.believed
+            for label, share in instance.label_belief.items()
+            if share >= 0.1 and vocabulary.normalise(label) in vocabulary.names_of(name) and instance.states
         ]
-        close = get_close_matches(name, sorted({each.label for each in self.believed}), 1, 0.75)
-        spelt = [each.id for each in self.believed if each.label in close and each.states]
+        close = get_close_matches(name, sorted({instance.label for instance in self.believed}), 1, 0.75)
+        spelt = [instance.id for instance in self.believed if instance.label in close and instance.states]
         return ([text_id for _, _, text_id in sorted(doubtful)] + spelt)[:3]
 
     def _missing(self, things: Things) -> str | None:
@@ -141,8 +141,14 @@ class BruteForce:
         if (named := self._named(things.noun)) is not None:
             return [named]
         wanted = self._labels(things.noun)
-        return [each for each in self.believed if ({each.label} | {state.label for state in each.states}) & wanted]
+        return [
+            instance
+            for instance in self.believed
+            if ({instance.label} | {state.label for state in instance.states}) & wanted
+        ]
 
     def _labels(self, noun: str) -> frozenset[str]:
-        labels = {each.label for each in self.believed}
-        return match_labels(noun, labels | {state.label for each in self.believed for state in each.states}).labels
+        labels = {instance.label for instance in self.believed}
+        return match_labels(
+            noun, labels | {state.label for instance in self.believed for state in instance.states}
+        ).labels

@@ -33,7 +33,7 @@ def make_life(rng: np.random.Generator, number: int) -> tuple[InstanceRecord, li
     belief = {label: 0.8, "stool": float(rng.choice([0.05, 0.12, 0.15]))}
     record = replace(record, box=states[-1].box, centroid_map=states[-1].centroid_map, label_belief=belief)
     seen = [m.visit(number, int(rng.integers(0, 3)), 3) for _ in TRAVERSALS]
-    return record, states, [[each] if each.supported or rng.random() < 0.5 else [] for each in seen]
+    return record, states, [[visit] if visit.supported or rng.random() < 0.5 else [] for visit in seen]
 
 
 def make_edges(rng: np.random.Generator, things: int) -> list[SpatialEdge]:
@@ -58,7 +58,7 @@ def make_random_memory(path: Path, seed: int) -> Path:
             records[number - 1] = replace(records[number - 1], merged_into=int(rng.integers(1, number)))
     first = MapDelta(
         keyframes=m.keyframes(list(range(50))),
-        observations=tuple(m.observation(each.number, 10 + each.number) for each in records),
+        observations=tuple(m.observation(record.number, 10 + record.number) for record in records),
         instances=tuple(records),
         states=tuple(state for _, states, _ in lives for state in states),
         visits=tuple(visit for _, _, visits in lives for visit in visits[0]),

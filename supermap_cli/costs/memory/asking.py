@@ -17,14 +17,14 @@ from supermap_cli.costs.peak_memory import memory_mb, peak_memory_mb
 from supermap_cli.memory import open_store
 from supermap_cli.memory.opening import read_sql
 from supermap_cli.memory.reading import MapReader
+from supermap_cli.query.answers import Answer, answer
 from supermap_cli.query.clock import clock_of
 from supermap_cli.query.details import details, details_at
 from supermap_cli.query.diff import Diff, diff
-from supermap_cli.query.instants import instant_of
 from supermap_cli.query.inventory import Inventory, inventory
-from supermap_cli.query.life import history
+from supermap_cli.query.object_history import history
 from supermap_cli.query.overview import Overview, overview, overview_at
-from supermap_cli.query.resolution import Answer, answer
+from supermap_cli.query.time_points import instant_of
 from supermap_cli.query.views import to_document
 
 REPEATS = 5

@@ -11,8 +11,8 @@ from supermap_cli.memory.linked import End, Linked
 from supermap_cli.memory.numbers import batches
 from supermap_cli.memory.reading import MapReader
 from supermap_cli.query.candidates import PART, Called, Candidate, Counted, Listed, Pool
-from supermap_cli.query.moments import Moment, Span
 from supermap_cli.query.relations import REACH, STORED_FORMS, RelationName, box_distance_m, holds
+from supermap_cli.query.time_selector import Moment, Span
 from supermap_cli.query.views import RelationView
 from supermap_cli.types.memory import SpatialEdge, StateRecord
 
@@ -64,11 +64,13 @@ class Relating:
             for numbers in one.numbers():
                 links = self._links(numbers, basis, other, turned=from_references)
                 part = _in_order_of(numbers, one.among([number for number in numbers if number in links.partners]))
-                partners = other.among({it for each in part for it in links.partners[each.instance.number]})
+                partners = other.among(
+                    {partner for candidate in part for partner in links.partners[candidate.instance.number]}
+                )
                 pair = (partners, part) if from_references else (part, partners)
-                for each in self._related(*pair, links, basis):
+                for candidate in self._related(*pair, links, basis):
                     found = True
-                    yield basis, each
+                    yield basis, candidate
             if found:
                 return
 
@@ -90,7 +92,7 @@ class Relating:
             else:
                 fits |= numbers - merged
         for part in batches(sorted(unsure - fits), PART):
-            fits.update(each.instance.number for each in self.complete(candidates.among(part), "stored"))
+            fits.update(candidate.instance.number for candidate in self.complete(candidates.among(part), "stored"))
         return Counted(len(fits), len(fits)) if fits else None
 
     def _any_stored(self, candidates: Pool) -> bool:
@@ -109,20 +111,20 @@ class Relating:
             return None
         if min(candidates.size(), self.references.size()) <= FEW:
             return None
-        one, other = (End(each.labels, each.number) for each in (candidates, self.references))
+        one, other = (End(pool.labels, pool.number) for pool in (candidates, self.references))
         return Linked(self.reader, one, other, int(self.moment.low_ns))
 
     def complete(self, candidates: list[Candidate], basis: Basis) -> list[Candidate]:
         """Those of the candidates that fit, with all their relations."""
-        numbers = {each.instance.number for each in candidates}
+        numbers = {candidate.instance.number for candidate in candidates}
         links = self._links(numbers, basis, self.references)
         partners = {partner for number in numbers for partner in links.partners.get(number, ())}
         return self._related(candidates, self.references.among(partners), links, basis)
 
     def among(self, candidates: Pool) -> Listed:
         """All that fit, as a pool of its own."""
-        found = {each.key: replace(each, relations=()) for _, each in self.matches(candidates)}
-        return Listed([each for _, each in sorted(found.items())])
+        found = {candidate.key: replace(candidate, relations=()) for _, candidate in self.matches(candidates)}
+        return Listed([candidate for _, candidate in sorted(found.items())])
 
     def _links(self, numbers: Collection[int], basis: Basis, others: Pool, *, turned: bool = False) -> Links:
         """Between some candidates and the references (`turned`: some references and the candidates)."""
@@ -140,8 +142,8 @@ class Relating:
         self, candidates: list[Candidate], references: list[Candidate], links: Links, basis: Basis
     ) -> list[Candidate]:
         by_number: dict[int, list[Candidate]] = defaultdict(list)
-        for each in sorted(references, key=lambda each: each.key):
-            by_number[each.instance.number].append(each)
+        for reference in sorted(references, key=lambda reference: reference.key):
+            by_number[reference.instance.number].append(reference)
         found = []
         for candidate in candidates:
             linked = sorted(links.partners.get(candidate.instance.number, set()) - {candidate.instance.number})
@@ -204,4 +206,4 @@ def _distance_m(first: StateRecord, second: StateRecord) -> float:
 def _in_order_of(numbers: Collection[int], candidates: list[Candidate]) -> list[Candidate]:
     """Candidates as their numbers come; the states of each stay in order."""
     place = {number: at for at, number in enumerate(numbers)}
-    return sorted(candidates, key=lambda each: place[each.instance.number])
+    return sorted(candidates, key=lambda candidate: place[candidate.instance.number])

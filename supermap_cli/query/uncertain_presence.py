@@ -38,7 +38,7 @@ def perhaps(called: Called, listed: Iterable[InstanceView], *, counting: bool) -
     """Of all that were ever called so, those of which nobody can say, but for those that are listed."""
     if called.moment.kind != "at":
         return NOBODY
-    told = {each.id: each.presence for each in listed}
+    told = {view.id: view.presence for view in listed}
     if counting and called.number is None:
         as_of = called.as_of()
         first, tally = as_of.unsure(called.labels, NOTED, told), as_of.tally(called.labels)
@@ -46,13 +46,13 @@ def perhaps(called: Called, listed: Iterable[InstanceView], *, counting: bool) -
         return Perhaps(_by_number(called.reader.lives_of(first)), count, tally.besides)
     unsure: dict[int, StoredInstance] = {}
     looked_at = None
-    for at, each in enumerate(called.lives()):
+    for at, instance in enumerate(called.lives()):
         if at == LOOKED_AT:
             looked_at = LOOKED_AT
             break
-        standing = called.moment.standing(each)
-        if each.id not in told and standing is not None and standing.presence == "unknown":
-            unsure[each.number] = each
+        standing = called.moment.standing(instance)
+        if instance.id not in told and standing is not None and standing.presence == "unknown":
+            unsure[instance.number] = instance
     return Perhaps(_by_number(unsure), len(unsure), len(unsure), looked_at)
 
 

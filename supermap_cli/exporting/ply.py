@@ -19,12 +19,12 @@ from typing import BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from supermap_cli.exporting.leaving import Leaving
+from supermap_cli.exporting.exported_instance import Leaving
 from supermap_cli.exporting.selection import Source
 from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.mapping.voxel_map import voxel_map_from_cloud
 from supermap_cli.memory.streaming import stream_geometry
-from supermap_cli.query.standing import in_words
+from supermap_cli.query.presence_at import in_words
 from supermap_cli.types.memory import VoxelCloud
 
 VERTEX = np.dtype(
@@ -68,16 +68,16 @@ def _write_catalogue(source: Source, file: BinaryIO) -> dict[int, int]:
     """The comments; returns the index of every instance's label."""
     labels: dict[str, int] = {}
     of_instance: dict[int, int] = {}
-    for each in source.instances():
-        label = of_instance[each.number] = labels.setdefault(each.label, len(labels))
-        _comment(file, f"instance {each.number} {each.id} label {label}")
-        if each.standing is not None and source.selection.at is not None:
-            why = in_words(each.standing, source.selection.at.at_ns, source.clock)
-            _comment(file, f"instance {each.number} is {each.presence}: {why}")
-        for state, shift_m in zip(each.states, _shifts_m(each), strict=True):
+    for instance in source.instances():
+        label = of_instance[instance.number] = labels.setdefault(instance.label, len(labels))
+        _comment(file, f"instance {instance.number} {instance.id} label {label}")
+        if instance.standing is not None and source.selection.at is not None:
+            why = in_words(instance.standing, source.selection.at.at_ns, source.clock)
+            _comment(file, f"instance {instance.number} is {instance.presence}: {why}")
+        for state, shift_m in zip(instance.states, _shifts_m(instance), strict=True):
             if shift_m.any():
                 moved = " ".join(f"{value:.4f}" for value in shift_m)
-                _comment(file, f"instance {each.number} state {state.index} is its newest shape shifted by {moved}")
+                _comment(file, f"instance {instance.number} state {state.index} is its newest shape shifted by {moved}")
     for name, label in labels.items():
         _comment(file, f"label {label} {name}")
     return of_instance

@@ -29,8 +29,8 @@ class Name:
 def label_shares(seen: Iterable[Naming]) -> dict[str, float]:
     """How much of what was observed says which label, weighed by score, the likeliest first."""
     weights: dict[str, float] = defaultdict(float)
-    for each in seen:
-        weights[each.label] += each.score
+    for observation in seen:
+        weights[observation.label] += observation.score
     whole = sum(weights.values())
     ranked = sorted(weights.items(), key=lambda item: (-item[1], item[0]))
     return {label: weight / whole for label, weight in ranked} if whole > 0 else {}
@@ -39,8 +39,8 @@ def label_shares(seen: Iterable[Naming]) -> dict[str, float]:
 def by_traversal(seen: Iterable[N]) -> dict[int, list[N]]:
     """Observations by the traversal that made them, in the order of time."""
     grouped: dict[int, list[N]] = defaultdict(list)
-    for each in seen:
-        grouped[each.traversal_id].append(each)
+    for observation in seen:
+        grouped[observation.traversal_id].append(observation)
     return dict(grouped)
 
 
@@ -54,6 +54,6 @@ def sure_name(seen: Sequence[Naming]) -> Name | None:
 
 def name_by(seen: Iterable[N], at_ns: int) -> Name | None:
     """What a thing was called by a time: by the last traversal that was sure by then."""
-    until = [each for each in seen if each.stamp_ns <= at_ns]
+    until = [observation for observation in seen if observation.stamp_ns <= at_ns]
     names = [name for of_one in by_traversal(until).values() if (name := sure_name(of_one)) is not None]
     return names[-1] if names else None

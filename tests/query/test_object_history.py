@@ -11,9 +11,9 @@ import pytest
 from supermap_cli.memory import open_store
 from supermap_cli.memory.reading import MapReader
 from supermap_cli.query.clock import clock_of
-from supermap_cli.query.instants import instant_of
-from supermap_cli.query.life import MOST_RELATIONS, History, history
-from supermap_cli.query.story import MOST_SENTENCES, shortened, story
+from supermap_cli.query.history_text import MOST_SENTENCES, shortened, story
+from supermap_cli.query.object_history import MOST_RELATIONS, History, history
+from supermap_cli.query.time_points import instant_of
 from supermap_cli.types.memory import MapDelta
 from support import kitchen
 from support import memories as m
@@ -41,7 +41,7 @@ def test_it_says_where_it_stood_when_and_next_to_what(reader: MapReader) -> None
         "last seen 09:18:10.0Z; stands there as far as anybody knows",
     ]
     near, none = life.surroundings
-    assert [(each.name, each.object) for each in near.relations] == [
+    assert [(relation.name, relation.object) for relation in near.relations] == [
         ("beside", "dining-table-1"),
         ("near", "potted-plant-1"),
     ]
@@ -60,11 +60,11 @@ def test_what_came_and_what_left_are_told_with_their_bounds(reader: MapReader) -
 
 def test_a_life_is_told_until_a_time(reader: MapReader) -> None:
     life, sentences = told(reader, "chair-1", "09:10")
-    assert [each.state for each in life.intervals] == [0]
-    assert [each.traversal for each in life.sightings] == ["monday"]
+    assert [interval.state for interval in life.intervals] == [0]
+    assert [sighting.traversal for sighting in life.sightings] == ["monday"]
     assert (life.presence, life.last_seen_ns) == ("unknown", m.ns(90))
     assert sentences[-1].startswith("as of 2026-01-05T09:10:00.0Z: left between")
-    assert [each.kind for each in life.events] == ["moved"]
+    assert [event.kind for event in life.events] == ["moved"]
     assert told(reader, "chair-1", "60 s")[0].events == ()
 
 
@@ -74,7 +74,7 @@ def test_what_it_was_called_is_told_where_that_changed(tmp_path: Path) -> None:
         return MapDelta(
             keyframes=m.keyframes(stamps),
             instances=(m.instance(1, label, seen=(1, stamps[-1])),),
-            observations=tuple(m.observation(1, each, label) for each in stamps),
+            observations=tuple(m.observation(1, stamp_s, label) for stamp_s in stamps),
             visits=(m.visit(1, 4, 4),),
             states=(m.state(1, 0, (1, stamps[-1]), label=label),),
         )
@@ -83,7 +83,7 @@ def test_what_it_was_called_is_told_where_that_changed(tmp_path: Path) -> None:
     path = m.make_memory(tmp_path / "map.db", *days)
     with open_store(str(path), read_only=True) as store, store.reader() as reader:
         life, sentences = told(reader, "chair-1")
-    assert [each.labels for each in life.sightings] == [{"chair": 1.0}, {"chair": 1.0}, {"bench": 1.0}]
+    assert [sighting.labels for sighting in life.sightings] == [{"chair": 1.0}, {"chair": 1.0}, {"bench": 1.0}]
     assert "called chair in day-0, day-1, then bench in day-2" in sentences
 
 
@@ -115,9 +115,12 @@ def test_a_long_life_stays_readable(tmp_path: Path) -> None:
         observations=tuple(m.observation(1, 10.0 * at, "cart") for at in range(moves)),
         states=(
             *(m.state(1, at, (10 * at, 10 * at + 5), (at % 7, 0, 0.5), label="cart") for at in range(moves)),
-            *(m.state(each.number, 0, (0, 10 * moves), (each.number, 0, 0.5), label="box") for each in things),
+            *(
+                m.state(instance.number, 0, (0, 10 * moves), (instance.number, 0, 0.5), label="box")
+                for instance in things
+            ),
         ),
-        spatial_edges=tuple(m.spatial(1, "near", each.number, 0) for each in things),
+        spatial_edges=tuple(m.spatial(1, "near", instance.number, 0) for instance in things),
         visits=(m.visit(1, moves, moves),),
     )
     path = m.make_memory(tmp_path / "map.db", ("monday", (0, 10 * moves), delta))
@@ -126,10 +129,12 @@ def test_a_long_life_stays_readable(tmp_path: Path) -> None:
     assert len(life.intervals) == moves
     assert len(sentences) == MOST_SENTENCES + 1
     assert sentences[MOST_SENTENCES // 2].startswith("... ")
-    assert {(len(each.relations), each.more) for each in life.surroundings} == {(MOST_RELATIONS, 40 - MOST_RELATIONS)}
+    assert {(len(surroundings.relations), surroundings.more) for surroundings in life.surroundings} == {
+        (MOST_RELATIONS, 40 - MOST_RELATIONS)
+    }
 
 
 def test_lines_are_shortened_only_where_there_are_too_many() -> None:
-    lines = [str(each) for each in range(10)]
+    lines = [str(number) for number in range(10)]
     assert shortened(lines, 10) == lines
     assert shortened(lines, 4) == ["0", "1", "... 6 more ...", "8", "9"]

@@ -10,10 +10,10 @@ from supermap_cli.memory.reading import MapReader
 from supermap_cli.memory.values import ObservationRef, StoredInstance, StoredVisit
 from supermap_cli.query.clock import Clock
 from supermap_cli.query.details import find_instance, merged_ids, relation_view
-from supermap_cli.query.instants import Instant
-from supermap_cli.query.moments import state_end_ns
-from supermap_cli.query.naming import by_traversal, label_shares, name_by
-from supermap_cli.query.standing import Known, StandingView, standing_at, standing_view
+from supermap_cli.query.label_consensus import by_traversal, label_shares, name_by
+from supermap_cli.query.presence_at import Known, StandingView, standing_at, standing_view
+from supermap_cli.query.time_points import Instant
+from supermap_cli.query.time_selector import state_end_ns
 from supermap_cli.query.views import (
     EventView,
     EvidenceView,
@@ -102,18 +102,20 @@ def history(reader: MapReader, text_id: str, until: Instant | None = None, clock
     instance = find_instance(reader, text_id)
     end_ns = None if until is None else until.at_ns
     standing = None if until is None else standing_at(instance, until.at_ns, until.begun_ns)
-    seen = [each for each in reader.observations(instance) if end_ns is None or each.stamp_ns <= end_ns]
-    states = [each for each in instance.states if end_ns is None or each.first_seen_ns <= end_ns]
+    seen = [
+        observation for observation in reader.observations(instance) if end_ns is None or observation.stamp_ns <= end_ns
+    ]
+    states = [state for state in instance.states if end_ns is None or state.first_seen_ns <= end_ns]
     edges = [
         edge
         for edge in reader.temporal_edges(instance.numbers)
         if end_ns is None or (edge.not_before_ns or edge.not_after_ns) <= end_ns
     ]
     moved = {(edge.from_number, edge.from_state) for edge in edges if edge.kind == "moved"}
-    edges = [each for each in edges if each.kind != "disappeared" or (each.from_number, each.from_state) not in moved]
+    edges = [edge for edge in edges if edge.kind != "disappeared" or (edge.from_number, edge.from_state) not in moved]
     reader.text_ids.of({number for edge in edges for number in (edge.from_number, edge.to_number)})
     view = None if standing is None or clock is None or end_ns is None else standing_view(standing, end_ns, clock)
-    visits = [each for each in instance.visits if _begun(reader, each.traversal_id, end_ns)]
+    visits = [visit for visit in instance.visits if _begun(reader, visit.traversal_id, end_ns)]
     name = None if end_ns is None else name_by(seen, end_ns)
     return History(
         id=instance.id,
@@ -136,13 +138,15 @@ def history(reader: MapReader, text_id: str, until: Instant | None = None, clock
 
 
 def _begun(reader: MapReader, traversal_id: int, end_ns: int | None) -> bool:
-    return end_ns is None or any(each.id == traversal_id and each.start_ns <= end_ns for each in reader.traversals)
+    return end_ns is None or any(
+        traversal.id == traversal_id and traversal.start_ns <= end_ns for traversal in reader.traversals
+    )
 
 
 def _sightings(
     reader: MapReader, visits: Iterable[StoredVisit], seen: Sequence[ObservationRef]
 ) -> tuple[SightingsView, ...]:
-    names = {each.id: each.name for each in reader.traversals}
+    names = {traversal.id: traversal.name for traversal in reader.traversals}
     own = by_traversal(seen)
     return tuple(
         SightingsView(
@@ -155,7 +159,7 @@ def _sightings(
             len(own.get(visit.traversal_id, ())),
             {label: round(share, 4) for label, share in label_shares(own.get(visit.traversal_id, ())).items()},
         )
-        for visit in sorted(visits, key=lambda each: each.traversal_id)
+        for visit in sorted(visits, key=lambda visit: visit.traversal_id)
     )
 
 
@@ -163,18 +167,18 @@ def _surroundings(
     reader: MapReader, instance: StoredInstance, states: Sequence[StateRecord], end_ns: int | None
 ) -> tuple[SurroundingsView, ...]:
     """The relations of each state, every one once, with all of the time that it held in that state."""
-    edges = [each for each in reader.edges_of([instance.number]) if end_ns is None or each.since_ns <= end_ns]
+    edges = [edge for edge in reader.edges_of([instance.number]) if end_ns is None or edge.since_ns <= end_ns]
     others = {number for edge in edges for number in (edge.subject, edge.object)}
     reader.text_ids.of(others)
-    known = {each.number: each for each in reader.instances_of(others)}
+    known = {instance.number: instance for instance in reader.instances_of(others)}
     told = []
     for state in states:
         high = state_end_ns(state, instance.states)
-        held = _joined(each for each in edges if _within(each, state.first_seen_ns, high))
+        held = _joined(edge for edge in edges if _within(edge, state.first_seen_ns, high))
         ranked = _most_telling(held, instance.number)
         views = tuple(
-            relation_view(reader, each, known[each.subject], known[each.object], state.last_seen_ns)
-            for each in ranked[:MOST_RELATIONS]
+            relation_view(reader, edge, known[edge.subject], known[edge.object], state.last_seen_ns)
+            for edge in ranked[:MOST_RELATIONS]
         )
         told.append(SurroundingsView(state.index, views, max(0, len(ranked) - MOST_RELATIONS)))
     return tuple(told)
@@ -225,21 +229,23 @@ def _frames(
     reader: MapReader, instance: StoredInstance, states: Sequence[StateRecord], end_ns: int | None
 ) -> tuple[FrameView, ...]:
     """The best pictures of each state: one of each traversal, of the latest traversals if there are many."""
-    names = {each.id: each.name for each in reader.traversals}
+    names = {traversal.id: traversal.name for traversal in reader.traversals}
     crops = [
-        each
-        for each in crops_of(reader, [instance.number]).get(instance.number, [])
-        if end_ns is None or each.stamp_ns <= end_ns
+        crop
+        for crop in crops_of(reader, [instance.number]).get(instance.number, [])
+        if end_ns is None or crop.stamp_ns <= end_ns
     ]
     best: dict[tuple[int | None, int], Crop] = {}
-    for crop in crops:  # each is kept only where it is better than those before
-        state = next((each.index for each in states if each.first_seen_ns <= crop.stamp_ns <= each.last_seen_ns), None)
+    for crop in crops:  # a crop is kept only where it is better than those before
+        state = next(
+            (state.index for state in states if state.first_seen_ns <= crop.stamp_ns <= state.last_seen_ns), None
+        )
         best[state, crop.traversal_id] = crop
     chosen: list[FrameView] = []
     for index in dict.fromkeys(state for state, _ in best):
         own = [crop for (state, _), crop in best.items() if state == index][-MOST_FRAMES:]
         chosen += [
-            FrameView(each.observation, each.keyframe_id, each.stamp_ns, names[each.traversal_id], index, each.score)
-            for each in own
+            FrameView(crop.observation, crop.keyframe_id, crop.stamp_ns, names[crop.traversal_id], index, crop.score)
+            for crop in own
         ]
-    return tuple(sorted(chosen, key=lambda each: (each.stamp_ns, each.observation)))
+    return tuple(sorted(chosen, key=lambda frame: (frame.stamp_ns, frame.observation)))

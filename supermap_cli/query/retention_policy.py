@@ -13,7 +13,7 @@ from supermap_cli.memory.reading import MapReader
 from supermap_cli.memory.retention import KeptFrom
 from supermap_cli.memory.values import StoredTraversal
 from supermap_cli.query.clock import Clock, clock_of
-from supermap_cli.query.instants import instant_of
+from supermap_cli.query.time_points import instant_of
 from supermap_cli.query.views import EvidenceView
 
 KINDS = ("crops", "observations", "thumbnails")
@@ -30,10 +30,10 @@ def kept_from(words: Collection[str], reader: MapReader) -> KeptFrom:
     """The limits that words like "crops=30d" mean in a map. Raises `QueryError` for what is not understood."""
     limits: dict[str, int] = {}
     best_crops = True
-    for each in words:
-        kind, _, said = (part.strip() for part in each.partition("="))
+    for word in words:
+        kind, _, said = (part.strip() for part in word.partition("="))
         if kind not in KINDS or not said:
-            raise QueryError(f"'{each}' does not say what to keep", cure=CURE)
+            raise QueryError(f"'{word}' does not say what to keep", cure=CURE)
         if kind in limits:
             raise QueryError(f"{kind} are said twice", cure="say each once")
         if said == "none" and kind == "observations":
@@ -46,22 +46,22 @@ def kept_from(words: Collection[str], reader: MapReader) -> KeptFrom:
 def given_up_notes(traversals: Iterable[StoredTraversal], clock: Clock) -> list[str]:
     """What an answer that speaks of these traversals cannot show any more."""
     notes = []
-    for each in traversals:
+    for traversal in traversals:
         limits = {
-            "observations": each.observations_kept_from_ns,
-            "crops": each.crops_kept_from_ns,
-            "thumbnails": each.thumbnails_kept_from_ns,
+            "observations": traversal.observations_kept_from_ns,
+            "crops": traversal.crops_kept_from_ns,
+            "thumbnails": traversal.thumbnails_kept_from_ns,
         }
         for limit_ns in dict.fromkeys(limit_ns for limit_ns in limits.values() if limit_ns is not None):
             kinds = " and ".join(kind for kind, other_ns in limits.items() if other_ns == limit_ns)
-            when = "" if limit_ns > each.end_ns else f" from before {clock.text(limit_ns)}"
-            notes.append(f"most {kinds} of {each.name}{when} were given up")
+            when = "" if limit_ns > traversal.end_ns else f" from before {clock.text(limit_ns)}"
+            notes.append(f"most {kinds} of {traversal.name}{when} were given up")
     return notes
 
 
 def evidence_notes(evidence: Iterable[EvidenceView], clock: Clock) -> list[str]:
     """What evidence lacks that there once was."""
-    limits = [each.given_up_before_ns for each in evidence if each.given_up_before_ns is not None]
+    limits = [view.given_up_before_ns for view in evidence if view.given_up_before_ns is not None]
     return [f"of observations from before {clock.text(max(limits))} only the telling ones were kept"] if limits else []
 
 
@@ -71,7 +71,10 @@ def _limit_ns(said: str, reader: MapReader) -> int:
     if age := _AGE.fullmatch(said):
         return reader.now_ns - round(float(age[1]) * _UNITS_S[age[2]] * 1e9)
     if number := _TRAVERSALS.fullmatch(said):
-        count, complete = int(number[1]), [each for each in reader.traversals if each.status == "complete"]
+        count, complete = (
+            int(number[1]),
+            [traversal for traversal in reader.traversals if traversal.status == "complete"],
+        )
         if count == 0:
             return reader.now_ns + 1
         return complete[-count].start_ns if count <= len(complete) else 0

@@ -55,10 +55,10 @@ def standing_at(instance: StoredInstance, at_ns: int, since_ns: int | None = Non
     """What is known of an instance at a time, or at the end of a traversal that began at `since_ns`; `None` for one
     without any state.
     """
-    states = sorted(instance.states, key=lambda each: each.index)
+    states = sorted(instance.states, key=lambda state: state.index)
     if not states:
         return None
-    begun = [each for each in states if each.first_seen_ns <= at_ns]
+    begun = [state for state in states if state.first_seen_ns <= at_ns]
     last = begun[-1] if begun else None
     if last is not None and at_ns <= last.last_seen_ns:
         return Standing("present", "stands", last, None, None)
@@ -70,8 +70,8 @@ def standing_at(instance: StoredInstance, at_ns: int, since_ns: int | None = Non
 
 def held_at(states: Sequence[StateRecord], at_ns: int) -> StateRecord | None:
     """The state that an instance was last known to be in at a time: begun, and not yet known to have ended."""
-    begun = [each for each in states if each.first_seen_ns <= at_ns]
-    last = max(begun, key=lambda each: each.index, default=None)
+    begun = [state for state in states if state.first_seen_ns <= at_ns]
+    last = max(begun, key=lambda state: state.index, default=None)
     return None if last is None or (last.gone_ns is not None and last.gone_ns <= at_ns) else last
 
 
@@ -101,7 +101,7 @@ def _after(last: StateRecord, after: StateRecord | None, at_ns: int, *, lost: bo
     if gone_ns is None and after is None:
         cause: Cause = "not seen since" if lost else "stands"
         return Standing("unknown" if lost else "present", cause, last, last.last_seen_ns if lost else None, None)
-    ended = [each for each in (gone_ns, None if after is None else after.first_seen_ns) if each is not None]
+    ended = [end_ns for end_ns in (gone_ns, None if after is None else after.first_seen_ns) if end_ns is not None]
     if at_ns < min(ended):
         return Standing("unknown", "left", last, last.last_seen_ns, min(ended))
     if after is None:

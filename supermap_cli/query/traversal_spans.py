@@ -51,14 +51,20 @@ class Stretch:
 def stretches_of(traversals: Sequence[StoredTraversal]) -> tuple[Stretch, ...]:
     """The stretches of a map's traversals, in the order of building."""
     return tuple(
-        Stretch(each.number, each.name, each.start_ns, max(each.end_ns, each.mapped_ns or 0), each.clock_shift_ns)
-        for each in traversals
+        Stretch(
+            traversal.number,
+            traversal.name,
+            traversal.start_ns,
+            max(traversal.end_ns, traversal.mapped_ns or 0),
+            traversal.clock_shift_ns,
+        )
+        for traversal in traversals
     )
 
 
 def stretch_at(stretches: Sequence[Stretch], stamp_ns: int) -> Stretch:
     """Whose time a stamp of the map is: the traversal that began last before it."""
-    begun = [each for each in stretches if each.start_ns <= stamp_ns]
+    begun = [span for span in stretches if span.start_ns <= stamp_ns]
     return (begun[-1:] or stretches[:1] or [Stretch(1, "map", 0, 0)])[0]
 
 

@@ -92,10 +92,10 @@ TRAVERSALS = (_traversal(1, 0, 66), _traversal(2, 67, 133), _traversal(3, 134, E
 
 def visited() -> st.SearchStrategy[StoredInstance]:
     """Random lives, and how often each of `TRAVERSALS` saw them."""
-    return state_lists().map(lambda states: life(states, tuple(_visit(each, states) for each in TRAVERSALS)))
+    return state_lists().map(lambda states: life(states, tuple(_visit(traversal, states) for traversal in TRAVERSALS)))
 
 
 def _visit(traversal: StoredTraversal, states: tuple[StateRecord, ...]) -> StoredVisit:
-    supports = [ns for each in states for ns in (each.first_seen_ns, each.last_seen_ns)]
-    supported = sum(traversal.start_ns <= each <= traversal.end_ns for each in supports)
+    supports = [ns for state in states for ns in (state.first_seen_ns, state.last_seen_ns)]
+    supported = sum(traversal.start_ns <= support_ns <= traversal.end_ns for support_ns in supports)
     return StoredVisit(traversal.id, 1, supported, supported, 0, None, None)

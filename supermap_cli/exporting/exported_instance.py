@@ -9,8 +9,8 @@ from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.geometry.boxes import Box3D
 from supermap_cli.memory.values import Said, StoredInstance, StoredVisit
 from supermap_cli.query.details import log_odds
-from supermap_cli.query.naming import label_shares, name_by
-from supermap_cli.query.standing import Known, Standing
+from supermap_cli.query.label_consensus import label_shares, name_by
+from supermap_cli.query.presence_at import Known, Standing
 from supermap_cli.types.memory import Presence, StateRecord
 
 
@@ -72,7 +72,7 @@ def leaving_today(instance: StoredInstance, states: tuple[StateRecord, ...]) -> 
 
 def leaving_as_of(instance: StoredInstance, standing: Standing, at_ns: int, said: Sequence[Said]) -> Leaving:
     """An instance as it was at a time, by what had been said of it (`said`: all that ever was, or none)."""
-    state, seen = standing.state, [each for each in said if each.stamp_ns <= at_ns]
+    state, seen = standing.state, [observation for observation in said if observation.stamp_ns <= at_ns]
     name = name_by(seen, at_ns)
     return Leaving(
         number=instance.number,
@@ -82,7 +82,7 @@ def leaving_as_of(instance: StoredInstance, standing: Standing, at_ns: int, said
         presence=standing.presence,
         existence_log_odds=log_odds(state),
         first_seen_ns=instance.first_seen_ns,
-        last_seen_ns=max((each.stamp_ns for each in seen), default=instance.first_seen_ns),
+        last_seen_ns=max((observation.stamp_ns for observation in seen), default=instance.first_seen_ns),
         centroid_map=state.centroid_map,
         box=state.box,
         observations=len(seen),

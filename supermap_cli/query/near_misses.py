@@ -54,11 +54,15 @@ def closest(reader: MapReader, candidates: Called, references: Pool) -> list[Apa
     """
     if max(candidates.size(), references.size()) <= FEW:
         everything = list(chain.from_iterable(references.parts()))
-        return _nearest(_apart(each, it) for each in chain.from_iterable(candidates.parts()) for it in everything)
+        return _nearest(
+            _apart(candidate, reference)
+            for candidate in chain.from_iterable(candidates.parts())
+            for reference in everything
+        )
     reach_m, found = 1.0, _touching(reader, candidates, references)
     while len(found) < NEAREST and reach_m <= FARTHEST_M:
         found = _nearest(
-            each for each in _within(reader, candidates, references, reach_m) if each.distance_m <= reach_m
+            pair for pair in _within(reader, candidates, references, reach_m) if pair.distance_m <= reach_m
         )
         reach_m *= 4
     return found
@@ -72,11 +76,11 @@ def _touching(reader: MapReader, candidates: Called, references: Pool) -> list[A
         for here, there in reader.finder.near(part, Reach(0.0, 0.0)):
             near[here].add(there)
         by_number: dict[int, list[Candidate]] = defaultdict(list)
-        for it in references.among({number for of_one in near.values() for number in of_one}):
-            by_number[it.instance.number].append(it)
-        for each in candidates.among(near):
-            beside = (it for number in near[each.instance.number] for it in by_number[number])
-            pairs += [apart for it in beside if (apart := _apart(each, it)).distance_m == 0]
+        for reference in references.among({number for of_one in near.values() for number in of_one}):
+            by_number[reference.instance.number].append(reference)
+        for candidate in candidates.among(near):
+            beside = (reference for number in near[candidate.instance.number] for reference in by_number[number])
+            pairs += [apart for reference in beside if (apart := _apart(candidate, reference)).distance_m == 0]
         found = _nearest(pairs)
         if len(found) == NEAREST:
             return found
@@ -85,11 +89,11 @@ def _touching(reader: MapReader, candidates: Called, references: Pool) -> list[A
 
 def _nearest(pairs: Iterable[Apart]) -> list[Apart]:
     best: dict[int, Apart] = {}
-    for each in pairs:
-        number = each.candidate.instance.number
-        if number != each.reference.instance.number and (number not in best or each.rank < best[number].rank):
-            best[number] = each
-    return sorted(best.values(), key=lambda each: each.rank)[:NEAREST]
+    for pair in pairs:
+        number = pair.candidate.instance.number
+        if number != pair.reference.instance.number and (number not in best or pair.rank < best[number].rank):
+            best[number] = pair
+    return sorted(best.values(), key=lambda pair: pair.rank)[:NEAREST]
 
 
 def _within(reader: MapReader, candidates: Pool, references: Pool, reach_m: float) -> Iterator[Apart]:
@@ -98,14 +102,20 @@ def _within(reader: MapReader, candidates: Pool, references: Pool, reach_m: floa
     one, other = (references, candidates) if turned else (candidates, references)
     for part in one.parts():
         near: dict[int, set[int]] = defaultdict(set)
-        for here, there in reader.finder.near({each.instance.number for each in part}, Reach(reach_m, reach_m)):
+        for here, there in reader.finder.near(
+            {near_candidate.instance.number for near_candidate in part}, Reach(reach_m, reach_m)
+        ):
             near[there].add(here)
         by_number: dict[int, list[Candidate]] = defaultdict(list)
-        for each in part:
-            by_number[each.instance.number].append(each)
-        for it in other.among(near):
-            for each in (each for number in near[it.instance.number] for each in by_number[number]):
-                yield _apart(it, each) if turned else _apart(each, it)
+        for near_candidate in part:
+            by_number[near_candidate.instance.number].append(near_candidate)
+        for other_candidate in other.among(near):
+            for near_candidate in (
+                near_candidate
+                for number in near[other_candidate.instance.number]
+                for near_candidate in by_number[number]
+            ):
+                yield _apart(other_candidate, near_candidate) if turned else _apart(near_candidate, other_candidate)
 
 
 def _apart(candidate: Candidate, reference: Candidate) -> Apart:
@@ -129,5 +139,9 @@ def perhaps_called(reader: MapReader, noun: str) -> list[tuple[StoredInstance, s
     close = get_close_matches(name, sorted(reader.finder.labels_today()), 1, 0.75)
     known = reader.lives_of([*(number for number, _ in reasons), *reader.finder.first_called(close, NEAREST)])
     told = [(known[number], reason) for number, reason in reasons]
-    told += [(each, f"did you mean '{each.label}'?") for _, each in sorted(known.items()) if each.label in close]
+    told += [
+        (instance, f"did you mean '{instance.label}'?")
+        for _, instance in sorted(known.items())
+        if instance.label in close
+    ]
     return told[:NEAREST]

@@ -10,7 +10,7 @@ from supermap_cli.errors import QueryError
 from supermap_cli.memory.reading import MapReader
 from supermap_cli.memory.values import StoredTraversal
 from supermap_cli.query.clock import Clock
-from supermap_cli.query.written_times import names_traversal
+from supermap_cli.query.time_parsing import names_traversal
 
 _LEADS = ("at ", "in ", "during ", "of ", "as of ")
 _DATE = re.compile(r"\d{4}-\d{2}-\d{2}")
@@ -45,15 +45,15 @@ def instant_of(written: str, reader: MapReader, clock: Clock) -> Instant:
     wanted = " ".join(written.casefold().split())
     for lead in sorted(_LEADS, key=len, reverse=True):
         wanted = wanted.removeprefix(lead)
-    names = {each.name.casefold() for each in reader.traversals}
+    names = {traversal.name.casefold() for traversal in reader.traversals}
     if wanted in names or wanted in {"first", "last"} or wanted.isdecimal():
         return of_traversal(find_traversal(reader.traversals, wanted))
     if wanted == "now":
         return _of_time(reader.now_ns, clock)
     if wanted in {"earlier", "before"}:
-        return _of_time(max((each.start_ns for each in reader.traversals), default=0), clock)
+        return _of_time(max((traversal.start_ns for traversal in reader.traversals), default=0), clock)
     if not wanted[:1].isdigit() and not names_traversal(wanted, clock.stretches):
-        known = ", ".join(f"{each.number} {each.name}" for each in reader.traversals) or "none"
+        known = ", ".join(f"{traversal.number} {traversal.name}" for traversal in reader.traversals) or "none"
         raise QueryError(f"'{written}' is neither a time nor a traversal; there are: {known}", cure=CURE)
     read = clock.read(wanted if names_traversal(wanted, clock.stretches) else _bare(wanted))
     return replace(_of_time(read.stamp_ns, clock), note=read.note)
@@ -80,13 +80,13 @@ def _bare(written: str) -> str:
 
 def find_traversal(traversals: Sequence[StoredTraversal], name: str) -> StoredTraversal:
     """A traversal by its name, its number, or "first" and "last". Raises `QueryError` that names those there are."""
-    for each in traversals:
-        if name.casefold() == each.name.casefold():
-            return each
-    for each in traversals:
-        if name == str(each.number):
-            return each
+    for traversal in traversals:
+        if name.casefold() == traversal.name.casefold():
+            return traversal
+    for traversal in traversals:
+        if name == str(traversal.number):
+            return traversal
     if traversals and name in {"first", "last"}:
         return traversals[0 if name == "first" else -1]
-    known = ", ".join(f"{each.number} {each.name}" for each in traversals) or "none"
+    known = ", ".join(f"{traversal.number} {traversal.name}" for traversal in traversals) or "none"
     raise QueryError(f"there is no traversal {name!r}", cure=f"there are: {known}")

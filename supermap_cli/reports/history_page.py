@@ -11,13 +11,13 @@ import numpy as np
 from supermap_cli.memory.pictures import crop_jpegs
 from supermap_cli.memory.reading import MapReader
 from supermap_cli.query.clock import Clock, clock_of
-from supermap_cli.query.life import History
-from supermap_cli.query.story import place, story
+from supermap_cli.query.history_text import place, story
+from supermap_cli.query.object_history import History
 from supermap_cli.query.views import box_of
 from supermap_cli.reports.files import write_file
+from supermap_cli.reports.floor_plan import Arrow, Outline, extent_of, plan_svg
 from supermap_cli.reports.page import page, picture, table
 from supermap_cli.reports.pictures import data_uri
-from supermap_cli.reports.plan import Arrow, Outline, extent_of, plan_svg
 
 MOST_PICTURES, MOST_PLACES = 60, 60
 """Of a longer life the last ones are shown."""
@@ -33,7 +33,7 @@ def life_page(told: History, reader: MapReader) -> str:
     clock = clock_of(reader)
     merged = f", with {', '.join(told.merged_ids)}" if told.merged_ids else ""
     when = "" if told.as_of is None else f" as of {told.as_of}"
-    sentences = "".join(f"<li>{escape(each)}</li>" for each in story(told, clock))
+    sentences = "".join(f"<li>{escape(sentence)}</li>" for sentence in story(told, clock))
     return page(
         f"supermap history {told.id}",
         [
@@ -56,16 +56,16 @@ def life_page(told: History, reader: MapReader) -> str:
 
 def _places(told: History) -> str:
     shown = told.intervals[-MOST_PLACES:]
-    corners = [box_of(each.box).footprint() for each in shown]
+    corners = [box_of(interval.box).footprint() for interval in shown]
     newest = len(shown) - 1
     outlines = [
         Outline(
             outline,
-            f"{each.state}",
-            f"state {each.state}: {place(each.position)}",
+            f"{interval.state}",
+            f"state {interval.state}: {place(interval.position)}",
             "moved" if at == newest and told.presence == "present" else "moved ghost",
         )
-        for at, (each, outline) in enumerate(zip(shown, corners, strict=True))
+        for at, (interval, outline) in enumerate(zip(shown, corners, strict=True))
     ]
     arrows = [
         Arrow(np.array(a.box.center[:2]), np.array(b.box.center[:2]))
@@ -78,14 +78,14 @@ def _places(told: History) -> str:
 
 def _pictures(told: History, reader: MapReader, clock: Clock) -> str:
     frames = told.frames[-MOST_PICTURES:]
-    jpegs = crop_jpegs(reader, [each.observation for each in frames])
+    jpegs = crop_jpegs(reader, [frame.observation for frame in frames])
     shown = [
         picture(
-            data_uri(jpegs[each.observation]),
-            f"{clock.brief(each.stamp_ns)}, {each.traversal}, state {each.state}, observation {each.observation}",
+            data_uri(jpegs[frame.observation]),
+            f"{clock.brief(frame.stamp_ns)}, {frame.traversal}, state {frame.state}, observation {frame.observation}",
         )
-        for each in frames
-        if each.observation in jpegs
+        for frame in frames
+        if frame.observation in jpegs
     ]
     if not shown:
         return "<p>No picture of it is kept.</p>"
@@ -93,22 +93,22 @@ def _pictures(told: History, reader: MapReader, clock: Clock) -> str:
 
 
 def _states(told: History, clock: Clock) -> str:
-    around = {each.state: each for each in told.surroundings}
+    around = {surroundings.state: surroundings for surroundings in told.surroundings}
     rows = []
-    for each in told.intervals:
-        beside = around.get(each.state)
+    for interval in told.intervals:
+        beside = around.get(interval.state)
         relations = [] if beside is None else [f"{r.subject} {r.name} {r.object}" for r in beside.relations]
         if beside is not None and beside.more:
             relations.append(f"{beside.more} more")
         cells = (
-            str(each.state),
-            clock.brief(each.empty_before_ns),
-            clock.brief(each.first_seen_ns),
-            clock.brief(each.last_seen_ns),
-            clock.brief(each.gone_ns),
-            place(each.position),
-            each.label,
-            f"{each.confidence:.2f}",
+            str(interval.state),
+            clock.brief(interval.empty_before_ns),
+            clock.brief(interval.first_seen_ns),
+            clock.brief(interval.last_seen_ns),
+            clock.brief(interval.gone_ns),
+            place(interval.position),
+            interval.label,
+            f"{interval.confidence:.2f}",
         )
         rows.append((tuple(map(escape, cells)), escape("; ".join(relations))))
     columns = (
@@ -127,14 +127,14 @@ def _states(told: History, clock: Clock) -> str:
 def _events(told: History, clock: Clock) -> str:
     rows = [
         (
-            escape(each.kind),
-            escape(each.from_id),
-            escape(each.to_id),
-            escape(clock.span(each.not_before_ns, each.not_after_ns)),
-            "" if each.distance_m is None else f"{each.distance_m:.2f}",
-            f"{each.probability:.2f}",
+            escape(event.kind),
+            escape(event.from_id),
+            escape(event.to_id),
+            escape(clock.span(event.not_before_ns, event.not_after_ns)),
+            "" if event.distance_m is None else f"{event.distance_m:.2f}",
+            f"{event.probability:.2f}",
         )
-        for each in told.events
+        for event in told.events
     ]
     return table(("event", "from", "to", "between", "distance (m)#", "probability#"), ((row, "") for row in rows))
 
@@ -142,15 +142,15 @@ def _events(told: History, clock: Clock) -> str:
 def _sightings(told: History, clock: Clock) -> str:
     rows = [
         (
-            escape(each.traversal),
-            str(each.supported),
-            str(each.in_view),
-            str(each.contradicted),
-            escape(clock.span(each.first_support_ns, each.last_support_ns)),
-            str(each.observation_count),
-            escape(", ".join(f"{label} {share:.0%}" for label, share in each.labels.items())),
+            escape(sighting.traversal),
+            str(sighting.supported),
+            str(sighting.in_view),
+            str(sighting.contradicted),
+            escape(clock.span(sighting.first_support_ns, sighting.last_support_ns)),
+            str(sighting.observation_count),
+            escape(", ".join(f"{label} {share:.0%}" for label, share in sighting.labels.items())),
         )
-        for each in told.sightings
+        for sighting in told.sightings
     ]
     columns = ("traversal", "supported#", "in view#", "seen empty#", "seen", "observations#", "called")
     return table(columns, ((row, "") for row in rows))

@@ -10,18 +10,18 @@ from itertools import chain
 from supermap_cli.errors import QueryError
 from supermap_cli.memory.reading import MapReader
 from supermap_cli.memory.values import StoredInstance
-from supermap_cli.query import wording
+from supermap_cli.query import answer_text
 from supermap_cli.query.candidates import Called, Candidate, Counted, Pool, label_in
 from supermap_cli.query.clock import Clock, clock_of, is_time_of_day
 from supermap_cli.query.grammar import Question, RelatedTo, Things, parse
-from supermap_cli.query.instants import instant_of
-from supermap_cli.query.keeping import evidence_notes
-from supermap_cli.query.misses import NEAREST, closest, perhaps_called
-from supermap_cli.query.moments import Moment, moment_at, moment_of
-from supermap_cli.query.relating import Basis, Relating
+from supermap_cli.query.near_misses import NEAREST, closest, perhaps_called
+from supermap_cli.query.presence_at import Known, Standing, in_words, standing_view
+from supermap_cli.query.relation_matching import Basis, Relating
 from supermap_cli.query.relations import RelationName
-from supermap_cli.query.standing import Known, Standing, in_words, standing_view
-from supermap_cli.query.unsure import NOBODY, NOTED, Perhaps, perhaps
+from supermap_cli.query.retention_policy import evidence_notes
+from supermap_cli.query.time_points import instant_of
+from supermap_cli.query.time_selector import Moment, moment_at, moment_of
+from supermap_cli.query.uncertain_presence import NOBODY, NOTED, Perhaps, perhaps
 from supermap_cli.query.views import (
     LISTED,
     BoxView,
@@ -98,7 +98,7 @@ def answer(text: str, reader: MapReader, at: str | None = None, limit: int = LIS
 
     Raises `QueryError` if it is not understood, or speaks of another time itself.
     """
-    question = parse(text, [each.name for each in reader.traversals])
+    question = parse(text, [traversal.name for traversal in reader.traversals])
     clock = clock_of(reader)
     if at is not None and question.time.said:
         raise QueryError("the question names a time of its own", where=text, cure="leave out --at, or the words")
@@ -110,7 +110,7 @@ def answer(text: str, reader: MapReader, at: str | None = None, limit: int = LIS
     perhaps = resolver.perhaps(question.things, instances, counting=counting)
     nearest = () if instances else resolver.nearest(question.things)
     resolver.note_time(question, found.candidates, at)
-    given_up = evidence_notes((each.evidence for each in instances), clock)
+    given_up = evidence_notes((instance.evidence for instance in instances), clock)
     count = found.sure if counting else None
     at_most = len(instances) + (found.more or 0) + perhaps.besides
     when = moment.text if at else None
@@ -118,9 +118,9 @@ def answer(text: str, reader: MapReader, at: str | None = None, limit: int = LIS
         query=text,
         intent=question.intent,
         time=moment.text,
-        message=wording.found(question, instances, found, when)
+        message=answer_text.found(question, instances, found, when)
         if instances
-        else wording.nothing(question, nearest, resolver.missing(question.things), when),
+        else answer_text.nothing(question, nearest, resolver.missing(question.things), when),
         notes=tuple(dict.fromkeys([*resolver.notes, *resolver.notes_of(perhaps), *given_up])),
         instances=instances,
         relation=resolver.asked(question.things.relation),
@@ -153,15 +153,15 @@ class Resolver:
         numbers: set[int] = set()
         listed: dict[int, Basis] = {}
         sure, complete = 0, True
-        for basis, each in _matches(pool, relating):
-            number = each.instance.number
+        for basis, candidate in _matches(pool, relating):
+            number = candidate.instance.number
             if number in numbers:
                 continue
             if len(listed) == self.limit and (known is not None or not counting):
                 complete = False
                 break
             numbers.add(number)
-            standing = self.standing(each.instance)
+            standing = self.standing(candidate.instance)
             sure += standing is None or standing.presence != "unknown"
             if len(listed) < self.limit:
                 listed[number] = basis
@@ -175,7 +175,7 @@ class Resolver:
         by_instance: dict[int, list[Candidate]] = {}
         for candidate in found:
             by_instance.setdefault(candidate.instance.number, []).append(candidate)
-        whole = {each.number: each for each in self.reader.instances_of(list(by_instance))}
+        whole = {instance.number: instance for instance in self.reader.instances_of(list(by_instance))}
         return tuple(self._view(whole[number], candidates) for number, candidates in sorted(by_instance.items()))
 
     def asked(self, related: RelatedTo | None) -> AskedRelation | None:
@@ -184,10 +184,10 @@ class Resolver:
             return None
         references: dict[int, str] = {}
         pool = self._pool(related.reference, as_reference=True)
-        for each in chain.from_iterable(pool.parts()):
-            if len(references) == self.limit and each.instance.number not in references:
+        for candidate in chain.from_iterable(pool.parts()):
+            if len(references) == self.limit and candidate.instance.number not in references:
                 break
-            references[each.instance.number] = each.instance.id
+            references[candidate.instance.number] = candidate.instance.id
         else:
             return AskedRelation(related.name, related.reference.noun or "anything", _in_order(references))
         return AskedRelation(related.name, related.reference.noun or "anything", _in_order(references), more=True)
@@ -196,11 +196,13 @@ class Resolver:
         """What nearly fits: out of the relation's reach, at another time, or perhaps of that label."""
         if (missing := self.missing(things)) is not None:
             doubtful = perhaps_called(self.reader, missing)
-            return tuple(self._miss(each, each.states[-1], reason) for each, reason in doubtful)
+            return tuple(self._miss(instance, instance.states[-1], reason) for instance, reason in doubtful)
         if things.relation is not None and (misses := self._too_far(things, things.relation)):
             return misses
         known = self._first_called(things)
-        return tuple(self._miss(each, each.states[-1], self.whereabouts(each)) for each in known[:NEAREST])
+        return tuple(
+            self._miss(instance, instance.states[-1], self.whereabouts(instance)) for instance in known[:NEAREST]
+        )
 
     def missing(self, things: Things) -> str | None:
         """The first noun of a phrase that nothing in the map was ever called."""
@@ -218,7 +220,7 @@ class Resolver:
 
     def notes_of(self, perhaps: Perhaps) -> list[str]:
         """What is known of those that perhaps stood there."""
-        told = [f"{each.id}: {self.whereabouts(each)}" for each in perhaps.told[:NOTED]]
+        told = [f"{instance.id}: {self.whereabouts(instance)}" for instance in perhaps.told[:NOTED]]
         if perhaps.count > NOTED:
             of = "" if perhaps.looked_at is None else f", of the {perhaps.looked_at} seen last"
             told.append(f"the same of {perhaps.count - NOTED} more{of}")
@@ -242,7 +244,7 @@ class Resolver:
 
     def _note_ends(self) -> None:
         """Note a time at which the map knows nothing yet, or nothing more."""
-        end_ns = max((each.end_ns for each in self.reader.traversals), default=None)
+        end_ns = max((traversal.end_ns for traversal in self.reader.traversals), default=None)
         if end_ns is None:
             return
         if self.moment.low_ns < self.clock.origin_ns:
@@ -262,7 +264,11 @@ class Resolver:
 
     def _note_gaps(self, found: Iterable[Candidate], written: str) -> None:
         """Note who left around the time asked for, those that relations were measured against among them."""
-        involved = [text_id for each in found for text_id in (each.instance.id, *(at.object for at in each.relations))]
+        involved = [
+            text_id
+            for candidate in found
+            for text_id in (candidate.instance.id, *(at.object for at in candidate.relations))
+        ]
         for text_id in dict.fromkeys(involved):
             instance = self.reader.instance(text_id)
             if instance is not None and (gap := self.moment.gap(instance)) is not None:
@@ -274,7 +280,7 @@ class Resolver:
         if related is None or related.name != "inside" or "in" not in question.text.casefold().split():
             return
         if (name := self.missing(related.reference)) is not None:
-            known = ", ".join(f"{each.number} {each.name}" for each in self.reader.traversals) or "none"
+            known = ", ".join(f"{traversal.number} {traversal.name}" for traversal in self.reader.traversals) or "none"
             self.notes.append(f"no traversal is called '{name}' either; there are: {known}")
 
     def _find_id(self, noun: str) -> StoredInstance | None:
@@ -334,17 +340,17 @@ class Resolver:
         apart = closest(self.reader, self._called(things, ever=True), self._pool(related.reference))
         return tuple(
             self._miss(
-                each.candidate.instance,
-                each.candidate.state,
-                f"{each.distance_m:.2f} m from {each.reference.instance.id}, not {related.name} it",
-                each.distance_m,
+                pair.candidate.instance,
+                pair.candidate.state,
+                f"{pair.distance_m:.2f} m from {pair.reference.instance.id}, not {related.name} it",
+                pair.distance_m,
             )
-            for each in apart
+            for pair in apart
         )
 
     def _view(self, instance: StoredInstance, candidates: list[Candidate]) -> InstanceView:
-        newest = max(candidates, key=lambda each: each.state.index)
-        states = tuple(each.state for each in candidates)
+        newest = max(candidates, key=lambda candidate: candidate.state.index)
+        states = tuple(candidate.state for candidate in candidates)
         spans = support_spans(states)
         of_traversal = None if self.moment.traversal is None else {self.moment.traversal.id}
         standing = self.standing(instance)
@@ -356,7 +362,7 @@ class Resolver:
             box=box_view(newest.state.box),
             confidence=round(newest.state.confidence, 4),
             intervals=tuple(interval_view(state) for state in states),
-            relations=tuple(view for each in candidates for view in each.relations),
+            relations=tuple(view for candidate in candidates for view in candidate.relations),
             evidence=evidence_view(self.reader, instance, spans, of_traversal),
             standing=None if standing is None else standing_view(standing, int(self.moment.low_ns), self.clock),
         )
@@ -374,7 +380,7 @@ class Resolver:
 def _matches(pool: Pool, relating: Relating | None) -> Iterator[tuple[Basis, Candidate]]:
     if relating is not None:
         return relating.matches(pool)
-    return (("stored", each) for each in chain.from_iterable(pool.parts()))
+    return (("stored", candidate) for candidate in chain.from_iterable(pool.parts()))
 
 
 def _by_number(instances: dict[int, StoredInstance]) -> list[StoredInstance]:

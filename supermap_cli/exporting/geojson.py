@@ -11,11 +11,11 @@ from collections.abc import Iterator
 from itertools import groupby
 from typing import TextIO
 
-from supermap_cli.exporting.leaving import Leaving
+from supermap_cli.exporting.exported_instance import Leaving
 from supermap_cli.exporting.selection import Source
 from supermap_cli.exporting.tables import KEYFRAMES
 from supermap_cli.query.clock import Clock
-from supermap_cli.query.standing import in_words
+from supermap_cli.query.presence_at import in_words
 from supermap_cli.types.memory import StateRecord
 
 NOTE = (
@@ -85,9 +85,9 @@ def _gap(instance: Leaving, source: Source) -> dict[str, object]:
 
 def _ways(source: Source) -> Iterator[dict[str, object]]:
     """The robot's way in each traversal; one of a single keyframe is a point."""
-    column = {each.name: index for index, each in enumerate(KEYFRAMES.columns)}
+    column = {column.name: index for index, column in enumerate(KEYFRAMES.columns)}
 
-    by_name = {each.name: each for each in source.traversals}
+    by_name = {traversal.name: traversal for traversal in source.traversals}
     for name, rows in groupby(KEYFRAMES.rows(source), lambda row: str(row[column["traversal"]])):
         traversal = by_name.get(name)
         if traversal is None:

@@ -63,7 +63,7 @@ class Extent:
 
 def extent_of(points: Sequence[FloatArray]) -> Extent:
     """An extent that holds all (n, 2) points, with half a metre around them; a few metres where there are none."""
-    held = [each for each in points if len(each)]
+    held = [part for part in points if len(part)]
     if not held:
         return Extent(np.array([-2.0, -2.0]), np.array([2.0, 2.0]))
     together = np.concatenate(held)
@@ -82,11 +82,10 @@ def plan_svg(
         _grid(extent),
         *(f'<polyline class="way" points="{_points(extent.to_px(way))}"/>' for way in ways if len(way) > 1),
     ]
-    for each in sorted(outlines, key=lambda outline: bool(outline.told)):
-        corners = _points(extent.to_px(each.corners))
-        parts.append(
-            f'<polygon class="thing {each.style}" points="{corners}"><title>{escape(each.title)}</title></polygon>'
-        )
+    for outline in sorted(outlines, key=lambda outline: bool(outline.told)):
+        corners = _points(extent.to_px(outline.corners))
+        title_tag = f"<title>{escape(outline.title)}</title>"
+        parts.append(f'<polygon class="thing {outline.style}" points="{corners}">{title_tag}</polygon>')
     for arrow in arrows:
         (x0, y0), (x1, y1) = extent.to_px(np.stack([arrow.start, arrow.end]))
         parts.append(f'<line class="arrow" x1="{x0:.1f}" y1="{y0:.1f}" x2="{x1:.1f}" y2="{y1:.1f}"/>')
@@ -105,17 +104,19 @@ def _names(extent: Extent, outlines: Sequence[Outline]) -> list[str]:
     """Names beside what is named, moved down where they would lie on one another."""
     taken: list[tuple[float, float, float]] = []
     texts = []
-    named = sorted((each for each in outlines if each.told), key=lambda each: float(-each.corners[:, 1].max()))
-    for each in named:
-        x, y = extent.to_px(each.corners.mean(axis=0)[None])[0]
-        half = 3.1 * len(each.told)
+    named = sorted(
+        (outline for outline in outlines if outline.told), key=lambda outline: float(-outline.corners[:, 1].max())
+    )
+    for outline in named:
+        x, y = extent.to_px(outline.corners.mean(axis=0)[None])[0]
+        half = 3.1 * len(outline.told)
         x = float(np.clip(x, half + 2, extent.size_px[0] - half - 2))
         while any(
             abs(y - other_y) < 11 and abs(x - other_x) < half + other_half for other_x, other_y, other_half in taken
         ):
             y += 11
         taken.append((x, y, half))
-        texts.append(f'<text class="name {each.style}" x="{x:.1f}" y="{y + 3.5:.1f}">{escape(each.told)}</text>')
+        texts.append(f'<text class="name {outline.style}" x="{x:.1f}" y="{y + 3.5:.1f}">{escape(outline.told)}</text>')
     return texts
 
 

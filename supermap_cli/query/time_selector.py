@@ -10,8 +10,8 @@ from supermap_cli.memory.reading import MapReader
 from supermap_cli.memory.values import StoredInstance, StoredTraversal
 from supermap_cli.query.clock import Clock
 from supermap_cli.query.grammar import TimeKind, TimePhrase
-from supermap_cli.query.instants import Instant, find_traversal
-from supermap_cli.query.standing import Standing, held_at, standing_at
+from supermap_cli.query.presence_at import Standing, held_at, standing_at
+from supermap_cli.query.time_points import Instant, find_traversal
 from supermap_cli.types.memory import StateRecord
 
 
@@ -46,11 +46,13 @@ class Moment:
             case "first":
                 return states[:1]
             case "earlier":
-                return tuple(each for each in states if each.first_seen_ns < self.high_ns or each is not states[-1])
+                return tuple(state for state in states if state.first_seen_ns < self.high_ns or state is not states[-1])
             case "traversal":
                 assert self.traversal is not None  # noqa: S101 - `moment_of` gives one
                 seen = instance.visit(self.traversal.id).supported > 0
-                return tuple(each for each in states if seen and self._touches(each.first_seen_ns, each.last_seen_ns))
+                return tuple(
+                    state for state in states if seen and self._touches(state.first_seen_ns, state.last_seen_ns)
+                )
             case "at":
                 held = held_at(states, int(self.low_ns))
                 return () if held is None else (held,)
@@ -104,7 +106,7 @@ class Span:
 
 def state_end_ns(state: StateRecord, states: Sequence[StateRecord]) -> float:
     """When a state ended at the latest: contradicted, or seen elsewhere; infinite while it holds."""
-    later = [float(each.first_seen_ns) for each in states if each.index > state.index]
+    later = [float(later_state.first_seen_ns) for later_state in states if later_state.index > state.index]
     return min([math.inf if state.gone_ns is None else float(state.gone_ns), *later])
 
 
@@ -120,7 +122,7 @@ def moment_of(phrase: TimePhrase, reader: MapReader, clock: Clock) -> Moment:
         case "now":
             return Moment("now", "now", low_ns=reader.now_ns)
         case "earlier":
-            starts = sorted(each.start_ns for each in reader.traversals)
+            starts = sorted(traversal.start_ns for traversal in reader.traversals)
             return Moment("earlier", "earlier", high_ns=starts[-1] if len(starts) > 1 else reader.now_ns)
         case "traversal":
             traversal = find_traversal(reader.traversals, phrase.argument or "")

@@ -9,9 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from supermap_cli.memory.values import StoredInstance
-from supermap_cli.query.instants import Instant
-from supermap_cli.query.standing import held_at, standing_at
-from supermap_cli.query.verdicts import MOVE_M, Case, Verdict, distance, ends_of
+from supermap_cli.query.change_classification import MOVE_M, Case, Verdict, distance, ends_of
+from supermap_cli.query.presence_at import held_at, standing_at
+from supermap_cli.query.time_points import Instant
 from support import lives
 from support import memories as m
 
@@ -27,7 +27,7 @@ def between(of: StoredInstance, a: float, b: float) -> Verdict | None:
 def of_visits(of: StoredInstance, first: int, second: int) -> Verdict | None:
     """The verdict between two of the traversals of `lives.visited`."""
     a, b = (lives.TRAVERSALS[at] for at in sorted((first, second)))
-    ends = [Instant(each.name, each.end_ns, each.start_ns, each) for each in (a, b)]
+    ends = [Instant(traversal.name, traversal.end_ns, traversal.start_ns, traversal) for traversal in (a, b)]
     return Case(of, ends_of(ends[0], ends[1], lives.TRAVERSALS)).verdict()
 
 
@@ -38,12 +38,12 @@ def check_claims(of: StoredInstance, found: Verdict | None, a_ns: int, b_ns: int
     if found.kind == "disappeared":
         assert found.not_before_ns is not None
         assert any(
-            each.gone_ns == found.not_after_ns and each.last_seen_ns == found.not_before_ns for each in of.states
+            state.gone_ns == found.not_after_ns and state.last_seen_ns == found.not_before_ns for state in of.states
         )
         assert found.not_after_ns is not None
         assert a_ns < found.not_after_ns <= b_ns
     if found.kind == "appeared":
-        seen_empty = {ns for each in of.states for ns in (each.gone_ns, each.empty_before_ns) if ns is not None}
+        seen_empty = {ns for state in of.states for ns in (state.gone_ns, state.empty_before_ns) if ns is not None}
         assert found.not_before_ns in seen_empty
     if found.kind in {"appeared", "moved", "first observed"}:
         assert found.after is not None
@@ -67,18 +67,18 @@ def test_nothing_is_claimed_that_nobody_saw(of: StoredInstance, a: int, b: int) 
 
 @given(lives.visited(), st.sampled_from([(0, 1), (1, 2), (0, 2)]))
 def test_nothing_is_claimed_between_traversals_that_nobody_saw(of: StoredInstance, which: tuple[int, int]) -> None:
-    a, b = (lives.TRAVERSALS[each] for each in which)
+    a, b = (lives.TRAVERSALS[index] for index in which)
     check_claims(of, of_visits(of, *which), a.end_ns, b.end_ns)
 
 
 @given(lives.visited(), times, times)
 def test_without_a_contradiction_nothing_disappears_or_appears(of: StoredInstance, a: int, b: int) -> None:
-    states = tuple(replace(each, gone_ns=None, empty_before_ns=None) for each in of.states)
+    states = tuple(replace(state, gone_ns=None, empty_before_ns=None) for state in of.states)
     unseen = replace(of, states=states, presence="present")
     found = [of_visits(unseen, 0, 1), of_visits(unseen, 1, 2), of_visits(unseen, 0, 2)]
     if a != b:
         found.append(between(unseen, a, b))
-    assert all(each is None or each.kind not in {"disappeared", "appeared"} for each in found)
+    assert all(change is None or change.kind not in {"disappeared", "appeared"} for change in found)
 
 
 @given(lives.lives(), times, times)
@@ -113,7 +113,7 @@ def test_diffs_add_up(traversals: bool, of: StoredInstance, a: int, b: int, c: i
         first, second, whole = (of_visits(of, *pair) for pair in ((0, 1), (1, 2), (0, 2)))
     else:
         first, second, whole = (between(of, *pair) for pair in ((low, middle), (middle, high), (low, high)))
-    kinds = tuple(None if each is None else each.kind for each in (first, second))
+    kinds = tuple(None if change is None else change.kind for change in (first, second))
     kind = None if whole is None else whole.kind
     match kinds:
         case "disappeared", None if first is not None and first.before is not None:
@@ -144,5 +144,5 @@ def test_what_moved_and_moved_back_is_unchanged() -> None:
     found = between(of, 5, 65)
     assert found is not None
     assert (found.kind, found.reason) == ("unchanged", "seen in its place in both, moved in between")
-    assert [each.kind for each in (between(of, 5, 35), between(of, 35, 65)) if each] == ["moved", "moved"]
+    assert [change.kind for change in (between(of, 5, 35), between(of, 35, 65)) if change] == ["moved", "moved"]
     assert held_at(of.states, m.ns(25)) is None

@@ -13,8 +13,8 @@ from typing import Literal
 
 from supermap_cli.geometry.boxes import displacement_m
 from supermap_cli.memory.values import StoredInstance, StoredTraversal
-from supermap_cli.query.instants import Instant
-from supermap_cli.query.standing import held_at
+from supermap_cli.query.presence_at import held_at
+from supermap_cli.query.time_points import Instant
 from supermap_cli.types.memory import StateRecord, TemporalEdge
 
 ChangeKind = Literal[
@@ -70,8 +70,12 @@ class Ends:
 
 def ends_of(before: Instant, after: Instant, traversals: Sequence[StoredTraversal]) -> Ends:
     """Two instants, and who looked for them."""
-    by_then = {each.id for each in traversals if each.start_ns <= before.at_ns}
-    within = {each.id for each in traversals if each.start_ns <= after.at_ns and each.end_ns > before.at_ns}
+    by_then = {traversal.id for traversal in traversals if traversal.start_ns <= before.at_ns}
+    within = {
+        traversal.id
+        for traversal in traversals
+        if traversal.start_ns <= after.at_ns and traversal.end_ns > before.at_ns
+    }
     return Ends(
         before,
         after,
@@ -113,7 +117,7 @@ class Case:
         """What is worth saying of a thing without a verdict: it came and went in between, or the earlier of two
         traversals saw it and saw it leave.
         """
-        if any(self.before.at_ns < each.first_seen_ns <= self.after.at_ns for each in self.instance.states):
+        if any(self.before.at_ns < state.first_seen_ns <= self.after.at_ns for state in self.instance.states):
             return "came and went" if held_at(self.instance.states, self.after.at_ns) is None else None
         gone = held_at(self.instance.states, self.before.at_ns) is None
         return "left" if gone and self.before.traversal is not None and self._seen_by(self.before) else None
@@ -142,7 +146,7 @@ class Case:
         distance_m = distance(old, new)
         direct = edge is not None and edge.from_state == old.index
         if distance_m < MOVE_M and not direct:
-            moved = any(distance(old, each) >= MOVE_M for each in self._between(old, new))
+            moved = any(distance(old, state) >= MOVE_M for state in self._between(old, new))
             reason = f"seen in its place in both, {'moved' if moved else 'gone'} in between"
             return Verdict("unchanged", reason, new.confidence, None, None, old, new)
         confidence = min(old.confidence, new.confidence) if edge is None else edge.probability
@@ -197,8 +201,8 @@ class Case:
 
     def _not_again(self, state: StateRecord) -> Verdict:
         """Nobody has seen it since, and nobody saw it go."""
-        visits = [each for each in self.instance.visits if each.traversal_id in self.ends.looked_after]
-        in_view, contradicted = sum(each.in_view for each in visits), sum(each.contradicted for each in visits)
+        visits = [visit for visit in self.instance.visits if visit.traversal_id in self.ends.looked_after]
+        in_view, contradicted = sum(visit.in_view for visit in visits), sum(visit.contradicted for visit in visits)
         where = f"in {self.after.text}" if self.after.traversal is not None else "in between"
         if state.gone_ns is not None and self.after.traversal is None:
             reason = "was found gone later, after it had been seen last before: nobody can say for this time"
@@ -218,8 +222,8 @@ class Case:
             other = self.text_ids.get(split.from_number, "another")
             return f"was one with {other} until the two were told apart"
         where = f"in {self.before.text}" if self.before.traversal is not None else "before"
-        visits = [each for each in self.instance.visits if each.traversal_id in self.ends.looked_before]
-        if any(each.in_view > 0 for each in visits):
+        visits = [visit for visit in self.instance.visits if visit.traversal_id in self.ends.looked_before]
+        if any(visit.in_view > 0 for visit in visits):
             return f"its place was in view {where}, but never seen empty"
         return f"nobody had seen its place empty {where}"
 
@@ -230,15 +234,15 @@ class Case:
         if end.traversal is not None:
             return self.instance.visit(end.traversal.id).supported > 0
         return any(
-            each.first_seen_ns <= self.after.at_ns and each.last_seen_ns > self.before.at_ns
-            for each in self.instance.states
+            state.first_seen_ns <= self.after.at_ns and state.last_seen_ns > self.before.at_ns
+            for state in self.instance.states
         )
 
     def _begun(self, at_ns: int) -> list[StateRecord]:
-        return [each for each in self.instance.states if each.first_seen_ns <= at_ns]
+        return [state for state in self.instance.states if state.first_seen_ns <= at_ns]
 
     def _between(self, old: StateRecord, new: StateRecord) -> list[StateRecord]:
-        return [each for each in self.instance.states if old.index < each.index < new.index]
+        return [state for state in self.instance.states if old.index < state.index < new.index]
 
     def _edge(self, kind: str, state: StateRecord) -> TemporalEdge | None:
         """The temporal edge of a kind that touches a state."""

@@ -40,9 +40,9 @@ class All(Protocol):
 
 def found(question: Question, instances: Sequence[InstanceView], counted: All, when: str | None = None) -> str:
     """The sentence where something fits; `when` is its time, where the question does not say it."""
-    sure = ", ".join(each.id for each in instances if each.presence != "unknown")
-    unsure = ", ".join(each.id for each in instances if each.presence == "unknown")
-    ids = "; perhaps ".join(each for each in (sure, unsure) if each) if sure else f"perhaps {unsure}"
+    sure = ", ".join(instance.id for instance in instances if instance.presence != "unknown")
+    unsure = ", ".join(instance.id for instance in instances if instance.presence == "unknown")
+    ids = "; perhaps ".join(ids_text for ids_text in (sure, unsure) if ids_text) if sure else f"perhaps {unsure}"
     if counted.more != 0:
         ids += " and more" if counted.more is None else f" and {counted.more} more"
     basis = _basis(instances)
@@ -65,7 +65,7 @@ def nothing(question: Question, nearest: Sequence[Miss], missing: str | None, wh
     else:
         nobody = "nothing" if question.things.noun is None else "no"
         sentence = f"{nobody} {described(question.things, '')}".rstrip() + _when(question, when)
-    misses = "; ".join(f"{each.id}: {each.reason}" for each in nearest)
+    misses = "; ".join(f"{near_miss.id}: {near_miss.reason}" for near_miss in nearest)
     return f"{lead}{sentence} ({misses})" if misses else f"{lead}{sentence}"
 
 
@@ -97,5 +97,5 @@ def _when(question: Question, when: str | None) -> str:
 
 
 def _basis(instances: Sequence[InstanceView]) -> str:
-    bases = {relation.basis for each in instances for relation in each.relations}
+    bases = {relation.basis for instance in instances for relation in instance.relations}
     return " (judged by their boxes; no such relation is stored)" if bases == {"boxes"} else ""

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from supermap_cli.geometry.boxes import displacement_m
 from supermap_cli.query.clock import Clock
-from supermap_cli.query.life import History, SightingsView, SurroundingsView
+from supermap_cli.query.object_history import History, SightingsView, SurroundingsView
 from supermap_cli.query.views import EventView, IntervalView, Vector, box_of
 
 MOST_SENTENCES = 40
@@ -15,7 +15,7 @@ MOST_SENTENCES = 40
 
 def story(told: History, clock: Clock) -> list[str]:
     """What happened to it, a sentence each."""
-    around = {each.state: each for each in told.surroundings}
+    around = {surroundings.state: surroundings for surroundings in told.surroundings}
     sentences: list[str] = []
     for at, interval in enumerate(told.intervals):
         before = told.intervals[at - 1] if at else None
@@ -86,7 +86,7 @@ def _beside(told: History, event: EventView, clock: Clock) -> str | None:
 
 def _called(sightings: Sequence[SightingsView]) -> list[str]:
     """What it was called, where that differs between traversals, or any of them was unsure."""
-    called = [(each.traversal, each.labels) for each in sightings if each.labels]
+    called = [(sighting.traversal, sighting.labels) for sighting in sightings if sighting.labels]
     if len({next(iter(labels)) for _, labels in called}) < 2:
         return []
     said: list[tuple[str, list[str]]] = []

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from datetime import UTC, date, datetime, time
 
 from supermap_cli.errors import QueryError
-from supermap_cli.query.stretches import SECOND_NS, Stretch, moment_of_stamp, stamp_of_moment
+from supermap_cli.query.traversal_spans import SECOND_NS, Stretch, moment_of_stamp, stamp_of_moment
 
 OF_TRAVERSAL = re.compile(r"@\d[\d:.tTzZ-]*s?|[+-]\d[\d.]*s?")
 """What may follow a traversal's name in a time: "@10:21", "@2026-01-05T10:21:00Z", "+12.5s"."""
@@ -50,10 +50,10 @@ def names_traversal(text: str, stretches: Sequence[Stretch]) -> bool:
 
 def _named(written: str, stretches: Sequence[Stretch]) -> tuple[Stretch, str] | None:
     """The traversal that a time is said of, by name, number, "first" or "last", and the rest of it."""
-    names = {str(each.number): each for each in stretches}
+    names = {str(span.number): span for span in stretches}
     if stretches:
         names |= {"first": stretches[0], "last": stretches[-1]}
-    names |= {each.name.casefold(): each for each in stretches}
+    names |= {span.name.casefold(): span for span in stretches}
     for name in sorted(names, key=len, reverse=True):
         if written.casefold().startswith(name) and OF_TRAVERSAL.fullmatch(written[len(name) :]):
             return names[name], written[len(name) :]
@@ -67,7 +67,7 @@ def _in_stretch(stretch: Stretch, rest: str, stretches: Sequence[Stretch]) -> in
     if not stretch.has_wall_time:
         raise QueryError(f"{stretch.name} has no wall time", cure=f"say 'at {stretch.name}+12s'")
     moments = _moments(rest[1:], stretch.days())
-    inside = [max(each, stretch.own_start_ns) for each in moments if stretch.has(each, _lasting_ns(rest))]
+    inside = [max(stamp_ns, stretch.own_start_ns) for stamp_ns in moments if stretch.has(stamp_ns, _lasting_ns(rest))]
     return _in_map(stretch, (inside or moments)[0], stretches)
 
 
@@ -78,7 +78,7 @@ def _seconds(written: str, stretches: Sequence[Stretch]) -> ReadTime:
         return ReadTime(after_ns)
     stamp_ns = stretches[0].start_ns + after_ns
     said = f"{after_ns / 1e9:+g}s"
-    others = [each.name for each in stretches[1:] if 0 <= after_ns <= each.end_ns - each.start_ns]
+    others = [span.name for span in stretches[1:] if 0 <= after_ns <= span.end_ns - span.start_ns]
     if not others:
         return ReadTime(stamp_ns)
     return ReadTime(stamp_ns, f"{written} counts from the map's start; of another traversal say '{others[-1]}{said}'")
@@ -86,7 +86,7 @@ def _seconds(written: str, stretches: Sequence[Stretch]) -> ReadTime:
 
 def _wall_time(written: str, stretches: Sequence[Stretch]) -> ReadTime:
     """A time of day or a date: of the newest traversal that has it, else by the clock that was read last before it."""
-    dated = [each for each in stretches if each.has_wall_time]
+    dated = [span for span in stretches if span.has_wall_time]
     if not dated:
         _moments(written, [date(1970, 1, 1)])
         raise QueryError("the recordings carry no wall time", cure=_how_to_say(stretches))
@@ -98,19 +98,19 @@ def _wall_time(written: str, stretches: Sequence[Stretch]) -> ReadTime:
     ]
     if found:
         stretch, own_ns = found[-1]
-        fitting = list(dict.fromkeys(each for each, _ in found))
-        others = ", ".join(f"'{each.name}@{written}'" for each in fitting[:-1])
+        fitting = list(dict.fromkeys(span for span, _ in found))
+        others = ", ".join(f"'{span.name}@{written}'" for span in fitting[:-1])
         note = f"{written} was taken as that of {stretch.name}; say {others} for another" if others else None
         return ReadTime(_in_map(stretch, own_ns, stretches), note)
-    newest_day = max(moment_of_stamp(each.own_end_ns).date() for each in dated)
+    newest_day = max(moment_of_stamp(span.own_end_ns).date() for span in dated)
     (own_ns,) = _moments(written, [newest_day])
-    begun = [each for each in dated if each.own_start_ns <= own_ns] or dated[:1]
+    begun = [span for span in dated if span.own_start_ns <= own_ns] or dated[:1]
     return ReadTime(_in_map(begun[-1], own_ns, stretches))
 
 
 def _in_map(stretch: Stretch, own_ns: int, stretches: Sequence[Stretch]) -> int:
     """A time by a traversal's clock in the map's time, of which it has no more after the next one has begun."""
-    later = [each.start_ns for each in stretches if each.number > stretch.number]
+    later = [span.start_ns for span in stretches if span.number > stretch.number]
     return min([own_ns + stretch.shift_ns, *(start_ns - 1 for start_ns in later[:1])])
 
 

@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 
 from supermap_cli.memory.values import StoredInstance
 from supermap_cli.query.clock import Clock
-from supermap_cli.query.standing import held_at, in_words, standing_at
-from supermap_cli.query.stretches import Stretch
+from supermap_cli.query.presence_at import held_at, in_words, standing_at
+from supermap_cli.query.traversal_spans import Stretch
 from supermap_cli.types.memory import StateRecord
 from support import memories as m
-from support.lives import lives
+from support.random_instances import lives
 
 CLOCK = Clock((Stretch(1, "monday", m.ns(0), m.ns(1000)),))
 
@@ -93,12 +93,14 @@ def test_gone_needs_a_contradiction_and_not_yet_a_place_seen_empty(of: StoredIns
     at_ns = m.ns(at)
     known = standing_at(of, at_ns)
     assert known is not None
-    in_support = any(each.first_seen_ns <= at_ns <= each.last_seen_ns for each in of.states)
+    in_support = any(state.first_seen_ns <= at_ns <= state.last_seen_ns for state in of.states)
     if in_support:
         assert known.presence == "present"
     if known.presence == "absent":
-        contradicted = [each for each in of.states if each.gone_ns is not None and each.gone_ns <= at_ns]
-        seen_empty = [each for each in of.states if each.empty_before_ns is not None and each.empty_before_ns >= at_ns]
+        contradicted = [state for state in of.states if state.gone_ns is not None and state.gone_ns <= at_ns]
+        seen_empty = [
+            state for state in of.states if state.empty_before_ns is not None and state.empty_before_ns >= at_ns
+        ]
         assert contradicted or seen_empty
     if known.cause in {"left", "came"}:
         assert known.not_before_ns is not None
@@ -110,7 +112,7 @@ def test_gone_needs_a_contradiction_and_not_yet_a_place_seen_empty(of: StoredIns
 @given(lives(), st.floats(-10, 210))
 def test_nothing_is_gone_that_nobody_saw_go(of: StoredInstance, at: float) -> None:
     unseen = replace(
-        of, states=tuple(replace(each, gone_ns=None, empty_before_ns=None) for each in of.states), presence="present"
+        of, states=tuple(replace(state, gone_ns=None, empty_before_ns=None) for state in of.states), presence="present"
     )
     known = standing_at(unseen, m.ns(at))
     assert known is not None
