@@ -13,9 +13,9 @@ import pytest
 from supermap_cli.memory import open_store
 from supermap_cli.memory.checking import check
 from supermap_cli.query.clock import clock_of
-from supermap_cli.query.diff import Change, Diff, diff
-from supermap_cli.query.history_text import story
-from supermap_cli.query.object_history import History, history
+from supermap_cli.query.diff import Diff, ObjectChange, diff
+from supermap_cli.query.history_text import history_sentences
+from supermap_cli.query.object_history import ObjectHistory, object_history
 from supermap_cli.traversal_build import TraversalBuild
 from supermap_cli.types.detections import Detections
 from supermap_cli.types.sensing import CameraFrame
@@ -78,15 +78,15 @@ def compared(path: Path, first: str, second: str) -> Diff:
         return diff(reader, first, second)
 
 
-def change_of(path: Path, text_id: str, first: str = "day-1", second: str = "day-2") -> Change:
+def change_of(path: Path, text_id: str, first: str = "day-1", second: str = "day-2") -> ObjectChange:
     (change,) = (each for each in compared(path, first, second).changes if each.id == text_id)
     return change
 
 
-def life_of(path: Path, text_id: str) -> tuple[History, list[str]]:
+def life_of(path: Path, text_id: str) -> tuple[ObjectHistory, list[str]]:
     with open_store(str(path), read_only=True) as store, store.reader() as reader:
-        told = history(reader, text_id)
-        return told, story(told, clock_of(reader))
+        told = object_history(reader, text_id)
+        return told, history_sentences(told, clock_of(reader))
 
 
 def ids(path: Path) -> set[str]:

@@ -46,12 +46,12 @@ def vacuum(
     """
     from supermap_cli.memory import open_store  # noqa: PLC0415 - keeps start-up light
     from supermap_cli.query.clock import clock_of  # noqa: PLC0415
-    from supermap_cli.query.retention_policy import kept_from  # noqa: PLC0415
+    from supermap_cli.query.retention_policy import parse_retention_policy  # noqa: PLC0415
     from supermap_cli.query.views import to_document  # noqa: PLC0415
 
     with open_store(database_url(db), read_only=dry_run) as store:
         with store.reader() as reader:
-            kept, clock, before = kept_from(keep or (), reader), clock_of(reader), reader.size_bytes()
+            kept, clock, before = parse_retention_policy(keep or (), reader), clock_of(reader), reader.size_bytes()
         with _progress_bar() as progress:
             given_up = store.give_up(kept, progress, really=not dry_run)
         if not dry_run:

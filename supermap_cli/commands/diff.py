@@ -12,10 +12,10 @@ from supermap_cli.commands.tables import evidence_text, print_table
 
 if TYPE_CHECKING:
     from supermap_cli.query.clock import Clock
-    from supermap_cli.query.diff import Change, Diff
+    from supermap_cli.query.diff import Diff, ObjectChange
 
 
-MOST_ROWS, MOST_NAMES = 60, 200
+MAX_ROWS, MAX_UNCHANGED = 60, 200
 """Of a large place all is printed that changed; of what nobody can tell, and what stayed, no more than this."""
 
 EXAMPLES = """
@@ -90,7 +90,7 @@ def diff(  # noqa: PLR0917 - a command line has many options
 
 
 def _print(found: Diff, clock: Clock) -> None:
-    from supermap_cli.query.diff import HAPPENED  # noqa: PLC0415 - keeps start-up light
+    from supermap_cli.query.diff import CERTAIN_CHANGES  # noqa: PLC0415 - keeps start-up light
 
     console = out()
     counts = ", ".join(f"{count} {kind}" for kind, count in found.counts.items())
@@ -98,22 +98,22 @@ def _print(found: Diff, clock: Clock) -> None:
     for note in found.notes:
         console.print(f"note: {note}", markup=False)
     columns = ("what", "id", "why", "when", "distance (m)#", "confidence#", "seen before", "seen after")
-    told = [change for change in found.changes if change.kind != "unchanged"]
-    seen_to_change = sum(found.counts[kind] for kind in HAPPENED)
-    shown = told[: max(seen_to_change, MOST_ROWS)]
+    changed = [change for change in found.changes if change.kind != "unchanged"]
+    seen_to_change = sum(found.counts[kind] for kind in CERTAIN_CHANGES)
+    shown = changed[: max(seen_to_change, MAX_ROWS)]
     if shown:
         print_table(console, "", columns, (_row(change, clock) for change in shown))
-    if len(shown) < len(told):
+    if len(shown) < len(changed):
         console.print(
-            f"{len(told) - len(shown)} more of which nobody can tell; --json and --html have all", markup=False
+            f"{len(changed) - len(shown)} more of which nobody can tell; --json and --html have all", markup=False
         )
     unchanged = [change.id for change in found.changes if change.kind == "unchanged"]
     if unchanged:
-        more = f" and {len(unchanged) - MOST_NAMES} more" if len(unchanged) > MOST_NAMES else ""
-        console.print(f"unchanged: {', '.join(unchanged[:MOST_NAMES])}{more}", markup=False)
+        more = f" and {len(unchanged) - MAX_UNCHANGED} more" if len(unchanged) > MAX_UNCHANGED else ""
+        console.print(f"unchanged: {', '.join(unchanged[:MAX_UNCHANGED])}{more}", markup=False)
 
 
-def _row(change: Change, clock: Clock) -> tuple[str, ...]:
+def _row(change: ObjectChange, clock: Clock) -> tuple[str, ...]:
     when = clock.span(change.not_before_ns, change.not_after_ns) + (
         " (perhaps before)" if change.perhaps_before else ""
     )

@@ -15,7 +15,7 @@ import typer
 from supermap_cli.commands.common import AtOption, DbOption, database_url, err
 
 if TYPE_CHECKING:
-    from supermap_cli.exporting.selection import Source
+    from supermap_cli.exporting.selection import ExportSource
 
 EXAMPLES = """
 Examples:
@@ -34,7 +34,7 @@ STDOUT = Path("-")
 
 
 @dataclass(frozen=True)
-class Target:
+class ExportTarget:
     """Where an export goes, and how."""
 
     path: Path
@@ -54,7 +54,7 @@ class Format(StrEnum):
 
 
 _SUFFIXES = {".json": Format.JSON, ".geojson": Format.GEOJSON, ".ply": Format.PLY}
-_OF_WHAT_STANDS = frozenset({Format.GEOJSON, Format.PLY})
+_CURRENT_STATE_FORMATS = frozenset({Format.GEOJSON, Format.PLY})
 
 
 def register(app: typer.Typer) -> None:
@@ -101,7 +101,7 @@ def export(  # noqa: PLR0917 - the options of the command
     With --at, what left or came within a gap in which nobody looked is in it, its `presence` "unknown", with the bounds
     of that gap. An export that is stopped leaves nothing half.
     """
-    from supermap_cli.exporting.selection import Source, select_part  # noqa: PLC0415 - keeps start-up light
+    from supermap_cli.exporting.selection import ExportSource, select_part  # noqa: PLC0415 - keeps start-up light
     from supermap_cli.memory import open_store  # noqa: PLC0415
 
     chosen = format_ or _SUFFIXES.get(out.suffix.lower())
@@ -110,11 +110,11 @@ def export(  # noqa: PLR0917 - the options of the command
     presences = _presences(chosen, present, traversal=traversal is not None, at=at is not None)
     with open_store(database_url(db), read_only=True) as store, store.reader() as reader:
         selection = select_part(reader, label or (), presences=presences, traversal=traversal, at=at)
-        with _working(f"writing {chosen}") as progress:
-            source = Source(reader, selection, progress)
-            said = _WRITERS[chosen](source, Target(out, force, observations, ascii_text))
+        with _progress(f"writing {chosen}") as progress:
+            source = ExportSource(reader, selection, progress)
+            summary = _WRITERS[chosen](source, ExportTarget(out, force, observations, ascii_text))
     if out != STDOUT:
-        err().print(f"{out}: {said}", markup=False)
+        err().print(f"{out}: {summary}", markup=False)
 
 
 def _presences(chosen: Format, present: bool | None, *, traversal: bool, at: bool) -> frozenset[str]:
@@ -123,18 +123,18 @@ def _presences(chosen: Format, present: bool | None, *, traversal: bool, at: boo
     What is doubted today was, as far as anybody knows, never there: only the whole memory has it.
     """
     from supermap_cli.exporting.selection import (  # noqa: PLC0415 - keeps start-up light
+        ALL_PRESENCES,
+        ANY_PRESENCE_AT,
         BELIEVED,
-        EVERYTHING,
-        KNOWN,
-        PERHAPS_THERE,
+        POSSIBLY_PRESENT,
         PRESENT,
     )
 
-    if present or (present is None and chosen in _OF_WHAT_STANDS and not (traversal or at)):
+    if present or (present is None and chosen in _CURRENT_STATE_FORMATS and not (traversal or at)):
         return PRESENT
     if at:
-        return PERHAPS_THERE if present is None else KNOWN
-    return BELIEVED if traversal else EVERYTHING
+        return POSSIBLY_PRESENT if present is None else ANY_PRESENCE_AT
+    return BELIEVED if traversal else ALL_PRESENCES
 
 
 def _check_usage(chosen: Format | None, out: Path, *, observations: bool, ascii_text: bool) -> None:
@@ -148,7 +148,7 @@ def _check_usage(chosen: Format | None, out: Path, *, observations: bool, ascii_
         raise typer.BadParameter("is for ply", param_hint="--ascii")
 
 
-def _json(source: Source, target: Target) -> str:
+def _json(source: ExportSource, target: ExportTarget) -> str:
     from supermap_cli.exporting.document import write_document  # noqa: PLC0415 - keeps start-up light
 
     with _text_file(target) as file:
@@ -156,40 +156,40 @@ def _json(source: Source, target: Target) -> str:
     return _size(target.path)
 
 
-def _geojson(source: Source, target: Target) -> str:
-    from supermap_cli.exporting.geojson import write_plan  # noqa: PLC0415 - keeps start-up light
+def _geojson(source: ExportSource, target: ExportTarget) -> str:
+    from supermap_cli.exporting.geojson import write_geojson  # noqa: PLC0415 - keeps start-up light
 
     with _text_file(target) as file:
-        write_plan(source, file)
+        write_geojson(source, file)
     return _size(target.path)
 
 
-def _ply(source: Source, target: Target) -> str:
-    from supermap_cli.exporting.destination import whole_file  # noqa: PLC0415
-    from supermap_cli.exporting.ply import write_cloud  # noqa: PLC0415 - keeps start-up light
+def _ply(source: ExportSource, target: ExportTarget) -> str:
+    from supermap_cli.exporting.destination import atomic_file  # noqa: PLC0415
+    from supermap_cli.exporting.ply import write_ply  # noqa: PLC0415 - keeps start-up light
 
-    with whole_file(target.path, force=target.force) as partial:
-        count = write_cloud(source, partial, ascii_text=target.ascii_text)
+    with atomic_file(target.path, force=target.force) as partial:
+        count = write_ply(source, partial, ascii_text=target.ascii_text)
     return f"{count} points, {_size(target.path)}"
 
 
-def _csv(source: Source, target: Target) -> str:
+def _csv(source: ExportSource, target: ExportTarget) -> str:
     from supermap_cli.exporting.csv_tables import FILES, write_csv_tables  # noqa: PLC0415 - keeps start-up light
-    from supermap_cli.exporting.destination import whole_folder  # noqa: PLC0415
+    from supermap_cli.exporting.destination import atomic_folder  # noqa: PLC0415
 
-    with whole_folder(target.path, FILES, force=target.force) as partial:
+    with atomic_folder(target.path, FILES, force=target.force) as partial:
         return _rows(write_csv_tables(source, partial))
 
 
-def _parquet(source: Source, target: Target) -> str:
-    from supermap_cli.exporting.destination import whole_folder  # noqa: PLC0415 - keeps start-up light
+def _parquet(source: ExportSource, target: ExportTarget) -> str:
+    from supermap_cli.exporting.destination import atomic_folder  # noqa: PLC0415 - keeps start-up light
     from supermap_cli.exporting.parquet_tables import FILES, write_parquet_tables  # noqa: PLC0415
 
-    with whole_folder(target.path, FILES, force=target.force) as partial:
+    with atomic_folder(target.path, FILES, force=target.force) as partial:
         return _rows(write_parquet_tables(source, partial))
 
 
-_WRITERS: dict[Format, Callable[[Source, Target], str]] = {
+_WRITERS: dict[Format, Callable[[ExportSource, ExportTarget], str]] = {
     Format.JSON: _json,
     Format.GEOJSON: _geojson,
     Format.PLY: _ply,
@@ -199,19 +199,19 @@ _WRITERS: dict[Format, Callable[[Source, Target], str]] = {
 
 
 @contextmanager
-def _text_file(target: Target) -> Iterator[TextIO]:
+def _text_file(target: ExportTarget) -> Iterator[TextIO]:
     """The file to write text to, under its name only when it is whole; or stdout."""
-    from supermap_cli.exporting.destination import whole_file  # noqa: PLC0415 - keeps start-up light
+    from supermap_cli.exporting.destination import atomic_file  # noqa: PLC0415 - keeps start-up light
 
     if target.path == STDOUT:
         yield sys.stdout
         return
-    with whole_file(target.path, force=target.force) as partial, partial.open("w", encoding="utf-8") as file:
+    with atomic_file(target.path, force=target.force) as partial, partial.open("w", encoding="utf-8") as file:
         yield file
 
 
 @contextmanager
-def _working(what: str) -> Iterator[Callable[[str, int], None] | None]:
+def _progress(what: str) -> Iterator[Callable[[str, int], None] | None]:
     """A spinner on stderr, where somebody looks, with how far it is."""
     console = err()
     if not console.is_terminal:

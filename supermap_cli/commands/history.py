@@ -14,10 +14,10 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from supermap_cli.query.clock import Clock
-    from supermap_cli.query.object_history import FrameView, History
+    from supermap_cli.query.object_history import FrameView, ObjectHistory
     from supermap_cli.query.views import RelationView
 
-MOST_ROWS = 40
+MAX_ROWS = 40
 """A longer table is printed from its beginning and its end."""
 
 EXAMPLES = """
@@ -55,27 +55,29 @@ def history(  # noqa: PLR0917 - a command line has many options
     from supermap_cli.memory import open_store  # noqa: PLC0415 - keeps start-up light
     from supermap_cli.memory.pictures import crop_jpegs  # noqa: PLC0415
     from supermap_cli.query.clock import clock_of  # noqa: PLC0415
-    from supermap_cli.query.object_history import history as life_of  # noqa: PLC0415
-    from supermap_cli.query.time_points import instant_of  # noqa: PLC0415
+    from supermap_cli.query.object_history import object_history  # noqa: PLC0415
+    from supermap_cli.query.time_points import parse_time_point  # noqa: PLC0415
     from supermap_cli.query.views import to_document  # noqa: PLC0415
 
     with open_store(database_url(db), read_only=True) as store, store.reader() as reader:
         clock = clock_of(reader)
-        told = life_of(reader, text_id, None if at is None else instant_of(at, reader, clock), clock)
+        history = object_history(reader, text_id, None if at is None else parse_time_point(at, reader, clock), clock)
         if crops is not None:
-            _save(told.frames, crop_jpegs(reader, [frame.observation for frame in told.frames]), told.id, crops)
+            _save_pictures(
+                history.frames, crop_jpegs(reader, [frame.observation for frame in history.frames]), history.id, crops
+            )
         if html is not None:
-            from supermap_cli.reports.history_page import write_life_page  # noqa: PLC0415
+            from supermap_cli.reports.history_page import write_history_page  # noqa: PLC0415
 
-            write_life_page(told, reader, html)
+            write_history_page(history, reader, html)
             err().print(f"wrote {html}", markup=False)
     if json:
-        print_json(to_document(told))
+        print_json(to_document(history))
     else:
-        _print(told, clock)
+        _print(history, clock)
 
 
-def _save(frames: Sequence[FrameView], jpegs: dict[int, bytes], text_id: str, folder: Path) -> None:
+def _save_pictures(frames: Sequence[FrameView], jpegs: dict[int, bytes], text_id: str, folder: Path) -> None:
     """One file for each picture, named after the object, its state and the keyframe."""
     from supermap_cli.reports.files import write_file  # noqa: PLC0415 - keeps start-up light
 
@@ -89,23 +91,24 @@ def _save(frames: Sequence[FrameView], jpegs: dict[int, bytes], text_id: str, fo
     err().print(f"{saved} pictures saved in {folder}", markup=False)
 
 
-def _print(told: History, clock: Clock) -> None:
-    from supermap_cli.query.history_text import story  # noqa: PLC0415 - keeps start-up light
-    from supermap_cli.query.retention_policy import evidence_notes  # noqa: PLC0415 - keeps start-up light
+def _print(history: ObjectHistory, clock: Clock) -> None:
+    from supermap_cli.query.history_text import history_sentences  # noqa: PLC0415 - keeps start-up light
+    from supermap_cli.query.retention_policy import pruned_evidence_notes  # noqa: PLC0415 - keeps start-up light
 
     console = out()
-    merged = f", asked as {told.asked_id}" if told.asked_id.casefold() != told.id.casefold() else ""
-    when = "" if told.as_of is None else f" as of {told.as_of}"
+    merged = f", asked as {history.asked_id}" if history.asked_id.casefold() != history.id.casefold() else ""
+    when = "" if history.as_of is None else f" as of {history.as_of}"
     console.print(
-        f"{told.id} ({told.label}), {told.presence}{when}{merged}; observations: {evidence_text(told.evidence)}",
+        f"{history.id} ({history.label}), {history.presence}{when}{merged}; "
+        f"observations: {evidence_text(history.evidence)}",
         markup=False,
     )
-    for note in evidence_notes([told.evidence], clock):
+    for note in pruned_evidence_notes([history.evidence], clock):
         console.print(f"note: {note}", markup=False)
-    for sentence in story(told, clock):
+    for sentence in history_sentences(history, clock):
         console.print(f"- {sentence}", markup=False)
     console.print()
-    around = {surroundings.state: surroundings for surroundings in told.surroundings}
+    by_state = {surroundings.state: surroundings for surroundings in history.surroundings}
     columns = ("state#", "place seen empty", "first seen", "last seen", "gone by", "position (m)", "label", "next to")
     rows = [
         (
@@ -116,29 +119,29 @@ def _print(told: History, clock: Clock) -> None:
             clock.brief(interval.gone_ns),
             position_text(interval.position),
             interval.label,
-            _next_to(told.id, around[interval.state].relations) if interval.state in around else "-",
+            _relations_text(history.id, by_state[interval.state].relations) if interval.state in by_state else "-",
         )
-        for interval in told.intervals
+        for interval in history.intervals
     ]
-    print_table(console, f"{len(rows)} states", columns, _shortened(rows))
+    print_table(console, f"{len(rows)} states", columns, _shorten_rows(rows))
     events = [
         (
             event.kind,
-            _end(event.from_id, event.from_state),
-            _end(event.to_id, event.to_state),
+            _state_text(event.from_id, event.from_state),
+            _state_text(event.to_id, event.to_state),
             clock.span(event.not_before_ns, event.not_after_ns),
             "" if event.distance_m is None else f"{event.distance_m:.2f}",
             f"{event.probability:.2f}",
         )
-        for event in told.events
+        for event in history.events
     ]
-    of_events = ("event", "from", "to", "when", "distance (m)#", "probability#")
-    print_table(console, f"{len(events)} events", of_events, _shortened(events))
-    _print_sightings(told, clock)
+    event_columns = ("event", "from", "to", "when", "distance (m)#", "probability#")
+    print_table(console, f"{len(events)} events", event_columns, _shorten_rows(events))
+    _print_sightings(history, clock)
 
 
-def _print_sightings(told: History, clock: Clock) -> None:
-    pictures = {frame.traversal for frame in told.frames}
+def _print_sightings(history: ObjectHistory, clock: Clock) -> None:
+    pictures = {frame.traversal for frame in history.frames}
     rows = [
         (
             sighting.traversal,
@@ -151,7 +154,7 @@ def _print_sightings(told: History, clock: Clock) -> None:
             ", ".join(f"{label} {share:.0%}" for label, share in list(sighting.labels.items())[:3]) or "-",
             "yes" if sighting.traversal in pictures else "-",
         )
-        for sighting in told.sightings
+        for sighting in history.sightings
     ]
     columns = (
         "traversal",
@@ -164,19 +167,19 @@ def _print_sightings(told: History, clock: Clock) -> None:
         "called",
         "picture",
     )
-    print_table(out(), "sightings, in keyframes", columns, _shortened(rows))
+    print_table(out(), "sightings, in keyframes", columns, _shorten_rows(rows))
 
 
-def _shortened(rows: Sequence[tuple[str, ...]]) -> list[tuple[str, ...]]:
+def _shorten_rows(rows: Sequence[tuple[str, ...]]) -> list[tuple[str, ...]]:
     """The first and the last rows of a long table, and how many are left out; `--json` has all."""
-    if len(rows) <= MOST_ROWS:
+    if len(rows) <= MAX_ROWS:
         return list(rows)
-    half = MOST_ROWS // 2
+    half = MAX_ROWS // 2
     left_out = (f"... {len(rows) - 2 * half} more ...", *("" for _ in rows[0][1:]))
     return [*rows[:half], left_out, *rows[-half:]]
 
 
-def _next_to(own: str, relations: Sequence[RelationView]) -> str:
+def _relations_text(own: str, relations: Sequence[RelationView]) -> str:
     """The three relations that say most, from its own side."""
     shown = [
         f"{relation.name} {relation.object}" if relation.subject == own else f"{relation.subject} {relation.name} it"
@@ -185,5 +188,5 @@ def _next_to(own: str, relations: Sequence[RelationView]) -> str:
     return ", ".join(shown[:3]) or "-"
 
 
-def _end(text_id: str, state: int | None) -> str:
+def _state_text(text_id: str, state: int | None) -> str:
     return text_id if state is None else f"{text_id} state {state}"

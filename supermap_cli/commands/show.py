@@ -49,7 +49,7 @@ def show(
     from supermap_cli.query.clock import clock_of  # noqa: PLC0415
     from supermap_cli.query.details import details, details_at  # noqa: PLC0415
     from supermap_cli.query.overview import Overview, overview, overview_at  # noqa: PLC0415
-    from supermap_cli.query.time_points import instant_of  # noqa: PLC0415
+    from supermap_cli.query.time_points import parse_time_point  # noqa: PLC0415
     from supermap_cli.query.views import to_document  # noqa: PLC0415
 
     with open_store(database_url(db), read_only=True) as store, store.reader() as reader:
@@ -58,11 +58,11 @@ def show(
         if at is None:
             shown = overview(reader, limit) if text_id is None else details(reader, text_id)
         else:
-            instant = instant_of(at, reader, clock)
+            time_point = parse_time_point(at, reader, clock)
             if text_id is None:
-                shown = overview_at(reader, instant, clock, limit)
+                shown = overview_at(reader, time_point, clock, limit)
             else:
-                shown = details_at(reader, text_id, instant, clock)
+                shown = details_at(reader, text_id, time_point, clock)
     if json:
         print_json(to_document(shown))
     elif isinstance(shown, Overview):
@@ -92,13 +92,13 @@ def _print_overview(shown: Overview, clock: Clock) -> None:
     if shown.counts:
         console.print(", ".join(f"{count} {label}" for label, count in shown.counts.items()), markup=False)
     if shown.unknown:
-        told = [
+        unknown_rows = [
             (instance.id, position_text(instance.position), instance.standing.words)
             for instance in shown.unknown
             if instance.standing
         ]
-        of = f"{len(told) + shown.more_unknown} of which nobody can say"
-        print_table(console, of, ("id", "position (m)", "why"), told)
+        of = f"{len(unknown_rows) + shown.more_unknown} of which nobody can say"
+        print_table(console, of, ("id", "position (m)", "why"), unknown_rows)
     if shown.absent and shown.as_of is not None:
         console.print(f"{shown.absent} more had left by then, or came later", markup=False)
     elif shown.absent:

@@ -28,9 +28,9 @@ from supermap_cli.memory import open_store
 from supermap_cli.memory.reading import MapReader
 from supermap_cli.memory.values import StoredInstance
 from supermap_cli.query.answers import answer
-from supermap_cli.query.candidates import label_in
+from supermap_cli.query.candidates import label_in_state
 from supermap_cli.query.diff import diff
-from supermap_cli.query.traversal_spans import Stretch, own_time, stretches_of
+from supermap_cli.query.traversal_spans import TraversalSpan, recording_stamp_ns, traversal_spans
 from supermap_cli.query.views import Vector
 from supermap_cli.truth_file import read_truth
 from supermap_cli.types.memory import StateRecord
@@ -69,15 +69,15 @@ def read_estimate(reader: MapReader, truth: GroundTruth) -> EstimatedMap:
     )
 
 
-def _in_recorded_order(reader: MapReader) -> tuple[Stretch, ...]:
+def _in_recorded_order(reader: MapReader) -> tuple[TraversalSpan, ...]:
     """The map's traversals, whose times are those of the truth but for shifted clocks.
 
     Raises `EvaluationError` where they were built in another order than recorded: what appeared in the one order
     disappeared in the other.
     """
-    stretches = stretches_of(reader.traversals)
+    stretches = traversal_spans(reader.traversals)
     for before, after in pairwise(stretches):
-        if after.own_start_ns < before.own_start_ns:
+        if after.recording_start_ns < before.recording_start_ns:
             raise EvaluationError(
                 f"{after.name} was recorded before {before.name} and built after it: their changes cannot be judged",
                 where=reader.where,
@@ -94,11 +94,11 @@ class ToWorld:
     """
 
     T_world_map: FloatArray
-    stretches: tuple[Stretch, ...]
+    stretches: tuple[TraversalSpan, ...]
 
     def time(self, stamp_ns: int) -> int:
         """A time by the clock of its recording."""
-        return own_time(self.stretches, stamp_ns)
+        return recording_stamp_ns(self.stretches, stamp_ns)
 
     def times(self, *stamps_ns: int | None) -> Iterator[int | None]:
         """Such times."""
@@ -127,7 +127,7 @@ def _object(reader: MapReader, instance: StoredInstance, to_world: ToWorld) -> E
         centroid=to_world.point(instance.centroid_map),
         box=to_world.box(instance.box),
         points=to_world.points(_solid_points(reader, instance)),
-        states=tuple(_state(each, label_in(instance, each), to_world) for each in instance.states),
+        states=tuple(_state(each, label_in_state(instance, each), to_world) for each in instance.states),
         observations=tuple(
             EstimatedObservation(to_world.time(each.stamp_ns), to_world.point(each.centroid_map))
             for each in reader.observations(instance)

@@ -5,23 +5,23 @@ from __future__ import annotations
 import csv
 from pathlib import Path
 
-from supermap_cli.exporting.selection import Source
+from supermap_cli.exporting.selection import ExportSource
 from supermap_cli.exporting.tables import TABLES, Table
 
 FILES = tuple(f"{table.name}.csv" for table in TABLES)
 
 
-def write_csv_tables(source: Source, folder: Path) -> dict[str, int]:
+def write_csv_tables(source: ExportSource, folder: Path) -> dict[str, int]:
     """Write a file for each table and return how many rows each has."""
     return {table.name: _write(table, source, folder / f"{table.name}.csv") for table in TABLES}
 
 
-def _write(table: Table, source: Source, path: Path) -> int:
+def _write(table: Table, source: ExportSource, path: Path) -> int:
     count = 0
     with path.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(column.name for column in table.written_columns)
-        for row in source.counted(table.name, table.written_rows(source)):
+        for row in source.with_progress(table.name, table.written_rows(source)):
             writer.writerow(row)
             count += 1
     return count

@@ -19,33 +19,33 @@ _PARTIAL, _REPLACED = "partial", "replaced"
 
 
 @contextmanager
-def whole_file(path: Path, *, force: bool) -> Iterator[Path]:
+def atomic_file(path: Path, *, force: bool) -> Iterator[Path]:
     """A temporary file beside `path`, which takes its name at the end; nothing is left where that is not reached.
 
     Raises `ExportError` if there is such a file already (unless `force`), and where it cannot be written.
     """
-    with _stopped_as_by_ctrl_c():
+    with _sigterm_as_interrupt():
         _check_target(path, force=force)
         if path.is_dir():
             raise ExportError("a folder, not a file", where=str(path), cure="name a file with --out")
-        partial = _beside(path, _PARTIAL)
+        partial = _temporary_path(path, _PARTIAL)
         try:
-            with _refusals_as_export_errors(path):
+            with _os_errors_as_export_errors(path):
                 yield partial
-                _settle(partial)
+                _sync_to_disk(partial)
                 partial.replace(path)
         finally:
             partial.unlink(missing_ok=True)
 
 
 @contextmanager
-def whole_folder(path: Path, names: Collection[str], *, force: bool) -> Iterator[Path]:
+def atomic_folder(path: Path, names: Collection[str], *, force: bool) -> Iterator[Path]:
     """A temporary folder beside `path` for files of the given names, which takes its name at the end.
 
     With `force` an earlier export there is replaced; a folder with anything else in it never is. Raises `ExportError`
     as `whole_file` does.
     """
-    with _stopped_as_by_ctrl_c():
+    with _sigterm_as_interrupt():
         _check_target(path, force=force)
         if path.exists():
             found = {entry.name for entry in path.iterdir()} if path.is_dir() else {path.name}
@@ -56,19 +56,19 @@ def whole_folder(path: Path, names: Collection[str], *, force: bool) -> Iterator
                     where=str(path),
                     cure="name a folder of its own with --out",
                 )
-        partial, replaced = _beside(path, _PARTIAL), _beside(path, _REPLACED)
+        partial, replaced = _temporary_path(path, _PARTIAL), _temporary_path(path, _REPLACED)
         try:
-            with _refusals_as_export_errors(path):
+            with _os_errors_as_export_errors(path):
                 partial.mkdir()
                 yield partial
                 for file in partial.iterdir():
-                    _settle(file)
-                _take_place(partial, replaced, path)
+                    _sync_to_disk(file)
+                _swap_folder(partial, replaced, path)
         finally:
             shutil.rmtree(partial, ignore_errors=True)
 
 
-def _take_place(partial: Path, replaced: Path, path: Path) -> None:
+def _swap_folder(partial: Path, replaced: Path, path: Path) -> None:
     """Give a whole folder its name. What was there goes only then, and comes back where that fails.
 
     No system renames a folder over one that is not empty, so for a moment neither has the name. A process killed in it
@@ -90,13 +90,13 @@ def _take_place(partial: Path, replaced: Path, path: Path) -> None:
 def _check_target(path: Path, *, force: bool) -> None:
     if not path.absolute().parent.is_dir():
         raise ExportError("the folder for the export does not exist", where=str(path), cure="make it, or change --out")
-    with _refusals_as_export_errors(path):
+    with _os_errors_as_export_errors(path):
         _clear_leftovers(path)
     if path.exists() and not force:
         raise ExportError("is there already", where=str(path), cure="add --force to replace it, or change --out")
 
 
-def _beside(path: Path, what: str) -> Path:
+def _temporary_path(path: Path, what: str) -> Path:
     return path.with_name(f".{path.name}.{os.getpid()}.{what}")
 
 
@@ -105,7 +105,7 @@ def _clear_leftovers(path: Path) -> None:
     named = re.compile(rf"\.{re.escape(path.name)}\.(\d+)\.({_PARTIAL}|{_REPLACED})")
     for entry in path.absolute().parent.iterdir():
         found = named.fullmatch(entry.name)
-        if found is None or _runs(int(found[1])):
+        if found is None or _process_runs(int(found[1])):
             continue
         if found[2] == _REPLACED and not path.exists():
             entry.rename(path)
@@ -115,7 +115,7 @@ def _clear_leftovers(path: Path) -> None:
             entry.unlink(missing_ok=True)
 
 
-def _runs(pid: int) -> bool:
+def _process_runs(pid: int) -> bool:
     """Whether another process of this number runs on this machine, whosever it is."""
     if pid == os.getpid():
         return False
@@ -129,7 +129,7 @@ def _runs(pid: int) -> bool:
 
 
 @contextmanager
-def _stopped_as_by_ctrl_c() -> Iterator[None]:
+def _sigterm_as_interrupt() -> Iterator[None]:
     """While it is entered, SIGTERM stops as Ctrl-C does: what is half is taken away on the way out.
 
     Outside the main thread, which alone gets signals, it changes nothing.
@@ -137,18 +137,18 @@ def _stopped_as_by_ctrl_c() -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    former = signal.signal(signal.SIGTERM, _stop)
+    previous_handler = signal.signal(signal.SIGTERM, _raise_interrupt)
     try:
         yield
     finally:
-        signal.signal(signal.SIGTERM, former)
+        signal.signal(signal.SIGTERM, previous_handler)
 
 
-def _stop(number: int, frame: FrameType | None) -> NoReturn:  # noqa: ARG001 - what a signal's receiver is given
+def _raise_interrupt(number: int, frame: FrameType | None) -> NoReturn:  # noqa: ARG001 - what a signal's receiver is given
     raise KeyboardInterrupt
 
 
-def _settle(file: Path) -> None:
+def _sync_to_disk(file: Path) -> None:
     """Bring a file's content to the disk before it takes its name."""
     descriptor = os.open(file, os.O_RDONLY)
     try:
@@ -158,7 +158,7 @@ def _settle(file: Path) -> None:
 
 
 @contextmanager
-def _refusals_as_export_errors(path: Path) -> Iterator[None]:
+def _os_errors_as_export_errors(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:

@@ -6,8 +6,8 @@ import json
 from collections.abc import Callable, Iterable, Iterator
 from typing import TextIO
 
-from supermap_cli.exporting.exported_instance import Leaving
-from supermap_cli.exporting.selection import Source
+from supermap_cli.exporting.exported_instance import ExportedInstance
+from supermap_cli.exporting.selection import ExportSource
 from supermap_cli.exporting.tables import (
     KEYFRAMES,
     OBSERVATIONS,
@@ -19,7 +19,7 @@ from supermap_cli.exporting.tables import (
     Table,
     visits_of,
 )
-from supermap_cli.query.presence_at import standing_view
+from supermap_cli.query.presence_at import presence_view
 from supermap_cli.query.views import box_view, interval_view, to_document, vector
 from supermap_cli.version import __version__
 
@@ -35,7 +35,7 @@ UNITS = {"length": "m", "angle": "rad", "time": "ns", "image": "px"}
 _JSON_COLUMNS = frozenset({"T_map_base", "T_map_camera", "T_map_odom", "camera", "config", "hypotheses", "versions"})
 
 
-def write_document(source: Source, file: TextIO, *, observations: bool = False) -> None:
+def write_document(source: ExportSource, file: TextIO, *, observations: bool = False) -> None:
     """Write the document; `observations` adds every single one (without its crop)."""
     head = {
         "format": FORMAT,
@@ -49,17 +49,17 @@ def write_document(source: Source, file: TextIO, *, observations: bool = False) 
     for key, value in head.items():
         file.write(f"\n{_dumps(key)}: {_dumps(value)},")
     parts: list[tuple[str, Iterable[object]]] = [
-        ("traversals", _objects(source, TRAVERSALS)),
-        ("instances", (_instance(source, instance) for instance in source.instances(visits=True))),
-        ("spatial_edges", _objects(source, SPATIAL_EDGES)),
-        ("temporal_edges", _objects(source, TEMPORAL_EDGES)),
-        ("keyframes", _objects(source, KEYFRAMES)),
+        ("traversals", _rows_as_objects(source, TRAVERSALS)),
+        ("instances", (_instance_object(source, instance) for instance in source.instances(visits=True))),
+        ("spatial_edges", _rows_as_objects(source, SPATIAL_EDGES)),
+        ("temporal_edges", _rows_as_objects(source, TEMPORAL_EDGES)),
+        ("keyframes", _rows_as_objects(source, KEYFRAMES)),
     ]
     if observations:
-        parts.append(("observations", _objects(source, OBSERVATIONS)))
+        parts.append(("observations", _rows_as_objects(source, OBSERVATIONS)))
     for index, (name, values) in enumerate(parts):
         file.write(f"{',' if index else ''}\n{_dumps(name)}: ")
-        write_array(file.write, source.counted(name, values))
+        write_array(file.write, source.with_progress(name, values))
     file.write("\n}\n")
 
 
@@ -71,7 +71,7 @@ def write_array(write: Callable[[str], object], values: Iterable[object]) -> Non
     write("\n]")
 
 
-def _selection(source: Source) -> dict[str, object]:
+def _selection(source: ExportSource) -> dict[str, object]:
     selection = source.selection
     return {
         "labels": sorted(selection.labels),
@@ -82,34 +82,38 @@ def _selection(source: Source) -> dict[str, object]:
     }
 
 
-def _instance(source: Source, leaving: Leaving) -> dict[str, object]:
-    at_ns, standing = source.selection.at_ns, leaving.standing
-    told = {} if at_ns is None or standing is None else {"standing": standing_view(standing, at_ns, source.clock)}
-    visits = (_named(VISITS, row) for row in visits_of(leaving, source))
+def _instance_object(source: ExportSource, instance: ExportedInstance) -> dict[str, object]:
+    at_ns, presence_then = source.selection.at_ns, instance.presence_then
+    presence_part = (
+        {}
+        if at_ns is None or presence_then is None
+        else {"standing": presence_view(presence_then, at_ns, source.clock)}
+    )
+    visits = (_row_as_object(VISITS, row) for row in visits_of(instance, source))
     return {
-        "id": leaving.id,
-        "label": leaving.label,
-        "label_belief": dict(leaving.label_belief),
-        "presence": leaving.presence,
-        **{name: to_document(view) for name, view in told.items()},
-        "existence_log_odds": leaving.existence_log_odds,
-        "first_seen_ns": leaving.first_seen_ns,
-        "last_seen_ns": leaving.last_seen_ns,
-        "position": vector(leaving.centroid_map),
-        "box": to_document(box_view(leaving.box)),
-        "observation_count": leaving.observations,
-        "first_traversal": source.traversal_names[leaving.traversal_id],
-        "intervals": [to_document(interval_view(state)) for state in leaving.states],
+        "id": instance.id,
+        "label": instance.label,
+        "label_belief": dict(instance.label_belief),
+        "presence": instance.presence,
+        **{name: to_document(view) for name, view in presence_part.items()},
+        "existence_log_odds": instance.existence_log_odds,
+        "first_seen_ns": instance.first_seen_ns,
+        "last_seen_ns": instance.last_seen_ns,
+        "position": vector(instance.centroid_map),
+        "box": to_document(box_view(instance.box)),
+        "observation_count": instance.observations,
+        "first_traversal": source.traversal_names[instance.traversal_id],
+        "intervals": [to_document(interval_view(state)) for state in instance.states],
         "visits": [{name: cell for name, cell in visit.items() if name != "id"} for visit in visits],
     }
 
 
-def _objects(source: Source, table: Table) -> Iterator[dict[str, object]]:
+def _rows_as_objects(source: ExportSource, table: Table) -> Iterator[dict[str, object]]:
     """A table's rows as objects."""
-    return (_named(table, row) for row in table.rows(source))
+    return (_row_as_object(table, row) for row in table.rows(source))
 
 
-def _named(table: Table, row: Cells) -> dict[str, object]:
+def _row_as_object(table: Table, row: Cells) -> dict[str, object]:
     """A row as an object; what the table holds as JSON is a value here."""
     named = zip((column.name for column in table.columns), row, strict=True)
     return {name: json.loads(str(cell)) if name in _JSON_COLUMNS else cell for name, cell in named}

@@ -9,13 +9,13 @@ from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.geometry.boxes import Box3D
 from supermap_cli.memory.values import Said, StoredInstance, StoredVisit
 from supermap_cli.query.details import log_odds
-from supermap_cli.query.label_consensus import label_shares, name_by
-from supermap_cli.query.presence_at import Known, Standing
+from supermap_cli.query.label_consensus import label_consensus_at, label_shares
+from supermap_cli.query.presence_at import PresenceAt, PresenceValue
 from supermap_cli.types.memory import Presence, StateRecord
 
 
 @dataclass(frozen=True)
-class Leaving:
+class ExportedInstance:
     """An instance with those of its states that leave, oldest first.
 
     As of a time, all that is told of it is of then: `standing` says what its presence rests on, `states` is the one
@@ -26,7 +26,7 @@ class Leaving:
     id: str
     label: str
     label_belief: Mapping[str, float]
-    presence: Presence | Known
+    presence: Presence | PresenceValue
     existence_log_odds: float
     first_seen_ns: int
     last_seen_ns: int
@@ -37,21 +37,25 @@ class Leaving:
     states: tuple[StateRecord, ...]
     newest: StateRecord
     visits: tuple[StoredVisit, ...]
-    standing: Standing | None = None
+    presence_then: PresenceAt | None = None
 
     def presence_in(self, state: StateRecord) -> str:
         """The presence as far as a state says: "ended" in all but the newest; as of a time, what is known of then."""
-        return self.presence if self.standing is not None or state.index == self.newest.index else "ended"
+        return self.presence if self.presence_then is not None or state.index == self.newest.index else "ended"
 
     @property
-    def gap_ns(self) -> tuple[int | None, int | None]:
+    def change_bounds_ns(self) -> tuple[int | None, int | None]:
         """The bounds within which it left or came, as far as that is known; of a time only."""
-        return (None, None) if self.standing is None else (self.standing.not_before_ns, self.standing.not_after_ns)
+        return (
+            (None, None)
+            if self.presence_then is None
+            else (self.presence_then.not_before_ns, self.presence_then.not_after_ns)
+        )
 
 
-def leaving_today(instance: StoredInstance, states: tuple[StateRecord, ...]) -> Leaving:
+def export_current(instance: StoredInstance, states: tuple[StateRecord, ...]) -> ExportedInstance:
     """An instance as it is believed to be today."""
-    return Leaving(
+    return ExportedInstance(
         number=instance.number,
         id=instance.id,
         label=instance.label,
@@ -70,25 +74,30 @@ def leaving_today(instance: StoredInstance, states: tuple[StateRecord, ...]) -> 
     )
 
 
-def leaving_as_of(instance: StoredInstance, standing: Standing, at_ns: int, said: Sequence[Said]) -> Leaving:
+def export_as_of(
+    instance: StoredInstance, presence_then: PresenceAt, at_ns: int, observations: Sequence[Said]
+) -> ExportedInstance:
     """An instance as it was at a time, by what had been said of it (`said`: all that ever was, or none)."""
-    state, seen = standing.state, [observation for observation in said if observation.stamp_ns <= at_ns]
-    name = name_by(seen, at_ns)
-    return Leaving(
+    state, seen_by_then = (
+        presence_then.state,
+        [observation for observation in observations if observation.stamp_ns <= at_ns],
+    )
+    consensus = label_consensus_at(seen_by_then, at_ns)
+    return ExportedInstance(
         number=instance.number,
         id=instance.id,
-        label=state.label if name is None else name.label,
-        label_belief=label_shares(seen),
-        presence=standing.presence,
+        label=state.label if consensus is None else consensus.label,
+        label_belief=label_shares(seen_by_then),
+        presence=presence_then.value,
         existence_log_odds=log_odds(state),
         first_seen_ns=instance.first_seen_ns,
-        last_seen_ns=max((observation.stamp_ns for observation in seen), default=instance.first_seen_ns),
+        last_seen_ns=max((observation.stamp_ns for observation in seen_by_then), default=instance.first_seen_ns),
         centroid_map=state.centroid_map,
         box=state.box,
-        observations=len(seen),
+        observations=len(seen_by_then),
         traversal_id=instance.traversal_id,
         states=(state,),
         newest=instance.states[-1],
         visits=instance.visits,
-        standing=standing,
+        presence_then=presence_then,
     )

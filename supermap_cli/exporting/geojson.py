@@ -11,11 +11,11 @@ from collections.abc import Iterator
 from itertools import groupby
 from typing import TextIO
 
-from supermap_cli.exporting.exported_instance import Leaving
-from supermap_cli.exporting.selection import Source
+from supermap_cli.exporting.exported_instance import ExportedInstance
+from supermap_cli.exporting.selection import ExportSource
 from supermap_cli.exporting.tables import KEYFRAMES
 from supermap_cli.query.clock import Clock
-from supermap_cli.query.presence_at import in_words
+from supermap_cli.query.presence_at import describe_presence
 from supermap_cli.types.memory import StateRecord
 
 NOTE = (
@@ -23,28 +23,28 @@ NOTE = (
 )
 
 
-def write_plan(source: Source, file: TextIO) -> None:
+def write_geojson(source: ExportSource, file: TextIO) -> None:
     """Write a FeatureCollection, a feature a line: a Polygon for each state that leaves, a line for each traversal."""
     file.write('{"type": "FeatureCollection", "crs": null,\n')
     about = {"frame": "map", "unit": "m", "note": NOTE}
     if source.selection.at is not None:
         about |= {"as_of": source.selection.at.text}
     file.write(f'"supermap": {json.dumps(about, ensure_ascii=False)},\n"features": [')
-    for index, feature in enumerate(source.counted("features", _features(source))):
+    for index, feature in enumerate(source.with_progress("features", _features(source))):
         file.write(f"{',' if index else ''}\n{json.dumps(feature, ensure_ascii=False, allow_nan=False)}")
     file.write("\n]}\n")
 
 
-def _features(source: Source) -> Iterator[dict[str, object]]:
-    yield from _ways(source)
+def _features(source: ExportSource) -> Iterator[dict[str, object]]:
+    yield from _trajectories(source)
     for instance in source.instances():
         for state in instance.states:
             yield _footprint(instance, state, source)
 
 
-def _footprint(instance: Leaving, state: StateRecord, source: Source) -> dict[str, object]:
+def _footprint(instance: ExportedInstance, state: StateRecord, source: ExportSource) -> dict[str, object]:
     clock = source.clock
-    corners = [_place(x, y) for x, y in state.box.outline]
+    corners = [_coordinates(x, y) for x, y in state.box.outline]
     return {
         "type": "Feature",
         "id": f"{instance.id}#{state.index}",
@@ -54,7 +54,7 @@ def _footprint(instance: Leaving, state: StateRecord, source: Source) -> dict[st
             "id": instance.id,
             "label": instance.label,
             "presence": instance.presence_in(state),
-            **_gap(instance, source),
+            **_presence_properties(instance, source),
             "state": state.index,
             "confidence": round(state.confidence, 4),
             "z_min": round(state.box.z_min, 4),
@@ -62,28 +62,28 @@ def _footprint(instance: Leaving, state: StateRecord, source: Source) -> dict[st
             "x": round(float(state.centroid_map[0]), 4),
             "y": round(float(state.centroid_map[1]), 4),
             "z": round(float(state.centroid_map[2]), 4),
-            **_time("empty_before", state.empty_before_ns, clock),
-            **_time("first_seen", state.first_seen_ns, clock),
-            **_time("last_seen", state.last_seen_ns, clock),
-            **_time("gone", state.gone_ns, clock),
+            **_time_properties("empty_before", state.empty_before_ns, clock),
+            **_time_properties("first_seen", state.first_seen_ns, clock),
+            **_time_properties("last_seen", state.last_seen_ns, clock),
+            **_time_properties("gone", state.gone_ns, clock),
         },
     }
 
 
-def _gap(instance: Leaving, source: Source) -> dict[str, object]:
+def _presence_properties(instance: ExportedInstance, source: ExportSource) -> dict[str, object]:
     """As of a time: why its presence is what it is, and within which bounds it left or came."""
-    at_ns, standing = source.selection.at_ns, instance.standing
-    if at_ns is None or standing is None:
+    at_ns, presence_then = source.selection.at_ns, instance.presence_then
+    if at_ns is None or presence_then is None:
         return {}
-    not_before_ns, not_after_ns = instance.gap_ns
+    not_before_ns, not_after_ns = instance.change_bounds_ns
     return {
-        "why": in_words(standing, at_ns, source.clock),
-        **_time("not_before", not_before_ns, source.clock),
-        **_time("not_after", not_after_ns, source.clock),
+        "why": describe_presence(presence_then, at_ns, source.clock),
+        **_time_properties("not_before", not_before_ns, source.clock),
+        **_time_properties("not_after", not_after_ns, source.clock),
     }
 
 
-def _ways(source: Source) -> Iterator[dict[str, object]]:
+def _trajectories(source: ExportSource) -> Iterator[dict[str, object]]:
     """The robot's way in each traversal; one of a single keyframe is a point."""
     column = {column.name: index for index, column in enumerate(KEYFRAMES.columns)}
 
@@ -92,11 +92,11 @@ def _ways(source: Source) -> Iterator[dict[str, object]]:
         traversal = by_name.get(name)
         if traversal is None:
             continue
-        places = [_place(float(row[column["x"]] or 0), float(row[column["y"]] or 0)) for row in rows]
+        points = [_coordinates(float(row[column["x"]] or 0), float(row[column["y"]] or 0)) for row in rows]
         geometry: dict[str, object] = (
-            {"type": "LineString", "coordinates": places}
-            if len(places) > 1
-            else {"type": "Point", "coordinates": places[0]}
+            {"type": "LineString", "coordinates": points}
+            if len(points) > 1
+            else {"type": "Point", "coordinates": points[0]}
         )
         yield {
             "type": "Feature",
@@ -107,17 +107,17 @@ def _ways(source: Source) -> Iterator[dict[str, object]]:
                 "traversal": name,
                 "number": traversal.number,
                 "recording": traversal.recording,
-                "keyframes": len(places),
-                **_time("start", traversal.start_ns, source.clock),
-                **_time("end", traversal.end_ns, source.clock),
+                "keyframes": len(points),
+                **_time_properties("start", traversal.start_ns, source.clock),
+                **_time_properties("end", traversal.end_ns, source.clock),
             },
         }
 
 
-def _place(x: float, y: float) -> list[float]:
+def _coordinates(x: float, y: float) -> list[float]:
     """To a tenth of a millimetre."""
     return [round(x, 4), round(y, 4)]
 
 
-def _time(name: str, stamp_ns: int | None, clock: Clock) -> dict[str, object]:
+def _time_properties(name: str, stamp_ns: int | None, clock: Clock) -> dict[str, object]:
     return {f"{name}_ns": stamp_ns, name: None if stamp_ns is None else clock.text(stamp_ns)}

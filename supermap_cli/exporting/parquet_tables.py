@@ -8,7 +8,7 @@ from pathlib import Path
 from types import ModuleType
 
 from supermap_cli.errors import ExportError
-from supermap_cli.exporting.selection import Source
+from supermap_cli.exporting.selection import ExportSource
 from supermap_cli.exporting.tables import TABLES, Cells, Table
 
 FILES = tuple(f"{table.name}.parquet" for table in TABLES)
@@ -16,7 +16,7 @@ CHUNK = 20_000
 """Rows of one row group: what is held in memory at once."""
 
 
-def write_parquet_tables(source: Source, folder: Path) -> dict[str, int]:
+def write_parquet_tables(source: ExportSource, folder: Path) -> dict[str, int]:
     """Write a file for each table and return how many rows each has. Raises `ExportError` without pyarrow."""
     pa, parquet = load_pyarrow()
     return {table.name: _write(table, source, folder / f"{table.name}.parquet", pa, parquet) for table in TABLES}
@@ -34,13 +34,13 @@ def load_pyarrow() -> tuple[ModuleType, ModuleType]:
     return pa, parquet
 
 
-def _write(table: Table, source: Source, path: Path, pa: ModuleType, parquet: ModuleType) -> int:
+def _write(table: Table, source: ExportSource, path: Path, pa: ModuleType, parquet: ModuleType) -> int:
     columns = table.written_columns
     types = {"text": pa.string(), "integer": pa.int64(), "time": pa.int64(), "real": pa.float64()}
     schema = pa.schema([(column.name, types[column.kind]) for column in columns])
     count = 0
     with parquet.ParquetWriter(path, schema, compression="zstd") as writer:
-        for chunk in _chunks(source.counted(table.name, table.written_rows(source))):
+        for chunk in _chunks(source.with_progress(table.name, table.written_rows(source))):
             arrays = [
                 pa.array(cells, type=field.type) for cells, field in zip(zip(*chunk, strict=True), schema, strict=True)
             ]

@@ -19,12 +19,12 @@ from typing import BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from supermap_cli.exporting.exported_instance import Leaving
-from supermap_cli.exporting.selection import Source
+from supermap_cli.exporting.exported_instance import ExportedInstance
+from supermap_cli.exporting.selection import ExportSource
 from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.mapping.voxel_map import voxel_map_from_cloud
 from supermap_cli.memory.streaming import stream_geometry
-from supermap_cli.query.presence_at import in_words
+from supermap_cli.query.presence_at import describe_presence
 from supermap_cli.types.memory import VoxelCloud
 
 VERTEX = np.dtype(
@@ -39,7 +39,7 @@ _COUNT_DIGITS = 12
 """The number of vertices is known last and written into the room kept for it."""
 
 
-def write_cloud(source: Source, path: Path, *, ascii_text: bool = False) -> int:
+def write_ply(source: ExportSource, path: Path, *, ascii_text: bool = False) -> int:
     """Write the cloud and return its number of points.
 
     A memory keeps the shape of an instance in its newest place. In an earlier state's place it stands shifted by the
@@ -48,7 +48,7 @@ def write_cloud(source: Source, path: Path, *, ascii_text: bool = False) -> int:
     with path.open("wb") as file:
         file.write(b"ply\nformat %s 1.0\n" % (b"ascii" if ascii_text else b"binary_little_endian"))
         _comment(file, "SuperMap memory, frame map: metres, z up; a point is the centre of a cube of voxel_size")
-        labels = _write_catalogue(source, file)
+        labels = _write_comments(source, file)
         file.write(b"element vertex ")
         count_at = file.tell()
         file.write(b"0" * _COUNT_DIGITS + b"\n")
@@ -56,7 +56,7 @@ def write_cloud(source: Source, path: Path, *, ascii_text: bool = False) -> int:
             file.write(f"property {_PLY_TYPES[VERTEX[name].str]} {name}\n".encode())
         file.write(b"end_header\n")
         count = 0
-        for vertices in source.counted("objects", _vertices(source, labels)):
+        for vertices in source.with_progress("objects", _vertices(source, labels)):
             file.write(_as_text(vertices) if ascii_text else vertices.tobytes())
             count += len(vertices)
         file.seek(count_at)
@@ -64,38 +64,38 @@ def write_cloud(source: Source, path: Path, *, ascii_text: bool = False) -> int:
     return count
 
 
-def _write_catalogue(source: Source, file: BinaryIO) -> dict[int, int]:
+def _write_comments(source: ExportSource, file: BinaryIO) -> dict[int, int]:
     """The comments; returns the index of every instance's label."""
     labels: dict[str, int] = {}
-    of_instance: dict[int, int] = {}
+    label_of_instance: dict[int, int] = {}
     for instance in source.instances():
-        label = of_instance[instance.number] = labels.setdefault(instance.label, len(labels))
+        label = label_of_instance[instance.number] = labels.setdefault(instance.label, len(labels))
         _comment(file, f"instance {instance.number} {instance.id} label {label}")
-        if instance.standing is not None and source.selection.at is not None:
-            why = in_words(instance.standing, source.selection.at.at_ns, source.clock)
+        if instance.presence_then is not None and source.selection.at is not None:
+            why = describe_presence(instance.presence_then, source.selection.at.at_ns, source.clock)
             _comment(file, f"instance {instance.number} is {instance.presence}: {why}")
-        for state, shift_m in zip(instance.states, _shifts_m(instance), strict=True):
-            if shift_m.any():
-                moved = " ".join(f"{value:.4f}" for value in shift_m)
+        for state, offset_m in zip(instance.states, _state_offsets_m(instance), strict=True):
+            if offset_m.any():
+                moved = " ".join(f"{value:.4f}" for value in offset_m)
                 _comment(file, f"instance {instance.number} state {state.index} is its newest shape shifted by {moved}")
     for name, label in labels.items():
         _comment(file, f"label {label} {name}")
-    return of_instance
+    return label_of_instance
 
 
-def _shifts_m(instance: Leaving) -> list[FloatArray]:
+def _state_offsets_m(instance: ExportedInstance) -> list[FloatArray]:
     """How far (3,) the place of each state lies from that of the newest."""
     return [state.centroid_map - instance.newest.centroid_map for state in instance.states]
 
 
-def _vertices(source: Source, labels: dict[int, int]) -> Iterator[NDArray[np.void]]:
+def _vertices(source: ExportSource, labels: dict[int, int]) -> Iterator[NDArray[np.void]]:
     geometry = stream_geometry(source.reader)
     for instance in source.instances(named=False):  # both come in the order of numbers
         cloud = next(cloud for number, cloud in geometry if number == instance.number)
-        points, rgb = _solid(cloud)
-        for shift_m in _shifts_m(instance):
+        points, rgb = _occupied_voxels(cloud)
+        for offset_m in _state_offsets_m(instance):
             vertices = np.empty(len(points), VERTEX)
-            for axis, values in zip("xyz", (points + shift_m).T, strict=True):
+            for axis, values in zip("xyz", (points + offset_m).T, strict=True):
                 vertices[axis] = values
             for channel, values in zip(("red", "green", "blue"), rgb.T, strict=True):
                 vertices[channel] = values
@@ -104,12 +104,12 @@ def _vertices(source: Source, labels: dict[int, int]) -> Iterator[NDArray[np.voi
             yield vertices
 
 
-def _solid(cloud: VoxelCloud) -> tuple[FloatArray, NDArray[np.uint8]]:
+def _occupied_voxels(cloud: VoxelCloud) -> tuple[FloatArray, NDArray[np.uint8]]:
     """(n, 3) centres and colours of the voxels that the map takes for the object's; all where it is sure of none."""
     voxels = voxel_map_from_cloud(cloud)
     solid = voxels.solid()
-    kept = solid if solid.any() else np.ones(len(voxels), dtype=bool)
-    return voxels.centers()[kept], np.clip(np.round(voxels.rgb[kept]), 0, 255).astype(np.uint8)
+    occupied = solid if solid.any() else np.ones(len(voxels), dtype=bool)
+    return voxels.centers()[occupied], np.clip(np.round(voxels.rgb[occupied]), 0, 255).astype(np.uint8)
 
 
 def _as_text(vertices: NDArray[np.void]) -> bytes:

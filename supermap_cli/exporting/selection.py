@@ -11,15 +11,15 @@ from typing import TypeVar
 from sqlalchemy import select
 
 from supermap_cli.errors import QueryError
-from supermap_cli.exporting.exported_instance import Leaving, leaving_as_of, leaving_today
+from supermap_cli.exporting.exported_instance import ExportedInstance, export_as_of, export_current
 from supermap_cli.memory.reading import MapReader
 from supermap_cli.memory.said import Hearing
 from supermap_cli.memory.streaming import survivors_of_merged
 from supermap_cli.memory.values import StoredInstance, StoredTraversal
 from supermap_cli.query.clock import Clock, clock_of
-from supermap_cli.query.presence_at import Standing, standing_at
-from supermap_cli.query.time_points import Instant, find_traversal, instant_of
-from supermap_cli.query.time_selector import Moment
+from supermap_cli.query.presence_at import PresenceAt, presence_at
+from supermap_cli.query.time_points import TimePoint, find_traversal, parse_time_point
+from supermap_cli.query.time_selector import TimeSelector
 from supermap_cli.types.memory import StateRecord
 from supermap_schema.models import PRESENCES, Instance, State
 
@@ -27,10 +27,10 @@ Item = TypeVar("Item")
 
 PRESENT = frozenset({"present"})
 BELIEVED = frozenset({"present", "absent"})
-EVERYTHING = frozenset(PRESENCES)
-PERHAPS_THERE = frozenset({"present", "unknown"})
-KNOWN = frozenset({"present", "unknown", "absent"})
-HEARD = 50
+ALL_PRESENCES = frozenset(PRESENCES)
+POSSIBLY_PRESENT = frozenset({"present", "unknown"})
+ANY_PRESENCE_AT = frozenset({"present", "unknown", "absent"})
+OBSERVATION_BATCH = 50
 """Instances of which it is read together what was ever said of them."""
 
 
@@ -44,29 +44,29 @@ class Selection:
     """
 
     labels: frozenset[str] = frozenset()
-    presences: frozenset[str] = EVERYTHING
+    presences: frozenset[str] = ALL_PRESENCES
     traversal: StoredTraversal | None = None
-    at: Instant | None = None
+    at: TimePoint | None = None
 
     def states(self, instance: StoredInstance) -> tuple[StateRecord, ...]:
         """The states of an instance that leave, oldest first, where no time is asked for; none where it stays."""
-        if instance.presence not in self.presences or not self.is_called(instance.label):
+        if instance.presence not in self.presences or not self.has_label(instance.label):
             return ()
-        if self._moment is not None:
-            return self._moment.states(instance)
+        if self._selector is not None:
+            return self._selector.states(instance)
         return instance.states[-1:] if self.presences == PRESENT else instance.states
 
-    def standing(self, instance: StoredInstance) -> Standing | None:
+    def presence_then(self, instance: StoredInstance) -> PresenceAt | None:
         """What is known of an instance at the time asked for; `None` where it stays.
 
         What is doubted today was, as far as anybody knows, never there.
         """
         if self.at is None or instance.presence == "doubted":
             return None
-        known = standing_at(instance, self.at.at_ns, self.at.begun_ns)
-        return known if known is not None and known.presence in self.presences else None
+        known = presence_at(instance, self.at.at_ns, self.at.traversal_start_ns)
+        return known if known is not None and known.value in self.presences else None
 
-    def is_called(self, label: str) -> bool:
+    def has_label(self, label: str) -> bool:
         """Whether a label is among those that leave."""
         return not self.labels or label.casefold() in self.labels
 
@@ -80,13 +80,13 @@ class Selection:
         """What leaves of keyframes, and of what was seen in them: those of one traversal, and those until a time."""
         return None if self.traversal is None else self.traversal.id, self.at_ns
 
-    def has_traversal(self, traversal: StoredTraversal) -> bool:
+    def includes_traversal(self, traversal: StoredTraversal) -> bool:
         """Whether a traversal leaves: the one asked for, or those that had begun by the time."""
         if self.traversal is not None:
             return traversal.id == self.traversal.id
         return self.at_ns is None or traversal.start_ns <= self.at_ns
 
-    def has_interval(self, since_ns: int, until_ns: int | None) -> bool:
+    def includes_interval(self, since_ns: int, until_ns: int | None) -> bool:
         """Whether what held in [since_ns, until_ns) leaves."""
         if self.traversal is not None:
             return since_ns <= self.traversal.end_ns and (until_ns is None or until_ns > self.traversal.start_ns)
@@ -94,25 +94,25 @@ class Selection:
             return since_ns <= self.at_ns and (until_ns is None or until_ns > self.at_ns)
         return until_ns is None or self.presences != PRESENT
 
-    def has_event(self, traversal_id: int, not_after_ns: int) -> bool:
+    def includes_event(self, traversal_id: int, not_after_ns: int) -> bool:
         """Whether something that happened leaves."""
         if self.traversal is not None:
             return traversal_id == self.traversal.id
         return self.at_ns is None or not_after_ns <= self.at_ns
 
     @cached_property
-    def _moment(self) -> Moment | None:
+    def _selector(self) -> TimeSelector | None:
         if self.traversal is None:
             return None
         span = (self.traversal.start_ns, self.traversal.end_ns)
-        return Moment("traversal", f"in {self.traversal.name}", *span, self.traversal)
+        return TimeSelector("traversal", f"in {self.traversal.name}", *span, self.traversal)
 
 
 def select_part(
     reader: MapReader,
     labels: Collection[str] = (),
     *,
-    presences: frozenset[str] = EVERYTHING,
+    presences: frozenset[str] = ALL_PRESENCES,
     traversal: str | None = None,
     at: str | None = None,
 ) -> Selection:
@@ -120,14 +120,14 @@ def select_part(
     if traversal is not None and at is not None:
         raise QueryError("a traversal and a time cannot be asked for at once", cure="give --traversal or --at")
     found = None if traversal is None else find_traversal(reader.traversals, traversal)
-    instant = None if at is None else instant_of(at, reader, clock_of(reader))
-    return Selection(_known_labels(reader, labels, ever=at is not None), presences, found, instant)
+    instant = None if at is None else parse_time_point(at, reader, clock_of(reader))
+    return Selection(_known_labels(reader, labels, any_state=at is not None), presences, found, instant)
 
 
-def _known_labels(reader: MapReader, labels: Collection[str], *, ever: bool) -> frozenset[str]:
+def _known_labels(reader: MapReader, labels: Collection[str], *, any_state: bool) -> frozenset[str]:
     """The labels as they are compared; `ever` knows those, too, that things had in an earlier state."""
     wanted = frozenset(label.casefold() for label in labels)
-    columns = (Instance.label, State.label) if ever else (Instance.label,)
+    columns = (Instance.label, State.label) if any_state else (Instance.label,)
     known = {
         label.casefold()
         for column in columns
@@ -139,7 +139,7 @@ def _known_labels(reader: MapReader, labels: Collection[str], *, ever: bool) -> 
     return wanted
 
 
-class Source:
+class ExportSource:
     """A map and the part of it that leaves; what it holds at once is a number for each instance at most."""
 
     def __init__(
@@ -150,10 +150,10 @@ class Source:
         self.selection = selection
         self._progress = progress
         self.clock: Clock = clock_of(reader)
-        self.traversals = tuple(filter(selection.has_traversal, reader.traversals))
+        self.traversals = tuple(filter(selection.includes_traversal, reader.traversals))
         self.traversal_names = {traversal.id: traversal.name for traversal in reader.traversals}
 
-    def instances(self, *, visits: bool = False, named: bool = True) -> Iterator[Leaving]:
+    def instances(self, *, visits: bool = False, named: bool = True) -> Iterator[ExportedInstance]:
         """Every instance that leaves; its visits are read only if wanted.
 
         What it was called at a time takes reading all that was said of it: without `named` it has the label of its
@@ -166,40 +166,40 @@ class Source:
         for instance in self.reader.each_instance(visits=visits or selection.traversal is not None):
             states = selection.states(instance)
             if states:
-                yield leaving_today(instance, states)
+                yield export_current(instance, states)
 
-    def _as_of(self, at: Instant, *, visits: bool, named: bool) -> Iterator[Leaving]:
-        hearing = Hearing(self.reader)
-        stood = (
-            (instance, standing)
+    def _as_of(self, at: TimePoint, *, visits: bool, named: bool) -> Iterator[ExportedInstance]:
+        labels_reader = Hearing(self.reader)
+        in_selection = (
+            (instance, presence_then)
             for instance in self.reader.each_instance(visits=visits)
-            if (standing := self.selection.standing(instance)) is not None
+            if (presence_then := self.selection.presence_then(instance)) is not None
         )
-        while part := list(islice(stood, HEARD)):
-            said = hearing.of([instance for instance, _ in part]) if named else {}
-            for instance, standing in part:
-                leaving = leaving_as_of(instance, standing, at.at_ns, said.get(instance.number, ()))
-                if self.selection.is_called(leaving.label):
-                    yield leaving
+        while batch := list(islice(in_selection, OBSERVATION_BATCH)):
+            observations = labels_reader.of([instance for instance, _ in batch]) if named else {}
+            for instance, presence_then in batch:
+                exported = export_as_of(instance, presence_then, at.at_ns, observations.get(instance.number, ()))
+                if self.selection.has_label(exported.label):
+                    yield exported
 
-    def counted(self, name: str, items: Iterable[Item]) -> Iterator[Item]:
+    def with_progress(self, name: str, items: Iterable[Item]) -> Iterator[Item]:
         """The items while they are written; progress is told of every thousandth."""
         for index, item in enumerate(items):
             if self._progress is not None and index % 1000 == 0:
                 self._progress(name, index)
             yield item
 
-    def id_today(self, number: int, own_id: str) -> str | None:
+    def current_id(self, number: int, own_id: str) -> str | None:
         """The id under which an instance leaves: that of what it was merged into; `None` if it stays."""
-        number, text_id = self._merged.get(number, (number, own_id))
-        return None if self._chosen is not None and number not in self._chosen else text_id
+        number, text_id = self._survivors.get(number, (number, own_id))
+        return None if self._selected_numbers is not None and number not in self._selected_numbers else text_id
 
     @cached_property
-    def _merged(self) -> dict[int, tuple[int, str]]:
+    def _survivors(self) -> dict[int, tuple[int, str]]:
         return survivors_of_merged(self.reader)
 
     @cached_property
-    def _chosen(self) -> frozenset[int] | None:
+    def _selected_numbers(self) -> frozenset[int] | None:
         """The numbers of what leaves; `None`: everything."""
         if self.selection == Selection():
             return None

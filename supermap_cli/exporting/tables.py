@@ -10,11 +10,11 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from supermap_cli.exporting.exported_instance import Leaving
-from supermap_cli.exporting.selection import Source
+from supermap_cli.exporting.exported_instance import ExportedInstance
+from supermap_cli.exporting.selection import ExportSource
 from supermap_cli.geometry.boxes import Box3D
 from supermap_cli.memory import streaming
-from supermap_cli.query.traversal_spans import moment_of_stamp
+from supermap_cli.query.traversal_spans import stamp_to_datetime
 
 ColumnKind = Literal["text", "integer", "real", "time"]
 Cell = int | float | str | None
@@ -35,7 +35,7 @@ class Table:
 
     name: str
     columns: tuple[Column, ...]
-    rows: Callable[[Source], Iterator[Cells]]
+    rows: Callable[[ExportSource], Iterator[Cells]]
 
     @property
     def written_columns(self) -> tuple[Column, ...]:
@@ -46,16 +46,16 @@ class Table:
             for written in ((column, Column(column.name.removesuffix("_ns"))) if column.kind == "time" else (column,))
         )
 
-    def written_rows(self, source: Source) -> Iterator[Cells]:
+    def written_rows(self, source: ExportSource) -> Iterator[Cells]:
         """The rows for `written_columns`."""
         times = [column.kind == "time" for column in self.columns]
-        told = _utc if all(span.has_wall_time for span in source.clock.stretches) else _nothing
+        time_text = _utc if all(span.has_wall_time for span in source.clock.spans) else _no_text
         for row in self.rows(source):
             cells: list[Cell] = []
             for cell, is_time in zip(row, times, strict=True):
                 cells.append(cell)
                 if is_time:
-                    cells.append(None if cell is None else told(int(cell)))
+                    cells.append(None if cell is None else time_text(int(cell)))
             yield tuple(cells)
 
 
@@ -70,7 +70,7 @@ _PLACE = tuple(
     f"{name}:real"
     for name in (*"xyz", "center_x", "center_y", "center_z", "size_x", "size_y", "size_z", "yaw")
 )  # fmt: skip
-_GAP = ("not_before_ns", "not_after_ns")
+_BOUNDS = ("not_before_ns", "not_after_ns")
 """As of a time: within which bounds it left, or came, where that is not known better."""
 
 
@@ -78,7 +78,7 @@ def _place(centroid: Any, box: Box3D) -> Cells:
     return (*centroid.tolist(), *box.center.tolist(), *box.size.tolist(), float(box.yaw))
 
 
-def _traversals(source: Source) -> Iterator[Cells]:
+def _traversals(source: ExportSource) -> Iterator[Cells]:
     for traversal in source.traversals:
         yield (
             *(
@@ -101,14 +101,14 @@ def _traversals(source: Source) -> Iterator[Cells]:
         )
 
 
-def _keyframes(source: Source) -> Iterator[Cells]:
+def _keyframes(source: ExportSource) -> Iterator[Cells]:
     for row in streaming.stream_keyframes(source.reader, *source.selection.keyframes):
         x, y, z = (line[3] for line in json.loads(row.T_map_base)[:3])
         traversal = source.traversal_names[row.traversal_id]
         yield (row.id, traversal, row.stamp_ns, x, y, z, row.detected, row.T_map_base, row.T_map_camera, row.camera)
 
 
-def _instances(source: Source) -> Iterator[Cells]:
+def _instances(source: ExportSource) -> Iterator[Cells]:
     for instance in source.instances():
         yield (
             *(
@@ -120,23 +120,23 @@ def _instances(source: Source) -> Iterator[Cells]:
                 instance.first_seen_ns,
             ),
             *(instance.last_seen_ns, *_place(instance.centroid_map, instance.box), instance.observations),
-            *(source.traversal_names[instance.traversal_id], _json(instance.label_belief), *instance.gap_ns),
+            *(source.traversal_names[instance.traversal_id], _json(instance.label_belief), *instance.change_bounds_ns),
         )
 
 
-def _states(source: Source) -> Iterator[Cells]:
+def _states(source: ExportSource) -> Iterator[Cells]:
     for instance in source.instances(named=False):
         for state in instance.states:
             yield (
                 *(instance.id, state.index, state.label, instance.presence_in(state), float(state.confidence)),
                 *(state.empty_before_ns, state.first_seen_ns, state.last_seen_ns, state.gone_ns),
-                *(*_place(state.centroid_map, state.box), *instance.gap_ns),
+                *(*_place(state.centroid_map, state.box), *instance.change_bounds_ns),
             )
 
 
-def _observations(source: Source) -> Iterator[Cells]:
+def _observations(source: ExportSource) -> Iterator[Cells]:
     for row in streaming.stream_observations(source.reader, *source.selection.keyframes):
-        text_id = source.id_today(row.instance_number, row.instance_id)
+        text_id = source.current_id(row.instance_number, row.instance_id)
         if text_id is not None:
             yield (
                 *(row.id, text_id, row.keyframe_id, source.traversal_names[row.traversal_id], row.stamp_ns),
@@ -145,12 +145,12 @@ def _observations(source: Source) -> Iterator[Cells]:
             )
 
 
-def _visits(source: Source) -> Iterator[Cells]:
+def _visits(source: ExportSource) -> Iterator[Cells]:
     for instance in source.instances(visits=True, named=False):
         yield from visits_of(instance, source)
 
 
-def visits_of(instance: Leaving, source: Source) -> Iterator[Cells]:
+def visits_of(instance: ExportedInstance, source: ExportSource) -> Iterator[Cells]:
     """The rows of one instance in `VISITS`."""
     shown = {traversal.id for traversal in source.traversals}
     for visit in instance.visits:
@@ -161,23 +161,23 @@ def visits_of(instance: Leaving, source: Source) -> Iterator[Cells]:
             )
 
 
-def _spatial_edges(source: Source) -> Iterator[Cells]:
+def _spatial_edges(source: ExportSource) -> Iterator[Cells]:
     for row in streaming.stream_spatial_edges(source.reader):
-        subject = source.id_today(row.subject_number, row.subject_id)
-        other = source.id_today(row.object_number, row.object_id)
+        subject = source.current_id(row.subject_number, row.subject_id)
+        other = source.current_id(row.object_number, row.object_id)
         ends_leave = subject is not None and other is not None and subject != other
-        if ends_leave and source.selection.has_interval(row.since_ns, row.until_ns):
+        if ends_leave and source.selection.includes_interval(row.since_ns, row.until_ns):
             traversal = source.traversal_names[row.traversal_id]
             yield (subject, row.relation, other, row.since_ns, row.until_ns, row.confidence, traversal)
 
 
-def _temporal_edges(source: Source) -> Iterator[Cells]:
+def _temporal_edges(source: ExportSource) -> Iterator[Cells]:
     for row in streaming.stream_temporal_edges(source.reader):
         ends = (
-            source.id_today(row.from_number, row.from_id),
-            source.id_today(row.to_number, row.to_id),
+            source.current_id(row.from_number, row.from_id),
+            source.current_id(row.to_number, row.to_id),
         )
-        if any(ends) and source.selection.has_event(row.traversal_id, row.not_after_ns):
+        if any(ends) and source.selection.includes_event(row.traversal_id, row.not_after_ns):
             yield (
                 *(row.kind, row.from_id, row.from_state, row.to_id, row.to_state),
                 *(row.not_before_ns, row.not_after_ns, row.distance_m, row.probability),
@@ -191,10 +191,10 @@ def _json(value: object) -> str:
 
 def _utc(stamp_ns: int) -> str:
     """A time of the map, to a tenth of a second, by ISO 8601."""
-    return f"{moment_of_stamp(stamp_ns):%Y-%m-%dT%H:%M:%S}.{stamp_ns % 10**9 // 10**8}Z"
+    return f"{stamp_to_datetime(stamp_ns):%Y-%m-%dT%H:%M:%S}.{stamp_ns % 10**9 // 10**8}Z"
 
 
-def _nothing(_: int) -> None:
+def _no_text(_: int) -> None:
     return None
 
 
@@ -220,7 +220,7 @@ INSTANCES = Table(
     "instances",
     _columns(
         *("id", "number:integer", "label", "presence", "existence_log_odds:real", "first_seen_ns", "last_seen_ns"),
-        *(*_PLACE, "observations:integer", "first_traversal", "label_belief", *_GAP),
+        *(*_PLACE, "observations:integer", "first_traversal", "label_belief", *_BOUNDS),
     ),
     _instances,
 )
@@ -228,7 +228,7 @@ STATES = Table(
     "states",
     _columns(
         *("id", "state:integer", "label", "presence", "confidence:real", "empty_before_ns", "first_seen_ns"),
-        *("last_seen_ns", "gone_ns", *_PLACE, *_GAP),
+        *("last_seen_ns", "gone_ns", *_PLACE, *_BOUNDS),
     ),
     _states,
 )

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Protocol
 
-from supermap_cli.query.grammar import Question, Things
+from supermap_cli.query.grammar import NounPhrase, Question
 from supermap_cli.query.views import InstanceView
 from supermap_cli.query.vocabulary import load_vocabulary
 
 
-class Miss(Protocol):
+class NearMissLike(Protocol):
     """What a near miss tells."""
 
     @property
@@ -24,7 +24,7 @@ class Miss(Protocol):
         ...
 
 
-class All(Protocol):
+class MatchCountLike(Protocol):
     """How many fit."""
 
     @property
@@ -33,29 +33,37 @@ class All(Protocol):
         ...
 
     @property
-    def sure(self) -> int:
+    def certain(self) -> int:
         """Of those that surely stood there."""
         ...
 
 
-def found(question: Question, instances: Sequence[InstanceView], counted: All, when: str | None = None) -> str:
+def match_sentence(
+    question: Question, instances: Sequence[InstanceView], counted: MatchCountLike, when: str | None = None
+) -> str:
     """The sentence where something fits; `when` is its time, where the question does not say it."""
-    sure = ", ".join(instance.id for instance in instances if instance.presence != "unknown")
-    unsure = ", ".join(instance.id for instance in instances if instance.presence == "unknown")
-    ids = "; perhaps ".join(ids_text for ids_text in (sure, unsure) if ids_text) if sure else f"perhaps {unsure}"
+    certain = ", ".join(instance.id for instance in instances if instance.presence != "unknown")
+    uncertain = ", ".join(instance.id for instance in instances if instance.presence == "unknown")
+    ids = (
+        "; perhaps ".join(ids_text for ids_text in (certain, uncertain) if ids_text)
+        if certain
+        else f"perhaps {uncertain}"
+    )
     if counted.more != 0:
         ids += " and more" if counted.more is None else f" and {counted.more} more"
-    basis = _basis(instances)
+    basis = _basis_text(instances)
     match question.intent:
         case "count":
-            return f"{counted.sure} ({ids}){basis}"
+            return f"{counted.certain} ({ids}){basis}"
         case "exists":
-            return f"{'yes: ' if sure else ''}{ids}{basis}"
+            return f"{'yes: ' if certain else ''}{ids}{basis}"
         case "find":
-            return f"{described(question.things)}{_when(question, when)}: {ids}{basis}"
+            return f"{describe_phrase(question.phrase)}{_time_text(question, when)}: {ids}{basis}"
 
 
-def nothing(question: Question, nearest: Sequence[Miss], missing: str | None, when: str | None = None) -> str:
+def no_match_sentence(
+    question: Question, nearest: Sequence[NearMissLike], missing: str | None, when: str | None = None
+) -> str:
     """The sentence where nothing fits; `missing` is the noun that nothing in the map is called, `when` the time, where
     the question does not say it.
     """
@@ -63,18 +71,18 @@ def nothing(question: Question, nearest: Sequence[Miss], missing: str | None, wh
     if missing is not None:
         sentence = f"there {'are' if _is_plural(missing) else 'is'} no {missing} in the map"
     else:
-        nobody = "nothing" if question.things.noun is None else "no"
-        sentence = f"{nobody} {described(question.things, '')}".rstrip() + _when(question, when)
-    misses = "; ".join(f"{near_miss.id}: {near_miss.reason}" for near_miss in nearest)
-    return f"{lead}{sentence} ({misses})" if misses else f"{lead}{sentence}"
+        nothing_or_no = "nothing" if question.phrase.noun is None else "no"
+        sentence = f"{nothing_or_no} {describe_phrase(question.phrase, '')}".rstrip() + _time_text(question, when)
+    reasons = "; ".join(f"{near_miss.id}: {near_miss.reason}" for near_miss in nearest)
+    return f"{lead}{sentence} ({reasons})" if reasons else f"{lead}{sentence}"
 
 
-def described(things: Things, anything: str = "everything") -> str:
+def describe_phrase(phrase: NounPhrase, anything: str = "everything") -> str:
     """A noun phrase in plain words; `anything` stands where it has no noun."""
-    noun = things.noun or anything
-    if things.relation is None:
+    noun = phrase.noun or anything
+    if phrase.relation is None:
         return noun
-    return f"{noun} {things.relation.name} {described(things.relation.reference)}".lstrip()
+    return f"{noun} {phrase.relation.name} {describe_phrase(phrase.relation.reference)}".lstrip()
 
 
 def _is_plural(noun: str) -> bool:
@@ -82,7 +90,7 @@ def _is_plural(noun: str) -> bool:
     return load_vocabulary().singular(head) != head
 
 
-def _when(question: Question, when: str | None) -> str:
+def _time_text(question: Question, when: str | None) -> str:
     if when is not None:
         return f" {when}"
     match question.time.kind:
@@ -96,6 +104,6 @@ def _when(question: Question, when: str | None) -> str:
             return f" {kind}"
 
 
-def _basis(instances: Sequence[InstanceView]) -> str:
+def _basis_text(instances: Sequence[InstanceView]) -> str:
     bases = {relation.basis for instance in instances for relation in instance.relations}
     return " (judged by their boxes; no such relation is stored)" if bases == {"boxes"} else ""

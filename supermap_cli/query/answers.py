@@ -11,19 +11,25 @@ from supermap_cli.errors import QueryError
 from supermap_cli.memory.reading import MapReader
 from supermap_cli.memory.values import StoredInstance
 from supermap_cli.query import answer_text
-from supermap_cli.query.candidates import Called, Candidate, Counted, Pool, label_in
+from supermap_cli.query.candidates import (
+    CandidateSource,
+    InstanceCandidate,
+    LabelCandidates,
+    MatchCount,
+    label_in_state,
+)
 from supermap_cli.query.clock import Clock, clock_of, is_time_of_day
-from supermap_cli.query.grammar import Question, RelatedTo, Things, parse
-from supermap_cli.query.near_misses import NEAREST, closest, perhaps_called
-from supermap_cli.query.presence_at import Known, Standing, in_words, standing_view
-from supermap_cli.query.relation_matching import Basis, Relating
+from supermap_cli.query.grammar import NounPhrase, Question, RelationPhrase, parse
+from supermap_cli.query.near_misses import MAX_NEAR_MISSES, maybe_labelled, nearest_pairs
+from supermap_cli.query.presence_at import PresenceAt, PresenceValue, describe_presence, presence_view
+from supermap_cli.query.relation_matching import Basis, RelationMatcher
 from supermap_cli.query.relations import RelationName
-from supermap_cli.query.retention_policy import evidence_notes
-from supermap_cli.query.time_points import instant_of
-from supermap_cli.query.time_selector import Moment, moment_at, moment_of
-from supermap_cli.query.uncertain_presence import NOBODY, NOTED, Perhaps, perhaps
+from supermap_cli.query.retention_policy import pruned_evidence_notes
+from supermap_cli.query.time_points import parse_time_point
+from supermap_cli.query.time_selector import TimeSelector, selector_at, selector_of_phrase
+from supermap_cli.query.uncertain_presence import MAX_NOTED, NO_UNCERTAIN, UncertainInstances, uncertain_instances
 from supermap_cli.query.views import (
-    LISTED,
+    DEFAULT_LIMIT,
     BoxView,
     InstanceView,
     Vector,
@@ -43,7 +49,7 @@ class NearMiss:
 
     id: str
     label: str
-    presence: Presence | Known
+    presence: Presence | PresenceValue
     position: Vector
     box: BoxView
     reason: str
@@ -83,47 +89,51 @@ class Answer:
 
 
 @dataclass(frozen=True)
-class Found:
+class QuestionMatches:
     """What fits: the candidates listed, with all their relations; how many instances fit besides (`None`: not counted),
     and how many of all surely stood there.
     """
 
-    candidates: list[Candidate]
+    candidates: list[InstanceCandidate]
     more: int | None
-    sure: int
+    certain: int
 
 
-def answer(text: str, reader: MapReader, at: str | None = None, limit: int = LISTED) -> Answer:
+def answer(text: str, reader: MapReader, at: str | None = None, limit: int = DEFAULT_LIMIT) -> Answer:
     """Answer a question, and list so many instances at most; `at` asks it as of a time or a traversal.
 
     Raises `QueryError` if it is not understood, or speaks of another time itself.
     """
     question = parse(text, [traversal.name for traversal in reader.traversals])
     clock = clock_of(reader)
-    if at is not None and question.time.said:
+    if at is not None and question.time.explicit:
         raise QueryError("the question names a time of its own", where=text, cure="leave out --at, or the words")
-    moment = moment_of(question.time, reader, clock) if at is None else moment_at(instant_of(at, reader, clock))
-    resolver = Resolver(reader, moment, clock, limit)
+    selector = (
+        selector_of_phrase(question.time, reader, clock)
+        if at is None
+        else selector_at(parse_time_point(at, reader, clock))
+    )
+    resolver = QuestionResolver(reader, selector, clock, limit)
     counting = question.intent == "count"
-    found = resolver.find(question.things, counting=counting)
+    found = resolver.find(question.phrase, counting=counting)
     instances = resolver.views(found.candidates)
-    perhaps = resolver.perhaps(question.things, instances, counting=counting)
-    nearest = () if instances else resolver.nearest(question.things)
-    resolver.note_time(question, found.candidates, at)
-    given_up = evidence_notes((instance.evidence for instance in instances), clock)
-    count = found.sure if counting else None
-    at_most = len(instances) + (found.more or 0) + perhaps.besides
-    when = moment.text if at else None
+    uncertain_instances = resolver.uncertain_instances(question.phrase, instances, counting=counting)
+    nearest = () if instances else resolver.nearest(question.phrase)
+    resolver.add_time_notes(question, found.candidates, at)
+    pruned_notes = pruned_evidence_notes((instance.evidence for instance in instances), clock)
+    count = found.certain if counting else None
+    at_most = len(instances) + (found.more or 0) + uncertain_instances.unmatched
+    when = selector.text if at else None
     return Answer(
         query=text,
         intent=question.intent,
-        time=moment.text,
-        message=answer_text.found(question, instances, found, when)
+        time=selector.text,
+        message=answer_text.match_sentence(question, instances, found, when)
         if instances
-        else answer_text.nothing(question, nearest, resolver.missing(question.things), when),
-        notes=tuple(dict.fromkeys([*resolver.notes, *resolver.notes_of(perhaps), *given_up])),
+        else answer_text.no_match_sentence(question, nearest, resolver.unknown_noun(question.phrase), when),
+        notes=tuple(dict.fromkeys([*resolver.notes, *resolver.uncertainty_notes(uncertain_instances), *pruned_notes])),
         instances=instances,
-        relation=resolver.asked(question.things.relation),
+        relation=resolver.asked_relation(question.phrase.relation),
         nearest=nearest,
         more=found.more,
         count=count,
@@ -131,29 +141,29 @@ def answer(text: str, reader: MapReader, at: str | None = None, limit: int = LIS
     )
 
 
-class Resolver:
+class QuestionResolver:
     """Resolves noun phrases and relations at one moment of one map."""
 
-    def __init__(self, reader: MapReader, moment: Moment, clock: Clock, limit: int = LISTED) -> None:
+    def __init__(self, reader: MapReader, selector: TimeSelector, clock: Clock, limit: int = DEFAULT_LIMIT) -> None:
         self.reader = reader
-        self.moment = moment
+        self.selector = selector
         self.clock = clock
         self.limit = limit
         self.notes: list[str] = []
-        self._by_id = cache(self._find_id)
+        self._instance_by_id = cache(self._find_id)
         self._labels = cache(self._find_labels)
 
-    def find(self, things: Things, *, counting: bool) -> Found:
+    def find(self, phrase: NounPhrase, *, counting: bool) -> QuestionMatches:
         """The instances that fit a phrase, as many as are listed; all of them are counted if that is asked for, or
         if the labels' index knows their number.
         """
-        pool = self._called(things)
-        relating = None if things.relation is None else self._relating(things.relation)
-        known = self._counted(pool, relating, counting=counting)
+        pool = self._candidates(phrase)
+        matcher = None if phrase.relation is None else self._matcher(phrase.relation)
+        known = self._count(pool, matcher, counting=counting)
         numbers: set[int] = set()
         listed: dict[int, Basis] = {}
-        sure, complete = 0, True
-        for basis, candidate in _matches(pool, relating):
+        certain, complete = 0, True
+        for basis, candidate in _matches(pool, matcher):
             number = candidate.instance.number
             if number in numbers:
                 continue
@@ -161,30 +171,32 @@ class Resolver:
                 complete = False
                 break
             numbers.add(number)
-            standing = self.standing(candidate.instance)
-            sure += standing is None or standing.presence != "unknown"
+            presence = self.presence(candidate.instance)
+            certain += presence is None or presence.value != "unknown"
             if len(listed) < self.limit:
                 listed[number] = basis
         if known is not None and not complete:
-            return Found(self._complete(pool, relating, listed), known.fits - len(listed), known.sure)
+            return QuestionMatches(
+                self._with_all_relations(pool, matcher, listed), known.total - len(listed), known.certain
+            )
         more = len(numbers) - len(listed) if complete else None
-        return Found(self._complete(pool, relating, listed), more, sure)
+        return QuestionMatches(self._with_all_relations(pool, matcher, listed), more, certain)
 
-    def views(self, found: Iterable[Candidate]) -> tuple[InstanceView, ...]:
+    def views(self, found: Iterable[InstanceCandidate]) -> tuple[InstanceView, ...]:
         """The candidates by instance, the newest state that fits first in charge of where it is."""
-        by_instance: dict[int, list[Candidate]] = {}
+        by_instance: dict[int, list[InstanceCandidate]] = {}
         for candidate in found:
             by_instance.setdefault(candidate.instance.number, []).append(candidate)
         whole = {instance.number: instance for instance in self.reader.instances_of(list(by_instance))}
         return tuple(self._view(whole[number], candidates) for number, candidates in sorted(by_instance.items()))
 
-    def asked(self, related: RelatedTo | None) -> AskedRelation | None:
+    def asked_relation(self, related: RelationPhrase | None) -> AskedRelation | None:
         """The question's relation, and what it was measured against."""
         if related is None:
             return None
         references: dict[int, str] = {}
-        pool = self._pool(related.reference, as_reference=True)
-        for candidate in chain.from_iterable(pool.parts()):
+        pool = self._candidate_source(related.reference, as_reference=True)
+        for candidate in chain.from_iterable(pool.batches()):
             if len(references) == self.limit and candidate.instance.number not in references:
                 break
             references[candidate.instance.number] = candidate.instance.id
@@ -192,77 +204,86 @@ class Resolver:
             return AskedRelation(related.name, related.reference.noun or "anything", _in_order(references))
         return AskedRelation(related.name, related.reference.noun or "anything", _in_order(references), more=True)
 
-    def nearest(self, things: Things) -> tuple[NearMiss, ...]:
+    def nearest(self, phrase: NounPhrase) -> tuple[NearMiss, ...]:
         """What nearly fits: out of the relation's reach, at another time, or perhaps of that label."""
-        if (missing := self.missing(things)) is not None:
-            doubtful = perhaps_called(self.reader, missing)
-            return tuple(self._miss(instance, instance.states[-1], reason) for instance, reason in doubtful)
-        if things.relation is not None and (misses := self._too_far(things, things.relation)):
-            return misses
-        known = self._first_called(things)
+        if (unknown_noun := self.unknown_noun(phrase)) is not None:
+            maybe = maybe_labelled(self.reader, unknown_noun)
+            return tuple(self._near_miss(instance, instance.states[-1], reason) for instance, reason in maybe)
+        if phrase.relation is not None and (out_of_reach := self._out_of_reach(phrase, phrase.relation)):
+            return out_of_reach
+        known = self._first_labelled(phrase)
         return tuple(
-            self._miss(instance, instance.states[-1], self.whereabouts(instance)) for instance in known[:NEAREST]
+            self._near_miss(instance, instance.states[-1], self.presence_text(instance))
+            for instance in known[:MAX_NEAR_MISSES]
         )
 
-    def missing(self, things: Things) -> str | None:
+    def unknown_noun(self, phrase: NounPhrase) -> str | None:
         """The first noun of a phrase that nothing in the map was ever called."""
-        if things.noun is not None and self._by_id(things.noun) is None and not self._labels(things.noun).labels:
-            return things.noun
-        return None if things.relation is None else self.missing(things.relation.reference)
+        if (
+            phrase.noun is not None
+            and self._instance_by_id(phrase.noun) is None
+            and not self._labels(phrase.noun).labels
+        ):
+            return phrase.noun
+        return None if phrase.relation is None else self.unknown_noun(phrase.relation.reference)
 
-    def perhaps(self, things: Things, found: Iterable[InstanceView], *, counting: bool) -> Perhaps:
+    def uncertain_instances(
+        self, phrase: NounPhrase, found: Iterable[InstanceView], *, counting: bool
+    ) -> UncertainInstances:
         """Those of a name of which nobody can say whether they stood there at the time. Of relations nothing is
         guessed.
         """
-        if things.relation is not None:
-            return NOBODY
-        return perhaps(self._called(things, ever=True), found, counting=counting)
+        if phrase.relation is not None:
+            return NO_UNCERTAIN
+        return uncertain_instances(self._candidates(phrase, any_state=True), found, counting=counting)
 
-    def notes_of(self, perhaps: Perhaps) -> list[str]:
+    def uncertainty_notes(self, uncertain_instances: UncertainInstances) -> list[str]:
         """What is known of those that perhaps stood there."""
-        told = [f"{instance.id}: {self.whereabouts(instance)}" for instance in perhaps.told[:NOTED]]
-        if perhaps.count > NOTED:
-            of = "" if perhaps.looked_at is None else f", of the {perhaps.looked_at} seen last"
-            told.append(f"the same of {perhaps.count - NOTED} more{of}")
-        return told
+        notes = [
+            f"{instance.id}: {self.presence_text(instance)}" for instance in uncertain_instances.instances[:MAX_NOTED]
+        ]
+        if uncertain_instances.count > MAX_NOTED:
+            of = "" if uncertain_instances.searched is None else f", of the {uncertain_instances.searched} seen last"
+            notes.append(f"the same of {uncertain_instances.count - MAX_NOTED} more{of}")
+        return notes
 
-    def standing(self, instance: StoredInstance) -> Standing | None:
+    def presence(self, instance: StoredInstance) -> PresenceAt | None:
         """What is known of an instance at the moment, if that is one time."""
-        return self.moment.standing(instance)
+        return self.selector.presence(instance)
 
-    def note_time(self, question: Question, found: Iterable[Candidate], at: str | None = None) -> None:
+    def add_time_notes(self, question: Question, found: Iterable[InstanceCandidate], at: str | None = None) -> None:
         """Note what the question's time leaves open: its day, who had perhaps left, a traversal nobody knows."""
         written = at or question.time.argument or ""
-        if self.moment.kind == "at":
+        if self.selector.kind == "at":
             if is_time_of_day(written):
-                self.notes.append(f"{written} was taken as {self.clock.text(int(self.moment.low_ns))}")
-            if self.moment.note is not None:
-                self.notes.append(self.moment.note)
-            self._note_ends()
-            self._note_gaps(found, written)
+                self.notes.append(f"{written} was taken as {self.clock.text(int(self.selector.low_ns))}")
+            if self.selector.note is not None:
+                self.notes.append(self.selector.note)
+            self._note_map_limits()
+            self._note_departures(found, written)
         self._note_unknown_traversal(question)
 
-    def _note_ends(self) -> None:
+    def _note_map_limits(self) -> None:
         """Note a time at which the map knows nothing yet, or nothing more."""
         end_ns = max((traversal.end_ns for traversal in self.reader.traversals), default=None)
         if end_ns is None:
             return
-        if self.moment.low_ns < self.clock.origin_ns:
+        if self.selector.low_ns < self.clock.origin_ns:
             self.notes.append(f"the map begins at {self.clock.text(self.clock.origin_ns)}")
-        elif self.moment.low_ns > end_ns:
+        elif self.selector.low_ns > end_ns:
             self.notes.append(f"the map ends at {self.clock.text(end_ns)}; what came after, nobody saw")
 
-    def whereabouts(self, instance: StoredInstance) -> str:
+    def presence_text(self, instance: StoredInstance) -> str:
         """What is known of an instance's presence, in words; "gone" only where that was seen."""
-        if (standing := self.standing(instance)) is not None:
-            return in_words(standing, int(self.moment.low_ns), self.clock)
+        if (presence := self.presence(instance)) is not None:
+            return describe_presence(presence, int(self.selector.low_ns), self.clock)
         state = instance.states[-1]
         seen = f"last seen {self.clock.text(state.last_seen_ns)}"
         if state.gone_ns is not None:
             return f"{seen}, gone {self.clock.between(state.last_seen_ns, state.gone_ns)}"
         return f"{seen}, not seen since" if instance.presence == "absent" else seen
 
-    def _note_gaps(self, found: Iterable[Candidate], written: str) -> None:
+    def _note_departures(self, found: Iterable[InstanceCandidate], written: str) -> None:
         """Note who left around the time asked for, those that relations were measured against among them."""
         involved = [
             text_id
@@ -271,15 +292,15 @@ class Resolver:
         ]
         for text_id in dict.fromkeys(involved):
             instance = self.reader.instance(text_id)
-            if instance is not None and (gap := self.moment.gap(instance)) is not None:
+            if instance is not None and (gap := self.selector.departure_gap(instance)) is not None:
                 self.notes.append(f"{text_id} left {self.clock.between(*gap)}; nobody can say for {written}")
 
     def _note_unknown_traversal(self, question: Question) -> None:
         """Note which traversals there are, where "in NAME" names neither a thing nor one of them."""
-        related = question.things.relation
+        related = question.phrase.relation
         if related is None or related.name != "inside" or "in" not in question.text.casefold().split():
             return
-        if (name := self.missing(related.reference)) is not None:
+        if (name := self.unknown_noun(related.reference)) is not None:
             known = ", ".join(f"{traversal.number} {traversal.name}" for traversal in self.reader.traversals) or "none"
             self.notes.append(f"no traversal is called '{name}' either; there are: {known}")
 
@@ -298,89 +319,101 @@ class Resolver:
             self.notes.append(match.note)
         return match
 
-    def _called(self, things: Things, *, as_reference: bool = False, ever: bool = False) -> Called:
+    def _candidates(
+        self, phrase: NounPhrase, *, as_reference: bool = False, any_state: bool = False
+    ) -> LabelCandidates:
         """All that a noun may mean; its relation is not looked at."""
-        if things.noun is None:
-            return Called(self.reader, self.moment, None, None, as_reference, ever)
-        if (named := self._by_id(things.noun)) is not None:
-            return Called(self.reader, self.moment, None, named.number, as_reference, ever)
-        return Called(self.reader, self.moment, self._labels(things.noun).labels, None, as_reference, ever)
-
-    def _pool(self, things: Things, *, as_reference: bool = False) -> Pool:
-        """All that fit a phrase."""
-        called = self._called(things, as_reference=as_reference)
-        return called if things.relation is None else self._relating(things.relation).among(called)
-
-    def _relating(self, related: RelatedTo) -> Relating:
-        return Relating(self.reader, self.moment, related.name, self._pool(related.reference, as_reference=True))
-
-    def _counted(self, pool: Called, relating: Relating | None, *, counting: bool) -> Counted | None:
-        """How many fit, if the database can count them: unasked only where that takes no time."""
-        if relating is not None:
-            return relating.counted(pool) if counting else None
-        return pool.counted() if counting or self.moment.kind != "at" else None
-
-    def _complete(self, pool: Called, relating: Relating | None, listed: dict[int, Basis]) -> list[Candidate]:
-        candidates = pool.among(listed)
-        return (
-            candidates if relating is None or not listed else relating.complete(candidates, next(iter(listed.values())))
+        if phrase.noun is None:
+            return LabelCandidates(self.reader, self.selector, None, None, as_reference, any_state)
+        if (named := self._instance_by_id(phrase.noun)) is not None:
+            return LabelCandidates(self.reader, self.selector, None, named.number, as_reference, any_state)
+        return LabelCandidates(
+            self.reader, self.selector, self._labels(phrase.noun).labels, None, as_reference, any_state
         )
 
-    def _first_called(self, things: Things) -> list[StoredInstance]:
-        """The first few that were ever called so, and stood somewhere."""
-        if things.noun is not None and (named := self._by_id(things.noun)) is not None:
-            return [named] if named.states else []
-        labels = None if things.noun is None else self._labels(things.noun).labels
-        numbers = self.reader.finder.first_called(labels, NEAREST)
-        numbers += [] if labels is None else self.reader.finder.once_called(labels)
-        return _by_number(self.reader.lives_of(sorted(numbers)[:NEAREST]))
+    def _candidate_source(self, phrase: NounPhrase, *, as_reference: bool = False) -> CandidateSource:
+        """All that fit a phrase."""
+        candidates = self._candidates(phrase, as_reference=as_reference)
+        return candidates if phrase.relation is None else self._matcher(phrase.relation).restrict(candidates)
 
-    def _too_far(self, things: Things, related: RelatedTo) -> tuple[NearMiss, ...]:
+    def _matcher(self, related: RelationPhrase) -> RelationMatcher:
+        return RelationMatcher(
+            self.reader, self.selector, related.name, self._candidate_source(related.reference, as_reference=True)
+        )
+
+    def _count(self, pool: LabelCandidates, matcher: RelationMatcher | None, *, counting: bool) -> MatchCount | None:
+        """How many fit, if the database can count them: unasked only where that takes no time."""
+        if matcher is not None:
+            return matcher.match_count(pool) if counting else None
+        return pool.match_count() if counting or self.selector.kind != "at" else None
+
+    def _with_all_relations(
+        self, pool: LabelCandidates, matcher: RelationMatcher | None, listed: dict[int, Basis]
+    ) -> list[InstanceCandidate]:
+        candidates = pool.with_numbers(listed)
+        return (
+            candidates
+            if matcher is None or not listed
+            else matcher.with_all_relations(candidates, next(iter(listed.values())))
+        )
+
+    def _first_labelled(self, phrase: NounPhrase) -> list[StoredInstance]:
+        """The first few that were ever called so, and stood somewhere."""
+        if phrase.noun is not None and (named := self._instance_by_id(phrase.noun)) is not None:
+            return [named] if named.states else []
+        labels = None if phrase.noun is None else self._labels(phrase.noun).labels
+        numbers = self.reader.finder.first_called(labels, MAX_NEAR_MISSES)
+        numbers += [] if labels is None else self.reader.finder.once_called(labels)
+        return _by_number(self.reader.lives_of(sorted(numbers)[:MAX_NEAR_MISSES]))
+
+    def _out_of_reach(self, phrase: NounPhrase, related: RelationPhrase) -> tuple[NearMiss, ...]:
         """The pairs that come closest to the relation, by their boxes' distance."""
-        apart = closest(self.reader, self._called(things, ever=True), self._pool(related.reference))
+        pairs = nearest_pairs(
+            self.reader, self._candidates(phrase, any_state=True), self._candidate_source(related.reference)
+        )
         return tuple(
-            self._miss(
+            self._near_miss(
                 pair.candidate.instance,
                 pair.candidate.state,
                 f"{pair.distance_m:.2f} m from {pair.reference.instance.id}, not {related.name} it",
                 pair.distance_m,
             )
-            for pair in apart
+            for pair in pairs
         )
 
-    def _view(self, instance: StoredInstance, candidates: list[Candidate]) -> InstanceView:
+    def _view(self, instance: StoredInstance, candidates: list[InstanceCandidate]) -> InstanceView:
         newest = max(candidates, key=lambda candidate: candidate.state.index)
         states = tuple(candidate.state for candidate in candidates)
         spans = support_spans(states)
-        of_traversal = None if self.moment.traversal is None else {self.moment.traversal.id}
-        standing = self.standing(instance)
+        of_traversal = None if self.selector.traversal is None else {self.selector.traversal.id}
+        presence = self.presence(instance)
         return InstanceView(
             id=instance.id,
-            label=label_in(newest.instance, newest.state),
-            presence=instance.presence if standing is None else standing.presence,
+            label=label_in_state(newest.instance, newest.state),
+            presence=instance.presence if presence is None else presence.value,
             position=vector(newest.state.centroid_map),
             box=box_view(newest.state.box),
             confidence=round(newest.state.confidence, 4),
             intervals=tuple(interval_view(state) for state in states),
             relations=tuple(view for candidate in candidates for view in candidate.relations),
             evidence=evidence_view(self.reader, instance, spans, of_traversal),
-            standing=None if standing is None else standing_view(standing, int(self.moment.low_ns), self.clock),
+            standing=None if presence is None else presence_view(presence, int(self.selector.low_ns), self.clock),
         )
 
-    def _miss(
+    def _near_miss(
         self, instance: StoredInstance, state: StateRecord, reason: str, distance_m: float | None = None
     ) -> NearMiss:
         rounded = None if distance_m is None else round(distance_m, 4)
         position, box = vector(state.centroid_map), box_view(state.box)
-        standing = self.standing(instance)
-        presence = instance.presence if standing is None else standing.presence
+        presence_then = self.presence(instance)
+        presence = instance.presence if presence_then is None else presence_then.value
         return NearMiss(instance.id, instance.label, presence, position, box, reason, rounded)
 
 
-def _matches(pool: Pool, relating: Relating | None) -> Iterator[tuple[Basis, Candidate]]:
-    if relating is not None:
-        return relating.matches(pool)
-    return (("stored", candidate) for candidate in chain.from_iterable(pool.parts()))
+def _matches(pool: CandidateSource, matcher: RelationMatcher | None) -> Iterator[tuple[Basis, InstanceCandidate]]:
+    if matcher is not None:
+        return matcher.matches(pool)
+    return (("stored", candidate) for candidate in chain.from_iterable(pool.batches()))
 
 
 def _by_number(instances: dict[int, StoredInstance]) -> list[StoredInstance]:

@@ -13,14 +13,14 @@ from typing import Literal
 
 from supermap_cli.geometry.boxes import displacement_m
 from supermap_cli.memory.values import StoredInstance, StoredTraversal
-from supermap_cli.query.presence_at import held_at
-from supermap_cli.query.time_points import Instant
+from supermap_cli.query.presence_at import state_held_at
+from supermap_cli.query.time_points import TimePoint
 from supermap_cli.types.memory import StateRecord, TemporalEdge
 
 ChangeKind = Literal[
     "appeared", "disappeared", "moved", "relabelled", "unchanged", "not observed again", "first observed"
 ]
-KINDS: tuple[ChangeKind, ...] = (
+CHANGE_KINDS: tuple[ChangeKind, ...] = (
     "appeared",
     "disappeared",
     "moved",
@@ -31,12 +31,12 @@ KINDS: tuple[ChangeKind, ...] = (
 )
 """In the order of reports: changes, what stayed, and what cannot be told."""
 
-MOVE_M = 0.1
+MIN_MOVE_M = 0.1
 """Two states that lie closer together than this are one place."""
 
 
 @dataclass(frozen=True)
-class Verdict:
+class ChangeClassification:
     """What happened to an instance, before evidence is gathered.
 
     `before` and `after` are the states at the two ends, `not_before_ns` and `not_after_ns` bound the change.
@@ -52,15 +52,15 @@ class Verdict:
 
 
 @dataclass(frozen=True)
-class Ends:
+class ComparedTimes:
     """The two instants that are compared, the earlier first, and the traversals (ids) that looked for each: itself, or
     all that had begun by a plain time, and all between the two.
     """
 
-    before: Instant
-    after: Instant
-    looked_before: frozenset[int]
-    looked_after: frozenset[int]
+    before: TimePoint
+    after: TimePoint
+    observers_before: frozenset[int]
+    observers_after: frozenset[int]
 
     @property
     def since_ns(self) -> int:
@@ -68,140 +68,144 @@ class Ends:
         return max(self.before.at_ns + 1, self.after.since_ns if self.after.traversal is not None else 0)
 
 
-def ends_of(before: Instant, after: Instant, traversals: Sequence[StoredTraversal]) -> Ends:
+def compared_times(before: TimePoint, after: TimePoint, traversals: Sequence[StoredTraversal]) -> ComparedTimes:
     """Two instants, and who looked for them."""
-    by_then = {traversal.id for traversal in traversals if traversal.start_ns <= before.at_ns}
-    within = {
+    begun_before = {traversal.id for traversal in traversals if traversal.start_ns <= before.at_ns}
+    in_between = {
         traversal.id
         for traversal in traversals
         if traversal.start_ns <= after.at_ns and traversal.end_ns > before.at_ns
     }
-    return Ends(
+    return ComparedTimes(
         before,
         after,
-        frozenset(by_then if before.traversal is None else {before.traversal.id}),
-        frozenset(within if after.traversal is None else {after.traversal.id}),
+        frozenset(begun_before if before.traversal is None else {before.traversal.id}),
+        frozenset(in_between if after.traversal is None else {after.traversal.id}),
     )
 
 
 @dataclass(frozen=True)
-class Case:
+class StateComparison:
     """One instance between two instants, with the temporal edges that touch it, and the names of others."""
 
     instance: StoredInstance
-    ends: Ends
+    times: ComparedTimes
     edges: Collection[TemporalEdge] = ()
     text_ids: Mapping[int, str] = field(default_factory=dict)
 
     @property
-    def before(self) -> Instant:
+    def before(self) -> TimePoint:
         """The earlier end."""
-        return self.ends.before
+        return self.times.before
 
     @property
-    def after(self) -> Instant:
+    def after(self) -> TimePoint:
         """The later end."""
-        return self.ends.after
+        return self.times.after
 
-    def verdict(self) -> Verdict | None:
+    def classify(self) -> ChangeClassification | None:
         """What became of it; `None` if it stood there at neither end, or neither end speaks of it."""
-        old = held_at(self.instance.states, self.before.at_ns)
-        new = held_at(self.instance.states, self.after.at_ns)
+        old = state_held_at(self.instance.states, self.before.at_ns)
+        new = state_held_at(self.instance.states, self.after.at_ns)
         if old is not None and new is not None:
-            return self._stayed(old) if old.index == new.index else self._elsewhere(old, new)
+            return self._same_state(old) if old.index == new.index else self._other_state(old, new)
         if new is not None:
-            return self._came(new)
-        return self._gone(old) if old is not None else self._passed()
+            return self._arrived(new)
+        return self._disappeared(old) if old is not None else self._absent_at_both()
 
-    def aside(self) -> Literal["came and went", "left"] | None:
+    def transient(self) -> Literal["came and went", "left"] | None:
         """What is worth saying of a thing without a verdict: it came and went in between, or the earlier of two
         traversals saw it and saw it leave.
         """
         if any(self.before.at_ns < state.first_seen_ns <= self.after.at_ns for state in self.instance.states):
-            return "came and went" if held_at(self.instance.states, self.after.at_ns) is None else None
-        gone = held_at(self.instance.states, self.before.at_ns) is None
-        return "left" if gone and self.before.traversal is not None and self._seen_by(self.before) else None
+            return "came and went" if state_held_at(self.instance.states, self.after.at_ns) is None else None
+        gone = state_held_at(self.instance.states, self.before.at_ns) is None
+        return "left" if gone and self.before.traversal is not None and self._observed_at(self.before) else None
 
     # -- the verdicts
 
-    def _stayed(self, state: StateRecord) -> Verdict | None:
+    def _same_state(self, state: StateRecord) -> ChangeClassification | None:
         """It is believed to be in one state at both ends."""
-        before_looked = self.before.traversal is None or self._seen_by(self.before)
-        after_looked = self._seen_by(self.after)
-        if state.last_seen_ns < self.ends.since_ns:
-            return self._not_again(state) if before_looked else None
-        if not before_looked and not after_looked:
+        observed_before = self.before.traversal is None or self._observed_at(self.before)
+        observed_after = self._observed_at(self.after)
+        if state.last_seen_ns < self.times.since_ns:
+            return self._not_observed_again(state) if observed_before else None
+        if not observed_before and not observed_after:
             return None
-        in_gap = state.last_seen_ns < self.after.at_ns and state.gone_ns is not None
-        if in_gap and self.after.traversal is None:
-            return self._not_again(state)
-        blind = self.after if not after_looked else self.before
-        through = f"seen in its place before and after {blind.text}, which did not see it"
-        reason = "seen in its place in both" if before_looked and after_looked else through
-        return Verdict("unchanged", reason, state.confidence, None, None, state, state)
+        gone_later = state.last_seen_ns < self.after.at_ns and state.gone_ns is not None
+        if gone_later and self.after.traversal is None:
+            return self._not_observed_again(state)
+        unobserving = self.after if not observed_after else self.before
+        through = f"seen in its place before and after {unobserving.text}, which did not see it"
+        reason = "seen in its place in both" if observed_before and observed_after else through
+        return ChangeClassification("unchanged", reason, state.confidence, None, None, state, state)
 
-    def _elsewhere(self, old: StateRecord, new: StateRecord) -> Verdict:
+    def _other_state(self, old: StateRecord, new: StateRecord) -> ChangeClassification:
         """It is in another state than it was."""
         edge = self._edge("moved", new)
-        distance_m = distance(old, new)
+        distance_m = state_distance_m(old, new)
         direct = edge is not None and edge.from_state == old.index
-        if distance_m < MOVE_M and not direct:
-            moved = any(distance(old, state) >= MOVE_M for state in self._between(old, new))
+        if distance_m < MIN_MOVE_M and not direct:
+            moved = any(state_distance_m(old, state) >= MIN_MOVE_M for state in self._states_between(old, new))
             reason = f"seen in its place in both, {'moved' if moved else 'gone'} in between"
-            return Verdict("unchanged", reason, new.confidence, None, None, old, new)
+            return ChangeClassification("unchanged", reason, new.confidence, None, None, old, new)
         confidence = min(old.confidence, new.confidence) if edge is None else edge.probability
-        stops = len(self._between(old, new))
+        stops = len(self._states_between(old, new))
         by_way = f", by way of {stops} other place{'s' if stops > 1 else ''}" if stops else ""
         reason = f"seen {distance_m:.2f} m away{by_way}"
-        return Verdict("moved", reason, confidence, old.last_seen_ns, new.first_seen_ns, old, new)
+        return ChangeClassification("moved", reason, confidence, old.last_seen_ns, new.first_seen_ns, old, new)
 
-    def _gone(self, old: StateRecord | None) -> Verdict:
+    def _disappeared(self, old: StateRecord | None) -> ChangeClassification:
         """It has gone from the last place in which it was seen."""
-        last = self._begun(self.after.at_ns)[-1]
+        last = self._states_begun_by(self.after.at_ns)[-1]
         edge = self._edge("disappeared", last)
         confidence = last.confidence if edge is None else min(last.confidence, edge.probability)
-        moved = "" if old is None or distance(old, last) < MOVE_M else "was moved, and "
+        moved = "" if old is None or state_distance_m(old, last) < MIN_MOVE_M else "was moved, and "
         first = "" if old is not None else f"first seen after {self.before.text}; "
         reason = f"{first}{moved}its place was seen empty"
-        return Verdict("disappeared", reason, confidence, last.last_seen_ns, last.gone_ns, old, None)
+        return ChangeClassification("disappeared", reason, confidence, last.last_seen_ns, last.gone_ns, old, None)
 
-    def _came(self, new: StateRecord) -> Verdict:
+    def _arrived(self, new: StateRecord) -> ChangeClassification:
         """It stands there now, and was not known to stand anywhere."""
-        earlier = self._begun(self.before.at_ns)
-        left, first = earlier[-1] if earlier else None, self._begun(self.after.at_ns)[len(earlier)]
-        back = left is not None and distance(left, first) < MOVE_M
+        earlier = self._states_begun_by(self.before.at_ns)
+        left, first = earlier[-1] if earlier else None, self._states_begun_by(self.after.at_ns)[len(earlier)]
+        back = left is not None and state_distance_m(left, first) < MIN_MOVE_M
         moved = self._edge("moved", first)
-        if moved is not None and left is not None and distance(left, new) >= MOVE_M:
-            reason = f"seen {distance(left, new):.2f} m from where it stood before, which was found empty first"
-            return Verdict("moved", reason, moved.probability, left.last_seen_ns, new.first_seen_ns, left, new)
+        if moved is not None and left is not None and state_distance_m(left, new) >= MIN_MOVE_M:
+            reason = f"seen {state_distance_m(left, new):.2f} m from where it stood before, which was found empty first"
+            return ChangeClassification(
+                "moved", reason, moved.probability, left.last_seen_ns, new.first_seen_ns, left, new
+            )
         empty_ns = left.gone_ns if left is not None and back else first.empty_before_ns
         if empty_ns is not None:
             edge = self._edge("appeared", first)
             confidence = new.confidence if edge is None else min(new.confidence, edge.probability)
             reason = "had gone from its place, was seen there again" if back else "its place had been seen empty"
-            return Verdict("appeared", reason, confidence, empty_ns, first.first_seen_ns, None, new)
-        if left is not None and distance(left, new) >= MOVE_M:
-            reason = f"seen {distance(left, new):.2f} m from where it stood before, which was found empty first"
+            return ChangeClassification("appeared", reason, confidence, empty_ns, first.first_seen_ns, None, new)
+        if left is not None and state_distance_m(left, new) >= MIN_MOVE_M:
+            reason = f"seen {state_distance_m(left, new):.2f} m from where it stood before, which was found empty first"
             edge = self._edge("moved", first)
             confidence = min(left.confidence, new.confidence) if edge is None else edge.probability
-            return Verdict("moved", reason, confidence, left.last_seen_ns, new.first_seen_ns, left, new)
+            return ChangeClassification("moved", reason, confidence, left.last_seen_ns, new.first_seen_ns, left, new)
         if left is not None:
             reason = "had gone from its place, stands there again after it was seen elsewhere"
-            return Verdict("appeared", reason, new.confidence, left.gone_ns, new.first_seen_ns, None, new)
-        return Verdict("first observed", self._why_first(first), new.confidence, None, None, None, new)
+            return ChangeClassification("appeared", reason, new.confidence, left.gone_ns, new.first_seen_ns, None, new)
+        return ChangeClassification(
+            "first observed", self._first_observed_reason(first), new.confidence, None, None, None, new
+        )
 
-    def _passed(self) -> Verdict | None:
+    def _absent_at_both(self) -> ChangeClassification | None:
         """It stands at neither end. Of what came and went in between nobody knows whether it stood there before, unless
         its place had been seen empty.
         """
-        begun = self._begun(self.after.at_ns)
+        begun = self._states_begun_by(self.after.at_ns)
         if not begun or begun[0].first_seen_ns <= self.before.at_ns or begun[0].empty_before_ns is not None:
             return None
-        return self._gone(None)
+        return self._disappeared(None)
 
-    def _not_again(self, state: StateRecord) -> Verdict:
+    def _not_observed_again(self, state: StateRecord) -> ChangeClassification:
         """Nobody has seen it since, and nobody saw it go."""
-        visits = [visit for visit in self.instance.visits if visit.traversal_id in self.ends.looked_after]
+        visits = [visit for visit in self.instance.visits if visit.traversal_id in self.times.observers_after]
         in_view, contradicted = sum(visit.in_view for visit in visits), sum(visit.contradicted for visit in visits)
         where = f"in {self.after.text}" if self.after.traversal is not None else "in between"
         if state.gone_ns is not None and self.after.traversal is None:
@@ -214,22 +218,22 @@ class Case:
             reason = (
                 f"its place was in view in {in_view} keyframes and looked empty in {contradicted}, too few to be sure"
             )
-        return Verdict("not observed again", reason, state.confidence, None, None, state, None)
+        return ChangeClassification("not observed again", reason, state.confidence, None, None, state, None)
 
-    def _why_first(self, new: StateRecord) -> str:
+    def _first_observed_reason(self, new: StateRecord) -> str:
         split = self._edge("split", new)
         if split is not None and split.to_number == self.instance.number:
             other = self.text_ids.get(split.from_number, "another")
             return f"was one with {other} until the two were told apart"
         where = f"in {self.before.text}" if self.before.traversal is not None else "before"
-        visits = [visit for visit in self.instance.visits if visit.traversal_id in self.ends.looked_before]
+        visits = [visit for visit in self.instance.visits if visit.traversal_id in self.times.observers_before]
         if any(visit.in_view > 0 for visit in visits):
             return f"its place was in view {where}, but never seen empty"
         return f"nobody had seen its place empty {where}"
 
     # -- what they rest on
 
-    def _seen_by(self, end: Instant) -> bool:
+    def _observed_at(self, end: TimePoint) -> bool:
         """Whether an end saw the thing: a plain time did where any support lies between the two ends."""
         if end.traversal is not None:
             return self.instance.visit(end.traversal.id).supported > 0
@@ -238,10 +242,10 @@ class Case:
             for state in self.instance.states
         )
 
-    def _begun(self, at_ns: int) -> list[StateRecord]:
+    def _states_begun_by(self, at_ns: int) -> list[StateRecord]:
         return [state for state in self.instance.states if state.first_seen_ns <= at_ns]
 
-    def _between(self, old: StateRecord, new: StateRecord) -> list[StateRecord]:
+    def _states_between(self, old: StateRecord, new: StateRecord) -> list[StateRecord]:
         return [state for state in self.instance.states if old.index < state.index < new.index]
 
     def _edge(self, kind: str, state: StateRecord) -> TemporalEdge | None:
@@ -253,6 +257,6 @@ class Case:
         return None
 
 
-def distance(first: StateRecord, second: StateRecord) -> float:
+def state_distance_m(first: StateRecord, second: StateRecord) -> float:
     """How far apart two places are, in metres."""
     return displacement_m(first.box, second.box)

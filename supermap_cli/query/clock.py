@@ -11,8 +11,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from supermap_cli.memory.reading import MapReader
-from supermap_cli.query.time_parsing import ReadTime, is_time_of_day, read_time
-from supermap_cli.query.traversal_spans import Stretch, moment_of_stamp, stretch_at, stretches_of
+from supermap_cli.query.time_parsing import ParsedTime, is_time_of_day, parse_time
+from supermap_cli.query.traversal_spans import TraversalSpan, span_at, stamp_to_datetime, traversal_spans
 
 __all__ = ["Clock", "clock_of", "is_time_of_day"]
 
@@ -21,20 +21,20 @@ __all__ = ["Clock", "clock_of", "is_time_of_day"]
 class Clock:
     """`stretches` are the map's traversals in the order of building."""
 
-    stretches: tuple[Stretch, ...]
+    spans: tuple[TraversalSpan, ...]
 
     @property
     def origin_ns(self) -> int:
         """The earliest time of the map."""
-        return min((span.start_ns for span in self.stretches), default=0)
+        return min((span.start_ns for span in self.spans), default=0)
 
     def text(self, stamp_ns: int | None) -> str:
         """A time in words, "-" for none."""
-        return "-" if stamp_ns is None else self._written(stamp_ns, brief=False)
+        return "-" if stamp_ns is None else self._format(stamp_ns, brief=False)
 
     def brief(self, stamp_ns: int | None) -> str:
         """A time for a table: without the date, where the whole map is of one day."""
-        return "-" if stamp_ns is None else self._written(stamp_ns, brief=True)
+        return "-" if stamp_ns is None else self._format(stamp_ns, brief=True)
 
     def span(self, low_ns: int | None, high_ns: int | None) -> str:
         """A span for a table."""
@@ -48,36 +48,36 @@ class Clock:
             return f"before {self.text(high_ns)}"
         return f"between {self.text(low_ns)} and {self.text(high_ns)}"
 
-    def read(self, text: str) -> ReadTime:
+    def parse(self, text: str) -> ParsedTime:
         """What a written time means. Raises `QueryError` for what is no time, or none that the map has."""
-        return read_time(text, self.stretches)
+        return parse_time(text, self.spans)
 
-    def parse(self, text: str) -> int:
+    def parse_ns(self, text: str) -> int:
         """The stamp of a written time (see `read`)."""
-        return self.read(text).stamp_ns
+        return self.parse(text).stamp_ns
 
-    def _written(self, stamp_ns: int, *, brief: bool) -> str:
-        stretch = stretch_at(self.stretches, stamp_ns)
-        own_ns = stamp_ns - stretch.shift_ns
-        if not stretch.has_wall_time:
-            seconds = (own_ns - stretch.own_start_ns) / 1e9
-            return f"{seconds:.1f} s" if len(self.stretches) < 2 else f"{stretch.name}{seconds:+.1f}s"
-        written = f"{moment_of_stamp(own_ns):%Y-%m-%dT%H:%M:%S}.{own_ns % 10**9 // 10**8}Z"
-        if brief and self._of_one_day:
+    def _format(self, stamp_ns: int, *, brief: bool) -> str:
+        span = span_at(self.spans, stamp_ns)
+        recording_ns = stamp_ns - span.shift_ns
+        if not span.has_wall_time:
+            seconds = (recording_ns - span.recording_start_ns) / 1e9
+            return f"{seconds:.1f} s" if len(self.spans) < 2 else f"{span.name}{seconds:+.1f}s"
+        written = f"{stamp_to_datetime(recording_ns):%Y-%m-%dT%H:%M:%S}.{recording_ns % 10**9 // 10**8}Z"
+        if brief and self._is_one_day:
             written = written[11:]
         elif brief:
-            written = f"{moment_of_stamp(own_ns):%Y-%m-%d %H:%M:%SZ}"
-        named = stretch.shift_ns or any(span.has(own_ns) for span in self.stretches if span is not stretch)
-        return f"{stretch.name}@{written}" if named else written
+            written = f"{stamp_to_datetime(recording_ns):%Y-%m-%d %H:%M:%SZ}"
+        named = span.shift_ns or any(other.contains(recording_ns) for other in self.spans if other is not span)
+        return f"{span.name}@{written}" if named else written
 
     @property
-    def _of_one_day(self) -> bool:
+    def _is_one_day(self) -> bool:
         """Whether all that has a date is of the same one."""
-        dated = [span for span in self.stretches if span.has_wall_time]
-        ends_ns = [end_ns for span in dated for end_ns in (span.own_start_ns, span.own_end_ns)]
-        return len({moment_of_stamp(end_ns).date() for end_ns in ends_ns}) == 1
+        with_wall_time = [span for span in self.spans if span.has_wall_time]
+        ends_ns = [end_ns for span in with_wall_time for end_ns in (span.recording_start_ns, span.recording_end_ns)]
+        return len({stamp_to_datetime(end_ns).date() for end_ns in ends_ns}) == 1
 
 
 def clock_of(reader: MapReader) -> Clock:
     """The clock of a map."""
-    return Clock(stretches_of(reader.traversals))
+    return Clock(traversal_spans(reader.traversals))

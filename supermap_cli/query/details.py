@@ -9,11 +9,11 @@ from supermap_cli.errors import QueryError
 from supermap_cli.memory.reading import MapReader
 from supermap_cli.memory.values import StoredInstance
 from supermap_cli.query.clock import Clock
-from supermap_cli.query.label_consensus import label_shares, name_by
-from supermap_cli.query.overview import seen_by
-from supermap_cli.query.presence_at import Known, StandingView, held_at, standing_at, standing_view
+from supermap_cli.query.label_consensus import label_consensus_at, label_shares
+from supermap_cli.query.overview import observed_by
+from supermap_cli.query.presence_at import PresenceValue, PresenceView, presence_at, presence_view, state_held_at
 from supermap_cli.query.relations import box_distance_m
-from supermap_cli.query.time_points import Instant
+from supermap_cli.query.time_points import TimePoint
 from supermap_cli.query.views import (
     BoxView,
     EvidenceView,
@@ -38,7 +38,7 @@ class ObjectDetails:
     asked_id: str
     label: str
     label_belief: dict[str, float]
-    presence: Presence | Known
+    presence: Presence | PresenceValue
     existence_log_odds: float
     position: Vector
     box: BoxView
@@ -50,7 +50,7 @@ class ObjectDetails:
     evidence: EvidenceView
     as_of: str | None = field(default=None, metadata={"optional": True})
     as_of_ns: int | None = field(default=None, metadata={"optional": True})
-    standing: StandingView | None = field(default=None, metadata={"optional": True})
+    standing: PresenceView | None = field(default=None, metadata={"optional": True})
 
 
 def details(reader: MapReader, text_id: str) -> ObjectDetails:
@@ -74,22 +74,22 @@ def details(reader: MapReader, text_id: str) -> ObjectDetails:
     )
 
 
-def details_at(reader: MapReader, text_id: str, instant: Instant, clock: Clock) -> ObjectDetails:
+def details_at(reader: MapReader, text_id: str, time_point: TimePoint, clock: Clock) -> ObjectDetails:
     """One instance as of a time. Raises `QueryError` for an id that there never was, or that never was anywhere."""
-    instance, at_ns = find_instance(reader, text_id), instant.at_ns
-    standing = standing_at(instance, at_ns, instant.begun_ns)
-    if standing is None:
+    instance, at_ns = find_instance(reader, text_id), time_point.at_ns
+    presence = presence_at(instance, at_ns, time_point.traversal_start_ns)
+    if presence is None:
         raise QueryError(f"{text_id!r} has stood nowhere", where=reader.where, cure="leave out --at")
-    state, seen = standing.state, seen_by(reader, instance, instant)
-    name = name_by(seen, at_ns)
+    state, seen = presence.state, observed_by(reader, instance, time_point)
+    consensus = label_consensus_at(seen, at_ns)
     by_then = {traversal.id for traversal in reader.traversals if traversal.start_ns <= at_ns}
     begun = [state for state in instance.states if state.first_seen_ns <= at_ns]
     return ObjectDetails(
         id=instance.id,
         asked_id=text_id,
-        label=state.label if name is None else name.label,
+        label=state.label if consensus is None else consensus.label,
         label_belief={label: round(share, 4) for label, share in label_shares(seen).items()},
-        presence="doubted" if instance.presence == "doubted" else standing.presence,
+        presence="doubted" if instance.presence == "doubted" else presence.value,
         existence_log_odds=round(log_odds(state), 4),
         position=vector(state.centroid_map),
         box=box_view(state.box),
@@ -101,9 +101,9 @@ def details_at(reader: MapReader, text_id: str, instant: Instant, clock: Clock) 
         evidence=evidence_of(
             seen, [visit for visit in instance.visits if visit.traversal_id in by_then], reader.traversals
         ),
-        as_of=instant.text,
+        as_of=time_point.text,
         as_of_ns=at_ns,
-        standing=standing_view(standing, at_ns, clock),
+        standing=presence_view(presence, at_ns, clock),
     )
 
 
@@ -149,7 +149,7 @@ def relation_view(
     """A stored relation as it leaves the program, with how far apart the two stand, or stood at a time."""
     boxes = []
     for end in (subject, obj):
-        state = None if at_ns is None else held_at(end.states, at_ns)
+        state = None if at_ns is None else state_held_at(end.states, at_ns)
         boxes.append(end.box if state is None else state.box)
     return RelationView(
         name=edge.relation,

@@ -11,11 +11,19 @@ from supermap_cli.memory.numbers import batches
 from supermap_cli.memory.reading import MapReader
 from supermap_cli.memory.said import Hearing
 from supermap_cli.memory.values import Said, StoredInstance, StoredTraversal
-from supermap_cli.query.change_classification import KINDS, Case, ChangeKind, Ends, Verdict, distance, ends_of
+from supermap_cli.query.change_classification import (
+    CHANGE_KINDS,
+    ChangeClassification,
+    ChangeKind,
+    ComparedTimes,
+    StateComparison,
+    compared_times,
+    state_distance_m,
+)
 from supermap_cli.query.clock import clock_of
-from supermap_cli.query.label_consensus import Name, by_traversal, name_by, sure_name
-from supermap_cli.query.retention_policy import given_up_notes
-from supermap_cli.query.time_points import Instant, instant_of, of_traversal
+from supermap_cli.query.label_consensus import LabelConsensus, group_by_traversal, label_consensus, label_consensus_at
+from supermap_cli.query.retention_policy import pruned_data_notes
+from supermap_cli.query.time_points import TimePoint, parse_time_point, traversal_end
 from supermap_cli.query.views import (
     EvidenceView,
     IntervalView,
@@ -29,13 +37,13 @@ from supermap_cli.query.views import (
 from supermap_cli.types.labels import ANIMATE
 from supermap_cli.types.memory import StateRecord, TemporalEdge
 
-HAPPENED: frozenset[ChangeKind] = frozenset({"appeared", "disappeared", "moved", "relabelled"})
-NAMED = 12
+CERTAIN_CHANGES: frozenset[ChangeKind] = frozenset({"appeared", "disappeared", "moved", "relabelled"})
+MAX_NAMED_IDS = 12
 """How many ids a note names."""
 
 
 @dataclass(frozen=True)
-class CandidateView:
+class IdentityCandidateView:
     """An instance that may be the same thing, as far as the evidence goes."""
 
     id: str
@@ -43,7 +51,7 @@ class CandidateView:
 
 
 @dataclass(frozen=True)
-class EndView:
+class SideView:
     """One side of a diff: `name` is a traversal's, or a time in words; what is said holds at `at_ns`."""
 
     name: str
@@ -53,7 +61,7 @@ class EndView:
 
 
 @dataclass(frozen=True)
-class Change:
+class ObjectChange:
     """What became of one instance between the two sides.
 
     It happened within [not_before_ns, not_after_ns] (both `None` where nothing happened); `perhaps_before` where these
@@ -76,7 +84,7 @@ class Change:
     label_after: str | None
     interval_before: IntervalView | None
     interval_after: IntervalView | None
-    may_be: tuple[CandidateView, ...]
+    may_be: tuple[IdentityCandidateView, ...]
     evidence_before: EvidenceView
     evidence_after: EvidenceView
     crop_before: int | None
@@ -87,10 +95,10 @@ class Change:
 class Diff:
     """All changes between two sides, in the order of `KINDS` and of instances."""
 
-    before: EndView
-    after: EndView
+    before: SideView
+    after: SideView
     counts: dict[str, int]
-    changes: tuple[Change, ...]
+    changes: tuple[ObjectChange, ...]
     notes: tuple[str, ...]
 
 
@@ -100,101 +108,114 @@ def diff(reader: MapReader, first: str | None = None, second: str | None = None)
     With one: the newest traversal against it. Who walked by has not changed the place. Raises `QueryError` where there
     are not two, or for what is neither a time nor a traversal.
     """
-    given = _choose(reader, first, second)
+    given = _choose_sides(reader, first, second)
     before, after = sorted(given, key=lambda side: side.at_ns)
-    ends = ends_of(before, after, reader.traversals)
-    comparison = Comparison(reader, ends)
-    found = [change for part in batches(_spoken_of(reader, ends)) for change in comparison.changes(part)]
-    found.sort(key=lambda change: KINDS.index(change.kind))
+    ends = compared_times(before, after, reader.traversals)
+    builder = DiffBuilder(reader, ends)
+    found = [change for part in batches(_instances_to_compare(reader, ends)) for change in builder.changes(part)]
+    found.sort(key=lambda change: CHANGE_KINDS.index(change.kind))
     tally = Counter(change.kind for change in found)
-    notes = [end.note for end in given if end.note is not None]
+    notes = [side.note for side in given if side.note is not None]
     notes += ["the two were put in the order of time"] if given[0] is not before else []
-    named = [end.traversal for end in (before, after) if end.traversal is not None] or reader.traversals
-    notes += given_up_notes(named, clock_of(reader))
+    named = [side.traversal for side in (before, after) if side.traversal is not None] or reader.traversals
+    notes += pruned_data_notes(named, clock_of(reader))
     return Diff(
-        before=_end_view(before),
-        after=_end_view(after),
-        counts={kind: tally[kind] for kind in KINDS},
+        before=_side_view(before),
+        after=_side_view(after),
+        counts={kind: tally[kind] for kind in CHANGE_KINDS},
         changes=tuple(found),
-        notes=(*notes, *comparison.asides()),
+        notes=(*notes, *builder.transient_notes()),
     )
 
 
-class Comparison:
+class DiffBuilder:
     """Two ends in one map, and what became of the things that they may speak of, read a part at a time.
 
     Of two traversals only their own observations matter; of a plain time all that came before it may.
     """
 
-    def __init__(self, reader: MapReader, ends: Ends) -> None:
+    def __init__(self, reader: MapReader, ends: ComparedTimes) -> None:
         self.reader = reader
-        self.ends = ends
-        heard = [end.traversal.id for end in (ends.before, ends.after) if end.traversal is not None]
-        self._hearing = Hearing(reader, heard if len(heard) == 2 else None)
-        self._aside: dict[str, list[str]] = defaultdict(list)
+        self.times = ends
+        compared = [side.traversal.id for side in (ends.before, ends.after) if side.traversal is not None]
+        self._observations = Hearing(reader, compared if len(compared) == 2 else None)
+        self._transient_ids: dict[str, list[str]] = defaultdict(list)
 
-    def changes(self, numbers: Sequence[int]) -> Iterator[Change]:
+    def changes(self, numbers: Sequence[int]) -> Iterator[ObjectChange]:
         """What became of each of some instances, if either end speaks of it; who walked by is left out."""
-        looked = self.ends.looked_before | self.ends.looked_after
-        found = self.reader.instances_of(numbers, traversal_ids=looked)
+        observers = self.times.observers_before | self.times.observers_after
+        found = self.reader.instances_of(numbers, traversal_ids=observers)
         things = [instance for instance in found if instance.presence != "doubted" and instance.label not in ANIMATE]
         edges = self._edges(things)
-        cases = [Case(instance, self.ends, edges[instance.number], self.reader.text_ids) for instance in things]
-        verdicts = [(case, verdict) for case in cases if (verdict := self._verdict(case)) is not None]
-        said = self._hearing.of([case.instance for case, _ in verdicts])
-        for case, verdict in verdicts:
-            yield self._change(case, verdict, said.get(case.instance.number, []))
+        comparisons = [
+            StateComparison(instance, self.times, edges[instance.number], self.reader.text_ids) for instance in things
+        ]
+        classified = [
+            (comparison, classification)
+            for comparison in comparisons
+            if (classification := self._classify(comparison)) is not None
+        ]
+        observations = self._observations.of([comparison.instance for comparison, _ in classified])
+        for comparison, classification in classified:
+            yield self._change(comparison, classification, observations.get(comparison.instance.number, []))
 
-    def _verdict(self, case: Case) -> Verdict | None:
+    def _classify(self, comparison: StateComparison) -> ChangeClassification | None:
         """The judgement of one case; where there is none, what happened all the same is kept for the notes."""
-        verdict = case.verdict()
-        if verdict is None and (aside := case.aside()) is not None:
-            self._aside[aside].append(case.instance.id)
-        return verdict
+        classification = comparison.classify()
+        if classification is None and (transient := comparison.transient()) is not None:
+            self._transient_ids[transient].append(comparison.instance.id)
+        return classification
 
-    def _change(self, case: Case, verdict: Verdict, seen: Sequence[Said]) -> Change:
+    def _change(
+        self, comparison: StateComparison, classification: ChangeClassification, seen: Sequence[Said]
+    ) -> ObjectChange:
         """A verdict with its evidence."""
-        instance = case.instance
-        names = self._names(seen)
-        verdict = _relabelled(verdict, names, seen, self.ends)
-        before, after = verdict.before, verdict.after
-        sides = self._side(self.ends.before, seen, before), self._side(self.ends.after, seen, after)
+        instance = comparison.instance
+        names = self._side_labels(seen)
+        classification = _with_relabelling(classification, names, seen, self.times)
+        before, after = classification.before, classification.after
+        sides = (
+            self._side_observations(self.times.before, seen, before),
+            self._side_observations(self.times.after, seen, after),
+        )
         labels = [
             None if state is None else state.label if name is None else name.label
             for state, name in zip((before, after), names, strict=True)
         ]
-        low_ns = verdict.not_before_ns
-        return Change(
-            kind=verdict.kind,
+        low_ns = classification.not_before_ns
+        return ObjectChange(
+            kind=classification.kind,
             id=instance.id,
             label=instance.label,
-            reason=verdict.reason,
-            confidence=round(verdict.confidence, 4),
+            reason=classification.reason,
+            confidence=round(classification.confidence, 4),
             not_before_ns=low_ns,
-            not_after_ns=verdict.not_after_ns,
-            perhaps_before=verdict.kind in HAPPENED and low_ns is not None and low_ns < self.ends.before.since_ns,
+            not_after_ns=classification.not_after_ns,
+            perhaps_before=classification.kind in CERTAIN_CHANGES
+            and low_ns is not None
+            and low_ns < self.times.before.since_ns,
             position_before=None if before is None else vector(before.centroid_map),
             position_after=None if after is None else vector(after.centroid_map),
-            distance_m=None if before is None or after is None else round(distance(before, after), 4),
+            distance_m=None if before is None or after is None else round(state_distance_m(before, after), 4),
             label_before=labels[0],
             label_after=labels[1],
             interval_before=None if before is None else interval_view(before),
             interval_after=None if after is None else interval_view(after),
-            may_be=self._candidates(instance, case.edges),
-            evidence_before=self._evidence(instance, sides[0], self.ends.looked_before),
-            evidence_after=self._evidence(instance, sides[1], self.ends.looked_after),
+            may_be=self._candidates(instance, comparison.edges),
+            evidence_before=self._evidence(instance, sides[0], self.times.observers_before),
+            evidence_after=self._evidence(instance, sides[1], self.times.observers_after),
             crop_before=_best_crop(sides[0]),
             crop_after=_best_crop(sides[1]),
         )
 
-    def asides(self) -> list[str]:
+    def transient_notes(self) -> list[str]:
         """What is no difference between the two ends, and yet happened."""
-        before, after = self.ends.before.text, self.ends.after.text
+        before, after = self.times.before.text, self.times.after.text
         words = {
             "came and went": f"came and went between {before} and {after}",
             "left": f"seen by {before}, and gone again before its end",
         }
-        return [f"{words[aside]}: {_named(ids)}" for aside, ids in sorted(self._aside.items())]
+        return [f"{words[transient]}: {_id_list(ids)}" for transient, ids in sorted(self._transient_ids.items())]
 
     def _edges(self, things: Sequence[StoredInstance]) -> dict[int, list[TemporalEdge]]:
         """The temporal edges that touch some instances, by instance; the names of all their ends are known then."""
@@ -207,54 +228,69 @@ class Comparison:
                 edges[number].append(edge)
         return {instance.number: [edge for part in instance.numbers for edge in edges[part]] for instance in things}
 
-    def _names(self, seen: Sequence[Said]) -> tuple[Name | None, Name | None]:
+    def _side_labels(self, seen: Sequence[Said]) -> tuple[LabelConsensus | None, LabelConsensus | None]:
         """What it was surely called at either end."""
-        own = by_traversal(seen)
+        own = group_by_traversal(seen)
 
-        def name(end: Instant) -> Name | None:
-            return name_by(seen, end.at_ns) if end.traversal is None else sure_name(own.get(end.traversal.id, []))
+        def name(side: TimePoint) -> LabelConsensus | None:
+            return (
+                label_consensus_at(seen, side.at_ns)
+                if side.traversal is None
+                else label_consensus(own.get(side.traversal.id, []))
+            )
 
-        return name(self.ends.before), name(self.ends.after)
+        return name(self.times.before), name(self.times.after)
 
-    def _side(self, end: Instant, seen: Sequence[Said], state: StateRecord | None) -> Sequence[Said]:
+    def _side_observations(self, side: TimePoint, seen: Sequence[Said], state: StateRecord | None) -> Sequence[Said]:
         """The observations that speak for an end: a traversal's own; of a plain time those of the state until then, or
         for the later end those since the earlier one.
         """
-        if end.traversal is not None:
-            return [observation for observation in seen if observation.traversal_id == end.traversal.id]
+        if side.traversal is not None:
+            return [observation for observation in seen if observation.traversal_id == side.traversal.id]
         if state is None:
             return []
-        low_ns = self.ends.before.at_ns + 1 if end is self.ends.after else state.first_seen_ns
+        low_ns = self.times.before.at_ns + 1 if side is self.times.after else state.first_seen_ns
         return [
-            observation for observation in seen if max(low_ns, state.first_seen_ns) <= observation.stamp_ns <= end.at_ns
+            observation
+            for observation in seen
+            if max(low_ns, state.first_seen_ns) <= observation.stamp_ns <= side.at_ns
         ]
 
     def _evidence(self, instance: StoredInstance, seen: Sequence[Said], traversal_ids: frozenset[int]) -> EvidenceView:
         visits = [visit for visit in instance.visits if visit.traversal_id in traversal_ids]
         return evidence_of(seen, visits, self.reader.traversals)
 
-    def _candidates(self, instance: StoredInstance, edges: Iterable[TemporalEdge]) -> tuple[CandidateView, ...]:
+    def _candidates(self, instance: StoredInstance, edges: Iterable[TemporalEdge]) -> tuple[IdentityCandidateView, ...]:
         found = {}
         for edge in edges:
             if edge.kind == "candidate":
                 ends = {self.reader.survivors[edge.from_number], self.reader.survivors[edge.to_number]}
                 for other in ends - {instance.number}:
                     found[self.reader.text_ids[other]] = round(edge.probability, 4)
-        return tuple(CandidateView(text_id, probability) for text_id, probability in sorted(found.items()))
+        return tuple(IdentityCandidateView(text_id, probability) for text_id, probability in sorted(found.items()))
 
 
-def _relabelled(verdict: Verdict, names: tuple[Name | None, Name | None], seen: Sequence[Said], ends: Ends) -> Verdict:
+def _with_relabelling(
+    classification: ChangeClassification,
+    names: tuple[LabelConsensus | None, LabelConsensus | None],
+    seen: Sequence[Said],
+    ends: ComparedTimes,
+) -> ChangeClassification:
     """Only where each end by itself is sure of its label, and they differ; a thing that moved, too, has moved."""
     old, new = names
     if old is None or new is None or old.label == new.label or old.traversal_id == new.traversal_id:
-        return verdict
+        return classification
     called = f"called {old.label} in {ends.before.text} and {new.label} in {ends.after.text}"
-    if verdict.kind != "unchanged":
-        return replace(verdict, reason=f"{verdict.reason}; {called}") if verdict.kind == "moved" else verdict
-    own = by_traversal(seen)
+    if classification.kind != "unchanged":
+        return (
+            replace(classification, reason=f"{classification.reason}; {called}")
+            if classification.kind == "moved"
+            else classification
+        )
+    own = group_by_traversal(seen)
     bounds = own[old.traversal_id][-1].stamp_ns, own[new.traversal_id][0].stamp_ns
     return replace(
-        verdict,
+        classification,
         kind="relabelled",
         reason=called,
         confidence=min(old.share, new.share),
@@ -268,21 +304,21 @@ def _best_crop(side: Sequence[Said]) -> int | None:
     return next((observation.id for observation in reversed(side) if observation.cropped), None)
 
 
-def _spoken_of(reader: MapReader, ends: Ends) -> list[int]:
+def _instances_to_compare(reader: MapReader, ends: ComparedTimes) -> list[int]:
     """The instances that either end may speak of: those that it saw, and those that came, went or stood in between."""
-    traversals = [end.traversal.id for end in (ends.before, ends.after) if end.traversal is not None]
+    traversals = [side.traversal.id for side in (ends.before, ends.after) if side.traversal is not None]
     seen = reader.supported_in(traversals) if traversals else ()
     standing = reader.standing_at(ends.before.at_ns) if ends.before.traversal is None else ()
     changed = reader.changed_within(ends.before.at_ns, ends.after.at_ns)
     return sorted({*seen, *standing, *changed})
 
 
-def _choose(reader: MapReader, first: str | None, second: str | None) -> tuple[Instant, Instant]:
+def _choose_sides(reader: MapReader, first: str | None, second: str | None) -> tuple[TimePoint, TimePoint]:
     traversals, clock = reader.traversals, clock_of(reader)
-    a = None if first is None else instant_of(first, reader, clock)
-    b = None if second is None else instant_of(second, reader, clock)
+    a = None if first is None else parse_time_point(first, reader, clock)
+    b = None if second is None else parse_time_point(second, reader, clock)
     if a is not None and b is None and traversals and a.traversal is None:
-        b = of_traversal(traversals[-1])
+        b = traversal_end(traversals[-1])
     if a is None or b is None:
         if len(traversals) < 2:
             known = f"only {traversals[0].name!r}" if traversals else "none"
@@ -292,22 +328,24 @@ def _choose(reader: MapReader, first: str | None, second: str | None) -> tuple[I
                 cure="build another recording of the same place into it, or give two times",
             )
         if a is None:
-            a, b = map(of_traversal, traversals[-2:])
+            a, b = map(traversal_end, traversals[-2:])
         else:
-            b = of_traversal(_newest_but(traversals, a.traversal))
+            b = traversal_end(_newest_except(traversals, a.traversal))
     if a.at_ns == b.at_ns:
         raise QueryError(f"{a.text!r} differs in nothing from itself", cure="give two traversals, or two times")
     return a, b
 
 
-def _newest_but(traversals: Sequence[StoredTraversal], one: StoredTraversal | None) -> StoredTraversal:
+def _newest_except(traversals: Sequence[StoredTraversal], one: StoredTraversal | None) -> StoredTraversal:
     return next(traversal for traversal in reversed(traversals) if one is None or traversal.id != one.id)
 
 
-def _end_view(end: Instant) -> EndView:
-    return EndView(end.text, end.at_ns, end.since_ns, None if end.traversal is None else traversal_view(end.traversal))
+def _side_view(side: TimePoint) -> SideView:
+    return SideView(
+        side.text, side.at_ns, side.since_ns, None if side.traversal is None else traversal_view(side.traversal)
+    )
 
 
-def _named(ids: Sequence[str]) -> str:
-    more = f" and {len(ids) - NAMED} more" if len(ids) > NAMED else ""
-    return ", ".join(ids[:NAMED]) + more
+def _id_list(ids: Sequence[str]) -> str:
+    more = f" and {len(ids) - MAX_NAMED_IDS} more" if len(ids) > MAX_NAMED_IDS else ""
+    return ", ".join(ids[:MAX_NAMED_IDS]) + more

@@ -18,13 +18,13 @@ from typing import Literal
 
 from supermap_cli.errors import QueryError
 from supermap_cli.query.relations import RELATION_WORDS, RelationName
-from supermap_cli.query.time_parsing import OF_TRAVERSAL
+from supermap_cli.query.time_parsing import TRAVERSAL_TIME_SUFFIX
 
 Intent = Literal["find", "count", "exists"]
 TimeKind = Literal["now", "earlier", "first", "last", "traversal", "at"]
 Words = tuple[str, ...]
 
-UNDERSTOOD = (
+HINT = (
     "ask for things like 'cup', 'chair-1', 'chair near tv', 'how many chairs', 'cup on the table earlier', "
     "'chairs in monday'; relations are near, beside, on, under, inside, above, attached to; "
     "times are now, earlier, first, last, in TRAVERSAL, at 10:21, at 10:21 in TRAVERSAL"
@@ -32,19 +32,19 @@ UNDERSTOOD = (
 
 
 @dataclass(frozen=True)
-class Things:
+class NounPhrase:
     """A noun phrase without its articles (`None`: anything at all), and how the things stand to others."""
 
     noun: str | None
-    relation: RelatedTo | None = None
+    relation: RelationPhrase | None = None
 
 
 @dataclass(frozen=True)
-class RelatedTo:
+class RelationPhrase:
     """The relation asked for, and to what."""
 
     name: RelationName
-    reference: Things
+    reference: NounPhrase
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ class TimePhrase:
 
     kind: TimeKind = "now"
     argument: str | None = None
-    said: bool = field(default=True, compare=False)
+    explicit: bool = field(default=True, compare=False)
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ class Question:
 
     text: str
     intent: Intent
-    things: Things
+    phrase: NounPhrase
     time: TimePhrase
 
 
@@ -93,25 +93,25 @@ _OPENERS: tuple[tuple[str, Intent], ...] = (
 )
 
 
-def _set_of(words: str) -> frozenset[str]:
+def _word_set(words: str) -> frozenset[str]:
     return frozenset(words.split())
 
 
-_FILLERS = _set_of(
+_FILLER_WORDS = _word_set(
     """the a an any some all every each me my our your this that those these there of please is are was were be been do
     does did can could you we i have has see seen which who's it its currently located placed sitting standing lying
     resting hanging mounted found kept"""
 )
-_PAST = _set_of("was were did been had")
-_ANYTHING = _set_of("thing things object objects everything anything something stuff item items")
-_NOT_UNDERSTOOD = _set_of(
+_PAST_TENSE_WORDS = _word_set("was were did been had")
+_GENERIC_NOUNS = _word_set("thing things object objects everything anything something stuff item items")
+_UNSUPPORTED_WORDS = _word_set(
     """who whom whose why when how and or not no without except than between delete remove move go bring"""
 )
-_SUPERLATIVES = _set_of(
+_SUPERLATIVES = _word_set(
     """closest nearest farthest furthest biggest largest smallest tallest highest lowest shortest longest widest
     narrowest thickest thinnest heaviest lightest newest oldest latest earliest most least best worst"""
 )
-_TIMES: tuple[tuple[str, TimeKind], ...] = (
+_TIME_WORDS: tuple[tuple[str, TimeKind], ...] = (
     ("right now", "now"),
     ("at the moment", "now"),
     ("at present", "now"),
@@ -144,21 +144,21 @@ def parse(text: str, traversals: Collection[str] = ()) -> Question:
     """
     words = _words(text)
     if not words:
-        raise QueryError("an empty question", cure=UNDERSTOOD)
-    past = bool(_PAST & set(words))
-    intent, words = _take_opener(words)
-    time, words = _take_time(words, traversals)
-    things = _things(words, text)
+        raise QueryError("an empty question", cure=HINT)
+    past = bool(_PAST_TENSE_WORDS & set(words))
+    intent, words = _split_opener(words)
+    time, words = _split_time(words, traversals)
+    phrase = _parse_noun_phrase(words, text)
     if time is None:
-        time = TimePhrase("last" if past else "now", said=False)
-    return Question(text, intent, things, time)
+        time = TimePhrase("last" if past else "now", explicit=False)
+    return Question(text, intent, phrase, time)
 
 
 def _words(text: str) -> Words:
-    return tuple(word for word in (word_.strip("?!.,;:\"'()") for word_ in text.casefold().split()) if word)
+    return tuple(word for word in (token.strip("?!.,;:\"'()") for token in text.casefold().split()) if word)
 
 
-def _take_opener(words: Words) -> tuple[Intent, Words]:
+def _split_opener(words: Words) -> tuple[Intent, Words]:
     for opener, intent in _OPENERS:
         parts = tuple(opener.split())
         if words[: len(parts)] == parts:
@@ -166,15 +166,15 @@ def _take_opener(words: Words) -> tuple[Intent, Words]:
     return "find", words
 
 
-def _take_time(words: Words, traversals: Collection[str]) -> tuple[TimePhrase | None, Words]:
+def _split_time(words: Words, traversals: Collection[str]) -> tuple[TimePhrase | None, Words]:
     """The time at the question's end, or at its beginning."""
-    taken = _traversal_at_end(words, traversals)
-    if taken is not None:
-        return _clock_before(*taken) or taken
-    taken = _clock_at_end(words) or _named_clock_at_end(words, traversals)
-    if taken is not None:
-        return taken
-    for phrase, kind in _TIMES:
+    found = _split_traversal(words, traversals)
+    if found is not None:
+        return _split_clock_time_before(*found) or found
+    found = _split_clock_time(words) or _split_named_clock_time(words, traversals)
+    if found is not None:
+        return found
+    for phrase, kind in _TIME_WORDS:
         parts = tuple(phrase.split())
         if words[-len(parts) :] == parts:
             return TimePhrase(kind), words[: -len(parts)]
@@ -183,7 +183,7 @@ def _take_time(words: Words, traversals: Collection[str]) -> tuple[TimePhrase | 
     return None, words
 
 
-def _traversal_at_end(words: Words, traversals: Collection[str]) -> tuple[TimePhrase, Words] | None:
+def _split_traversal(words: Words, traversals: Collection[str]) -> tuple[TimePhrase, Words] | None:
     """Take "in monday", "during the monday run", "in the first traversal", "in first", "in traversal 2"."""
     named = {_words(name): name for name in traversals}
     for at in range(len(words) - 1, -1, -1):
@@ -200,7 +200,7 @@ def _traversal_at_end(words: Words, traversals: Collection[str]) -> tuple[TimePh
     return None
 
 
-def _clock_at_end(words: Words) -> tuple[TimePhrase, Words] | None:
+def _split_clock_time(words: Words) -> tuple[TimePhrase, Words] | None:
     """Take "at 10:21", "at 2026-01-05T10:21:00Z", "at 12.5 s"."""
     if words[-1:] in {("s",), ("seconds",), ("utc",)}:
         words = words[:-1]
@@ -209,13 +209,13 @@ def _clock_at_end(words: Words) -> tuple[TimePhrase, Words] | None:
     return None
 
 
-def _clock_before(traversal: TimePhrase, words: Words) -> tuple[TimePhrase, Words] | None:
+def _split_clock_time_before(traversal: TimePhrase, words: Words) -> tuple[TimePhrase, Words] | None:
     """Take "at 10:21" before "in monday": "monday@10:21"."""
-    taken = _clock_at_end(words)
-    return taken and (TimePhrase("at", f"{traversal.argument}@{taken[0].argument}"), taken[1])
+    found = _split_clock_time(words)
+    return found and (TimePhrase("at", f"{traversal.argument}@{found[0].argument}"), found[1])
 
 
-def _named_clock_at_end(words: Words, traversals: Collection[str]) -> tuple[TimePhrase, Words] | None:
+def _split_named_clock_time(words: Words, traversals: Collection[str]) -> tuple[TimePhrase, Words] | None:
     """Take "at monday@10:21", "at monday+12s"."""
     at = max((index for index, word in enumerate(words[:-1]) if word == "at"), default=None)
     if at is None:
@@ -224,45 +224,47 @@ def _named_clock_at_end(words: Words, traversals: Collection[str]) -> tuple[Time
     known = {name.casefold(): name for name in traversals}
     for name in sorted([*known, "first", "last"], key=len, reverse=True):
         rest = written[len(name) :]
-        if written.startswith(name) and OF_TRAVERSAL.fullmatch(rest):
+        if written.startswith(name) and TRAVERSAL_TIME_SUFFIX.fullmatch(rest):
             return TimePhrase("at", f"{known.get(name, name)}{rest}"), words[:at]
     return None
 
 
-def _things(words: Words, text: str) -> Things:
+def _parse_noun_phrase(words: Words, text: str) -> NounPhrase:
     for at in range(len(words)):
         for phrase, name in RELATION_WORDS:
             parts = tuple(phrase.split())
             if words[at : at + len(parts)] == parts:
-                reference = _things(words[at + len(parts) :], text)
+                reference = _parse_noun_phrase(words[at + len(parts) :], text)
                 if reference.noun is None:
-                    raise QueryError(f"'{phrase}' what? The question names nothing", where=text, cure=UNDERSTOOD)
-                return Things(_noun(words[:at], text, may_be_empty=True), RelatedTo(name, reference))
-    return Things(_noun(words, text, may_be_empty=False))
+                    raise QueryError(f"'{phrase}' what? The question names nothing", where=text, cure=HINT)
+                return NounPhrase(_parse_noun(words[:at], text, may_be_empty=True), RelationPhrase(name, reference))
+    return NounPhrase(_parse_noun(words, text, may_be_empty=False))
 
 
-def _noun(words: Words, text: str, *, may_be_empty: bool) -> str | None:
+def _parse_noun(words: Words, text: str, *, may_be_empty: bool) -> str | None:
     """The words that name something; `None` for "anything"."""
     if superlatives := [word for word in words if word in _SUPERLATIVES]:
         problem = f"'{superlatives[0]}' is a superlative; these are not understood yet"
-        raise QueryError(problem, where=text, cure=UNDERSTOOD)
-    if strange := [word for word in words if word in _NOT_UNDERSTOOD]:
-        raise QueryError(f"'{strange[0]}' is not understood here", where=text, cure=UNDERSTOOD)
+        raise QueryError(problem, where=text, cure=HINT)
+    if unsupported := [word for word in words if word in _UNSUPPORTED_WORDS]:
+        raise QueryError(f"'{unsupported[0]}' is not understood here", where=text, cure=HINT)
     start, end = 0, len(words)
-    while start < end and words[start] in _FILLERS:
+    while start < end and words[start] in _FILLER_WORDS:
         start += 1
-    while end > start and words[end - 1] in _FILLERS and not _is_a_can(words, end - 1):
+    while end > start and words[end - 1] in _FILLER_WORDS and not _can_is_noun(words, end - 1):
         end -= 1
     noun = words[start:end]
-    if any(word in _FILLERS and word != "of" and not _is_a_can(words, start + at) for at, word in enumerate(noun)):
-        raise QueryError(f"'{' '.join(noun)}' is not understood as one thing's name", where=text, cure=UNDERSTOOD)
+    if any(
+        word in _FILLER_WORDS and word != "of" and not _can_is_noun(words, start + at) for at, word in enumerate(noun)
+    ):
+        raise QueryError(f"'{' '.join(noun)}' is not understood as one thing's name", where=text, cure=HINT)
     if not noun:
         if may_be_empty or "all" in words:
             return None
-        raise QueryError("the question names nothing", where=text, cure=UNDERSTOOD)
-    return None if set(noun) <= _ANYTHING else " ".join(noun)
+        raise QueryError("the question names nothing", where=text, cure=HINT)
+    return None if set(noun) <= _GENERIC_NOUNS else " ".join(noun)
 
 
-def _is_a_can(words: Words, at: int) -> bool:
+def _can_is_noun(words: Words, at: int) -> bool:
     """Whether "can" is a thing ("trash can"), and not what somebody can do ("chairs can you see")."""
     return words[at] == "can" and at > 0 and words[at + 1 : at + 2] not in {("you",), ("we",), ("i",)}

@@ -6,31 +6,33 @@ from collections.abc import Sequence
 
 from supermap_cli.geometry.boxes import displacement_m
 from supermap_cli.query.clock import Clock
-from supermap_cli.query.object_history import History, SightingsView, SurroundingsView
+from supermap_cli.query.object_history import ObjectHistory, SightingsView, SurroundingsView
 from supermap_cli.query.views import EventView, IntervalView, Vector, box_of
 
-MOST_SENTENCES = 40
+MAX_SENTENCES = 40
 """A longer story is told from its beginning and its end."""
 
 
-def story(told: History, clock: Clock) -> list[str]:
+def history_sentences(history: ObjectHistory, clock: Clock) -> list[str]:
     """What happened to it, a sentence each."""
-    around = {surroundings.state: surroundings for surroundings in told.surroundings}
+    by_state = {surroundings.state: surroundings for surroundings in history.surroundings}
     sentences: list[str] = []
-    for at, interval in enumerate(told.intervals):
-        before = told.intervals[at - 1] if at else None
-        next_to = _next_to(told.id, around.get(interval.state))
-        sentences += [_came(interval, before, _event_to(told, interval.state), next_to, clock)]
-        after = told.intervals[at + 1] if at + 1 < len(told.intervals) else None
-        if (left := _left(interval, after, clock)) is not None:
-            sentences.append(left)
-    sentences += [text for event in told.events if (text := _beside(told, event, clock)) is not None]
-    sentences += _called(told.sightings)
-    sentences.append(_stands(told, clock))
-    return shortened(sentences, MOST_SENTENCES)
+    for at, interval in enumerate(history.intervals):
+        before = history.intervals[at - 1] if at else None
+        relations_text = _relations_text(history.id, by_state.get(interval.state))
+        sentences += [
+            _arrival_sentence(interval, before, _arrival_event(history, interval.state), relations_text, clock)
+        ]
+        after = history.intervals[at + 1] if at + 1 < len(history.intervals) else None
+        if (departure := _departure_sentence(interval, after, clock)) is not None:
+            sentences.append(departure)
+    sentences += [text for event in history.events if (text := _event_sentence(history, event, clock)) is not None]
+    sentences += _label_sentences(history.sightings)
+    sentences.append(_last_sentence(history, clock))
+    return shorten_lines(sentences, MAX_SENTENCES)
 
 
-def shortened(lines: Sequence[str], most: int) -> list[str]:
+def shorten_lines(lines: Sequence[str], most: int) -> list[str]:
     """Lines, or the first and last of them where there are more than `most`, with how many are left out."""
     if len(lines) <= most:
         return list(lines)
@@ -38,14 +40,14 @@ def shortened(lines: Sequence[str], most: int) -> list[str]:
     return [*lines[:half], f"... {len(lines) - 2 * half} more ...", *lines[-half:]]
 
 
-def _came(
+def _arrival_sentence(
     interval: IntervalView,
     before: IntervalView | None,
     event: EventView | None,
-    next_to: str,
+    relations_text: str,
     clock: Clock,
 ) -> str:
-    where = f"at {place(interval.position)}{next_to}"
+    where = f"at {position_text(interval.position)}{relations_text}"
     since = clock.brief(interval.first_seen_ns)
     if before is None:
         if interval.empty_before_ns is None:
@@ -60,17 +62,19 @@ def _came(
     return f"{how} {bounds}: stands {where}"
 
 
-def _left(interval: IntervalView, after: IntervalView | None, clock: Clock) -> str | None:
+def _departure_sentence(interval: IntervalView, after: IntervalView | None, clock: Clock) -> str | None:
     """That it was seen to have left, where that is not told by where it turned up at the same time."""
     if interval.gone_ns is None or (after is not None and after.first_seen_ns <= interval.gone_ns):
         return None
-    return f"left {place(interval.position)} {clock.between(interval.last_seen_ns, interval.gone_ns)}: found empty"
+    return (
+        f"left {position_text(interval.position)} {clock.between(interval.last_seen_ns, interval.gone_ns)}: found empty"
+    )
 
 
-def _beside(told: History, event: EventView, clock: Clock) -> str | None:
+def _event_sentence(history: ObjectHistory, event: EventView, clock: Clock) -> str | None:
     """What other instances have to do with it."""
     when = clock.brief(event.not_after_ns)
-    own = {told.id, *told.merged_ids}
+    own = {history.id, *history.merged_ids}
     match event.kind:
         case "merged":
             return f"{event.from_id} turned out to be it ({when})"
@@ -84,51 +88,53 @@ def _beside(told: History, event: EventView, clock: Clock) -> str | None:
     return None
 
 
-def _called(sightings: Sequence[SightingsView]) -> list[str]:
+def _label_sentences(sightings: Sequence[SightingsView]) -> list[str]:
     """What it was called, where that differs between traversals, or any of them was unsure."""
     called = [(sighting.traversal, sighting.labels) for sighting in sightings if sighting.labels]
     if len({next(iter(labels)) for _, labels in called}) < 2:
         return []
-    said: list[tuple[str, list[str]]] = []
+    labels_in_order: list[tuple[str, list[str]]] = []
     for traversal, labels in called:
         label = next(iter(labels))
-        if not said or said[-1][0] != label:
-            said.append((label, []))
-        said[-1][1].append(traversal)
-    return ["called " + ", then ".join(f"{label} in {_names(names)}" for label, names in said)]
+        if not labels_in_order or labels_in_order[-1][0] != label:
+            labels_in_order.append((label, []))
+        labels_in_order[-1][1].append(traversal)
+    return ["called " + ", then ".join(f"{label} in {_name_range(names)}" for label, names in labels_in_order)]
 
 
-def _stands(told: History, clock: Clock) -> str:
-    if told.standing is not None:
-        return f"as of {told.as_of}: {told.standing.words}"
-    last = clock.brief(told.last_seen_ns)
-    if told.presence == "doubted":
+def _last_sentence(history: ObjectHistory, clock: Clock) -> str:
+    if history.standing is not None:
+        return f"as of {history.as_of}: {history.standing.words}"
+    last = clock.brief(history.last_seen_ns)
+    if history.presence == "doubted":
         return f"last seen {last}; nothing says any more that it was ever real"
-    if told.presence == "absent":
-        gone = bool(told.intervals) and told.intervals[-1].gone_ns is not None
+    if history.presence == "absent":
+        gone = bool(history.intervals) and history.intervals[-1].gone_ns is not None
         return f"last seen {last}" + ("" if gone else ", not seen since")
     return f"last seen {last}; stands there as far as anybody knows"
 
 
-def _next_to(own: str, around: SurroundingsView | None) -> str:
-    if around is None or not around.relations:
+def _relations_text(own: str, by_state: SurroundingsView | None) -> str:
+    if by_state is None or not by_state.relations:
         return ""
-    told = [f"{r.name} {r.object}" if r.subject == own else f"{r.subject} {r.name} it" for r in around.relations[:2]]
-    return ", " + " and ".join(told)
+    history = [
+        f"{r.name} {r.object}" if r.subject == own else f"{r.subject} {r.name} it" for r in by_state.relations[:2]
+    ]
+    return ", " + " and ".join(history)
 
 
-def _event_to(told: History, state: int) -> EventView | None:
+def _arrival_event(history: ObjectHistory, state: int) -> EventView | None:
     """How it came into a state."""
-    own = {told.id, *told.merged_ids}
+    own = {history.id, *history.merged_ids}
     arriving = {"appeared", "moved", "reappeared"}
-    fitting = [e for e in told.events if e.kind in arriving and e.to_state == state and e.to_id in own]
+    fitting = [e for e in history.events if e.kind in arriving and e.to_state == state and e.to_id in own]
     return fitting[-1] if fitting else None
 
 
-def place(position: Vector) -> str:
+def position_text(position: Vector) -> str:
     """A place in words, metres."""
     return "(" + ", ".join(f"{value:.2f}" for value in position) + ")"
 
 
-def _names(names: Sequence[str]) -> str:
+def _name_range(names: Sequence[str]) -> str:
     return ", ".join(names) if len(names) <= 3 else f"{names[0]} to {names[-1]}"

@@ -9,16 +9,16 @@ from typing import TypeVar
 
 from supermap_cli.memory.values import ObservationRef, Said
 
-Naming = ObservationRef | Said
-N = TypeVar("N", ObservationRef, Said)
+LabelledObservation = ObservationRef | Said
+LabelledT = TypeVar("LabelledT", ObservationRef, Said)
 
-SURE_SHARE = 0.6
-SURE_OBSERVATIONS = 3
+MIN_LABEL_SHARE = 0.6
+MIN_OBSERVATIONS = 3
 """One traversal by itself is sure of a label that has this share of so many observations, weighed by their scores."""
 
 
 @dataclass(frozen=True)
-class Name:
+class LabelConsensus:
     """A label, and the share of a traversal's observations that say it."""
 
     label: str
@@ -26,7 +26,7 @@ class Name:
     traversal_id: int
 
 
-def label_shares(seen: Iterable[Naming]) -> dict[str, float]:
+def label_shares(seen: Iterable[LabelledObservation]) -> dict[str, float]:
     """How much of what was observed says which label, weighed by score, the likeliest first."""
     weights: dict[str, float] = defaultdict(float)
     for observation in seen:
@@ -36,24 +36,28 @@ def label_shares(seen: Iterable[Naming]) -> dict[str, float]:
     return {label: weight / whole for label, weight in ranked} if whole > 0 else {}
 
 
-def by_traversal(seen: Iterable[N]) -> dict[int, list[N]]:
+def group_by_traversal(seen: Iterable[LabelledT]) -> dict[int, list[LabelledT]]:
     """Observations by the traversal that made them, in the order of time."""
-    grouped: dict[int, list[N]] = defaultdict(list)
+    grouped: dict[int, list[LabelledT]] = defaultdict(list)
     for observation in seen:
         grouped[observation.traversal_id].append(observation)
     return dict(grouped)
 
 
-def sure_name(seen: Sequence[Naming]) -> Name | None:
+def label_consensus(seen: Sequence[LabelledObservation]) -> LabelConsensus | None:
     """What one traversal's observations agree on; `None` where they are too few, or at odds."""
-    if len(seen) < SURE_OBSERVATIONS:
+    if len(seen) < MIN_OBSERVATIONS:
         return None
     label, share = next(iter(label_shares(seen).items()), ("", 0.0))
-    return Name(label, share, seen[0].traversal_id) if share >= SURE_SHARE else None
+    return LabelConsensus(label, share, seen[0].traversal_id) if share >= MIN_LABEL_SHARE else None
 
 
-def name_by(seen: Iterable[N], at_ns: int) -> Name | None:
+def label_consensus_at(seen: Iterable[LabelledT], at_ns: int) -> LabelConsensus | None:
     """What a thing was called by a time: by the last traversal that was sure by then."""
-    until = [observation for observation in seen if observation.stamp_ns <= at_ns]
-    names = [name for of_one in by_traversal(until).values() if (name := sure_name(of_one)) is not None]
-    return names[-1] if names else None
+    seen_by_then = [observation for observation in seen if observation.stamp_ns <= at_ns]
+    labels = [
+        consensus
+        for observations in group_by_traversal(seen_by_then).values()
+        if (consensus := label_consensus(observations)) is not None
+    ]
+    return labels[-1] if labels else None

@@ -10,9 +10,9 @@ from supermap_cli.memory.reading import MapReader
 from supermap_cli.memory.values import ObservationRef, StoredInstance, StoredVisit
 from supermap_cli.query.clock import Clock
 from supermap_cli.query.details import find_instance, merged_ids, relation_view
-from supermap_cli.query.label_consensus import by_traversal, label_shares, name_by
-from supermap_cli.query.presence_at import Known, StandingView, standing_at, standing_view
-from supermap_cli.query.time_points import Instant
+from supermap_cli.query.label_consensus import group_by_traversal, label_consensus_at, label_shares
+from supermap_cli.query.presence_at import PresenceValue, PresenceView, presence_at, presence_view
+from supermap_cli.query.time_points import TimePoint
 from supermap_cli.query.time_selector import state_end_ns
 from supermap_cli.query.views import (
     EventView,
@@ -25,14 +25,14 @@ from supermap_cli.query.views import (
 )
 from supermap_cli.types.memory import Presence, SpatialEdge, StateRecord
 
-MOST_RELATIONS = 12
+MAX_RELATIONS = 12
 """How many relations are told of one state; those that say most where it stood first."""
 
-MOST_FRAMES = 3
+MAX_FRAMES = 3
 """How many pictures are named of one state: the best, one for each traversal as far as there are."""
 
-_BOTH_WAYS = frozenset({"beside", "near"})
-_TELLING = ("inside", "on", "attached to", "under", "above", "beside", "near")
+_SYMMETRIC_RELATIONS = frozenset({"beside", "near"})
+_RELATION_PRIORITY = ("inside", "on", "attached to", "under", "above", "beside", "near")
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ class SurroundingsView:
 
 
 @dataclass(frozen=True)
-class History:
+class ObjectHistory:
     """The life of one instance: its states, what happened between them, what stood around it, how each traversal saw
     it, and the pictures that are kept; as of a time, up to that.
     """
@@ -79,7 +79,7 @@ class History:
     id: str
     asked_id: str
     label: str
-    presence: Presence | Known
+    presence: Presence | PresenceValue
     merged_ids: tuple[str, ...]
     first_seen_ns: int
     last_seen_ns: int
@@ -91,18 +91,20 @@ class History:
     evidence: EvidenceView
     as_of: str | None = field(default=None, metadata={"optional": True})
     as_of_ns: int | None = field(default=None, metadata={"optional": True})
-    standing: StandingView | None = field(default=None, metadata={"optional": True})
+    standing: PresenceView | None = field(default=None, metadata={"optional": True})
 
 
-def history(reader: MapReader, text_id: str, until: Instant | None = None, clock: Clock | None = None) -> History:
+def object_history(
+    reader: MapReader, text_id: str, time_point: TimePoint | None = None, clock: Clock | None = None
+) -> ObjectHistory:
     """The life of one instance, or its life until an instant, told by a clock.
 
     Raises `QueryError` for an id that there never was.
     """
     instance = find_instance(reader, text_id)
-    end_ns = None if until is None else until.at_ns
-    standing = None if until is None else standing_at(instance, until.at_ns, until.begun_ns)
-    seen = [
+    end_ns = None if time_point is None else time_point.at_ns
+    presence = None if time_point is None else presence_at(instance, time_point.at_ns, time_point.traversal_start_ns)
+    observations = [
         observation for observation in reader.observations(instance) if end_ns is None or observation.stamp_ns <= end_ns
     ]
     states = [state for state in instance.states if end_ns is None or state.first_seen_ns <= end_ns]
@@ -114,43 +116,47 @@ def history(reader: MapReader, text_id: str, until: Instant | None = None, clock
     moved = {(edge.from_number, edge.from_state) for edge in edges if edge.kind == "moved"}
     edges = [edge for edge in edges if edge.kind != "disappeared" or (edge.from_number, edge.from_state) not in moved]
     reader.text_ids.of({number for edge in edges for number in (edge.from_number, edge.to_number)})
-    view = None if standing is None or clock is None or end_ns is None else standing_view(standing, end_ns, clock)
-    visits = [visit for visit in instance.visits if _begun(reader, visit.traversal_id, end_ns)]
-    name = None if end_ns is None else name_by(seen, end_ns)
-    return History(
+    view = None if presence is None or clock is None or end_ns is None else presence_view(presence, end_ns, clock)
+    visits = [visit for visit in instance.visits if _has_begun(reader, visit.traversal_id, end_ns)]
+    consensus = None if end_ns is None else label_consensus_at(observations, end_ns)
+    return ObjectHistory(
         id=instance.id,
         asked_id=text_id,
-        label=instance.label if standing is None else standing.state.label if name is None else name.label,
-        presence=instance.presence if standing is None or instance.presence == "doubted" else standing.presence,
+        label=instance.label if presence is None else presence.state.label if consensus is None else consensus.label,
+        presence=instance.presence if presence is None or instance.presence == "doubted" else presence.value,
         merged_ids=merged_ids(reader, instance),
         first_seen_ns=instance.first_seen_ns,
-        last_seen_ns=instance.last_seen_ns if end_ns is None else seen[-1].stamp_ns if seen else instance.first_seen_ns,
+        last_seen_ns=instance.last_seen_ns
+        if end_ns is None
+        else observations[-1].stamp_ns
+        if observations
+        else instance.first_seen_ns,
         intervals=tuple(map(interval_view, states)),
         surroundings=_surroundings(reader, instance, states, end_ns),
         events=tuple(event_view(edge, reader) for edge in edges),
-        sightings=_sightings(reader, visits, seen),
+        sightings=_sightings(reader, visits, observations),
         frames=_frames(reader, instance, states, end_ns),
-        evidence=evidence_of(seen, visits, reader.traversals),
-        as_of=None if until is None else until.text,
+        evidence=evidence_of(observations, visits, reader.traversals),
+        as_of=None if time_point is None else time_point.text,
         as_of_ns=end_ns,
         standing=view,
     )
 
 
-def _begun(reader: MapReader, traversal_id: int, end_ns: int | None) -> bool:
+def _has_begun(reader: MapReader, traversal_id: int, end_ns: int | None) -> bool:
     return end_ns is None or any(
         traversal.id == traversal_id and traversal.start_ns <= end_ns for traversal in reader.traversals
     )
 
 
 def _sightings(
-    reader: MapReader, visits: Iterable[StoredVisit], seen: Sequence[ObservationRef]
+    reader: MapReader, visits: Iterable[StoredVisit], observations: Sequence[ObservationRef]
 ) -> tuple[SightingsView, ...]:
-    names = {traversal.id: traversal.name for traversal in reader.traversals}
-    own = by_traversal(seen)
+    traversal_names = {traversal.id: traversal.name for traversal in reader.traversals}
+    own = group_by_traversal(observations)
     return tuple(
         SightingsView(
-            names[visit.traversal_id],
+            traversal_names[visit.traversal_id],
             visit.supported,
             visit.in_view,
             visit.contradicted,
@@ -170,36 +176,36 @@ def _surroundings(
     edges = [edge for edge in reader.edges_of([instance.number]) if end_ns is None or edge.since_ns <= end_ns]
     others = {number for edge in edges for number in (edge.subject, edge.object)}
     reader.text_ids.of(others)
-    known = {instance.number: instance for instance in reader.instances_of(others)}
-    told = []
+    instances = {instance.number: instance for instance in reader.instances_of(others)}
+    surroundings = []
     for state in states:
         high = state_end_ns(state, instance.states)
-        held = _joined(edge for edge in edges if _within(edge, state.first_seen_ns, high))
-        ranked = _most_telling(held, instance.number)
+        held = _merge_edges(edge for edge in edges if _overlaps(edge, state.first_seen_ns, high))
+        ranked = _select_relations(held, instance.number)
         views = tuple(
-            relation_view(reader, edge, known[edge.subject], known[edge.object], state.last_seen_ns)
-            for edge in ranked[:MOST_RELATIONS]
+            relation_view(reader, edge, instances[edge.subject], instances[edge.object], state.last_seen_ns)
+            for edge in ranked[:MAX_RELATIONS]
         )
-        told.append(SurroundingsView(state.index, views, max(0, len(ranked) - MOST_RELATIONS)))
-    return tuple(told)
+        surroundings.append(SurroundingsView(state.index, views, max(0, len(ranked) - MAX_RELATIONS)))
+    return tuple(surroundings)
 
 
-def _within(edge: SpatialEdge, low_ns: int, high_ns: float) -> bool:
+def _overlaps(edge: SpatialEdge, low_ns: int, high_ns: float) -> bool:
     return edge.since_ns < high_ns and (edge.until_ns is None or edge.until_ns > low_ns)
 
 
-def _joined(edges: Iterable[SpatialEdge]) -> list[SpatialEdge]:
+def _merge_edges(edges: Iterable[SpatialEdge]) -> list[SpatialEdge]:
     """One edge for each relation, from when it held first to when it held last; stored both ways it is one."""
-    joined: dict[tuple[str, frozenset[int]], SpatialEdge] = {}
+    merged: dict[tuple[str, frozenset[int]], SpatialEdge] = {}
     for edge in edges:
         key = edge.relation, frozenset((edge.subject, edge.object))
-        before = joined.get(key)
+        before = merged.get(key)
         if before is None:
-            joined[key] = edge
+            merged[key] = edge
             continue
         open_end = before.until_ns is None or edge.until_ns is None
         until_ns = None if open_end else max(before.until_ns or 0, edge.until_ns or 0)
-        joined[key] = SpatialEdge(
+        merged[key] = SpatialEdge(
             before.subject,
             edge.relation,
             before.object,
@@ -207,29 +213,31 @@ def _joined(edges: Iterable[SpatialEdge]) -> list[SpatialEdge]:
             until_ns,
             max(before.confidence, edge.confidence),
         )
-    return list(joined.values())
+    return list(merged.values())
 
 
-def _most_telling(edges: Iterable[SpatialEdge], own: int) -> list[SpatialEdge]:
+def _select_relations(edges: Iterable[SpatialEdge], own: int) -> list[SpatialEdge]:
     """Of the relations to each other object the one that says most, ranked; what holds both ways from its own side."""
     chosen: dict[int, SpatialEdge] = {}
     for edge in sorted(edges, key=_rank):
         other = edge.object if edge.subject == own else edge.subject
-        turned = edge.relation in _BOTH_WAYS and edge.subject != own
-        chosen.setdefault(other, replace(edge, subject=own, object=other) if turned else edge)
+        swapped = edge.relation in _SYMMETRIC_RELATIONS and edge.subject != own
+        chosen.setdefault(other, replace(edge, subject=own, object=other) if swapped else edge)
     return list(chosen.values())
 
 
 def _rank(edge: SpatialEdge) -> tuple[int, float, int]:
-    telling = _TELLING.index(edge.relation) if edge.relation in _TELLING else len(_TELLING)
-    return telling, -edge.confidence, edge.since_ns
+    priority = (
+        _RELATION_PRIORITY.index(edge.relation) if edge.relation in _RELATION_PRIORITY else len(_RELATION_PRIORITY)
+    )
+    return priority, -edge.confidence, edge.since_ns
 
 
 def _frames(
     reader: MapReader, instance: StoredInstance, states: Sequence[StateRecord], end_ns: int | None
 ) -> tuple[FrameView, ...]:
     """The best pictures of each state: one of each traversal, of the latest traversals if there are many."""
-    names = {traversal.id: traversal.name for traversal in reader.traversals}
+    traversal_names = {traversal.id: traversal.name for traversal in reader.traversals}
     crops = [
         crop
         for crop in crops_of(reader, [instance.number]).get(instance.number, [])
@@ -243,9 +251,11 @@ def _frames(
         best[state, crop.traversal_id] = crop
     chosen: list[FrameView] = []
     for index in dict.fromkeys(state for state, _ in best):
-        own = [crop for (state, _), crop in best.items() if state == index][-MOST_FRAMES:]
+        own = [crop for (state, _), crop in best.items() if state == index][-MAX_FRAMES:]
         chosen += [
-            FrameView(crop.observation, crop.keyframe_id, crop.stamp_ns, names[crop.traversal_id], index, crop.score)
+            FrameView(
+                crop.observation, crop.keyframe_id, crop.stamp_ns, traversal_names[crop.traversal_id], index, crop.score
+            )
             for crop in own
         ]
     return tuple(sorted(chosen, key=lambda frame: (frame.stamp_ns, frame.observation)))

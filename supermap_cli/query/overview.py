@@ -9,13 +9,13 @@ from itertools import islice
 
 from supermap_cli.memory.reading import MapReader
 from supermap_cli.memory.values import ObservationRef, StoredInstance
-from supermap_cli.query.candidates import label_in
+from supermap_cli.query.candidates import label_in_state
 from supermap_cli.query.clock import Clock
-from supermap_cli.query.label_consensus import name_by
-from supermap_cli.query.presence_at import Standing, standing_at, standing_view
-from supermap_cli.query.time_points import Instant
+from supermap_cli.query.label_consensus import label_consensus_at
+from supermap_cli.query.presence_at import PresenceAt, presence_at, presence_view
+from supermap_cli.query.time_points import TimePoint
 from supermap_cli.query.views import (
-    LISTED,
+    DEFAULT_LIMIT,
     InstanceView,
     TraversalView,
     box_view,
@@ -50,7 +50,7 @@ class Overview:
     more_unknown: int = 0
 
 
-def overview(reader: MapReader, limit: int = LISTED) -> Overview:
+def overview(reader: MapReader, limit: int = DEFAULT_LIMIT) -> Overview:
     """All current objects, so many of them listed."""
     finder = reader.finder
     listed = reader.instances_of(list(islice(finder.called(None, ["present"]), limit)))
@@ -64,50 +64,55 @@ def overview(reader: MapReader, limit: int = LISTED) -> Overview:
     )
 
 
-def overview_at(reader: MapReader, instant: Instant, clock: Clock, limit: int = LISTED) -> Overview:
+def overview_at(reader: MapReader, time_point: TimePoint, clock: Clock, limit: int = DEFAULT_LIMIT) -> Overview:
     """All that stood at a time, and all of which nobody can say whether it did, so many of each listed."""
-    as_of = reader.as_of(instant.at_ns, instant.begun_ns)
-    stood, doubtful = (_standing(reader, as_of.first(known, limit), instant) for known in ("present", "unknown"))
+    as_of = reader.as_of(time_point.at_ns, time_point.traversal_start_ns)
+    present, unknown_presences = (
+        _presences(reader, as_of.first(known, limit), time_point) for known in ("present", "unknown")
+    )
     totals: Counter[str] = Counter()
     counts: Counter[str] = Counter()
-    for (known, called), count in as_of.counts().items():
+    for (known, label), count in as_of.counts().items():
         totals[known] += count
-        counts[called] += count if known == "present" else 0
-    there, unknown = (_told_at(reader, group, instant, clock) for group in (stood, doubtful))
-    counts.subtract(label_in(instance, standing.state) for instance, standing in stood)
-    counts.update(view.label for view in there)
+        counts[label] += count if known == "present" else 0
+    views, unknown = (_summaries_at(reader, group, time_point, clock) for group in (present, unknown_presences))
+    counts.subtract(label_in_state(instance, presence.state) for instance, presence in present)
+    counts.update(view.label for view in views)
     return Overview(
-        instances=there,
-        counts={called: count for called, count in sorted(counts.items()) if count},
+        instances=views,
+        counts={label: count for label, count in sorted(counts.items()) if count},
         absent=totals["absent"],
         traversals=tuple(
-            traversal_view(traversal) for traversal in reader.traversals if traversal.start_ns <= instant.at_ns
+            traversal_view(traversal) for traversal in reader.traversals if traversal.start_ns <= time_point.at_ns
         ),
-        more=totals["present"] - len(there),
-        as_of=instant.text,
-        as_of_ns=instant.at_ns,
+        more=totals["present"] - len(views),
+        as_of=time_point.text,
+        as_of_ns=time_point.at_ns,
         unknown=unknown,
         more_unknown=totals["unknown"] - len(unknown),
     )
 
 
-def _standing(reader: MapReader, numbers: Collection[int], instant: Instant) -> list[tuple[StoredInstance, Standing]]:
+def _presences(
+    reader: MapReader, numbers: Collection[int], time_point: TimePoint
+) -> list[tuple[StoredInstance, PresenceAt]]:
     """Some instances in the order of their numbers, with what is known of them."""
     known = (
-        (instance, standing_at(instance, instant.at_ns, instant.begun_ns)) for instance in reader.instances_of(numbers)
+        (instance, presence_at(instance, time_point.at_ns, time_point.traversal_start_ns))
+        for instance in reader.instances_of(numbers)
     )
-    return [(instance, standing) for instance, standing in known if standing is not None]
+    return [(instance, presence) for instance, presence in known if presence is not None]
 
 
-def _told_at(
-    reader: MapReader, standing: Iterable[tuple[StoredInstance, Standing]], instant: Instant, clock: Clock
+def _summaries_at(
+    reader: MapReader, presences: Iterable[tuple[StoredInstance, PresenceAt]], time_point: TimePoint, clock: Clock
 ) -> tuple[InstanceView, ...]:
-    return tuple(_summary_at(reader, instance, known, instant, clock) for instance, known in standing)
+    return tuple(_summary_at(reader, instance, presence, time_point, clock) for instance, presence in presences)
 
 
-def seen_by(reader: MapReader, instance: StoredInstance, instant: Instant) -> list[ObservationRef]:
+def observed_by(reader: MapReader, instance: StoredInstance, time_point: TimePoint) -> list[ObservationRef]:
     """What had been seen of an instance by a time."""
-    return [observation for observation in reader.observations(instance) if observation.stamp_ns <= instant.at_ns]
+    return [observation for observation in reader.observations(instance) if observation.stamp_ns <= time_point.at_ns]
 
 
 def _summary(reader: MapReader, instance: StoredInstance) -> InstanceView:
@@ -125,23 +130,23 @@ def _summary(reader: MapReader, instance: StoredInstance) -> InstanceView:
 
 
 def _summary_at(
-    reader: MapReader, instance: StoredInstance, standing: Standing, instant: Instant, clock: Clock
+    reader: MapReader, instance: StoredInstance, presence: PresenceAt, time_point: TimePoint, clock: Clock
 ) -> InstanceView:
-    seen = seen_by(reader, instance, instant)
-    name = name_by(seen, instant.at_ns)
-    begun = [state for state in instance.states if state.first_seen_ns <= instant.at_ns]
-    by_then = {traversal.id for traversal in reader.traversals if traversal.start_ns <= instant.at_ns}
+    seen = observed_by(reader, instance, time_point)
+    name = label_consensus_at(seen, time_point.at_ns)
+    begun = [state for state in instance.states if state.first_seen_ns <= time_point.at_ns]
+    traversals_by_then = {traversal.id for traversal in reader.traversals if traversal.start_ns <= time_point.at_ns}
     return InstanceView(
         id=instance.id,
-        label=standing.state.label if name is None else name.label,
-        presence=standing.presence,
-        position=vector(standing.state.centroid_map),
-        box=box_view(standing.state.box),
-        confidence=round(standing.state.confidence, 4),
+        label=presence.state.label if name is None else name.label,
+        presence=presence.value,
+        position=vector(presence.state.centroid_map),
+        box=box_view(presence.state.box),
+        confidence=round(presence.state.confidence, 4),
         intervals=tuple(map(interval_view, begun or instance.states[:1])),
         relations=(),
         evidence=evidence_of(
-            seen, [visit for visit in instance.visits if visit.traversal_id in by_then], reader.traversals
+            seen, [visit for visit in instance.visits if visit.traversal_id in traversals_by_then], reader.traversals
         ),
-        standing=standing_view(standing, instant.at_ns, clock),
+        standing=presence_view(presence, time_point.at_ns, clock),
     )

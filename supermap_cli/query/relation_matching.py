@@ -10,19 +10,26 @@ from typing import Literal
 from supermap_cli.memory.linked import End, Linked
 from supermap_cli.memory.numbers import batches
 from supermap_cli.memory.reading import MapReader
-from supermap_cli.query.candidates import PART, Called, Candidate, Counted, Listed, Pool
+from supermap_cli.query.candidates import (
+    BATCH_SIZE,
+    CandidateList,
+    CandidateSource,
+    InstanceCandidate,
+    LabelCandidates,
+    MatchCount,
+)
 from supermap_cli.query.relations import REACH, STORED_FORMS, RelationName, box_distance_m, holds
-from supermap_cli.query.time_selector import Moment, Span
+from supermap_cli.query.time_selector import TimeSelector, TimeSpan
 from supermap_cli.query.views import RelationView
 from supermap_cli.types.memory import SpatialEdge, StateRecord
 
 Basis = Literal["stored", "boxes"]
 BASES: tuple[Basis, ...] = ("stored", "boxes")
-FEW = 100
+DIRECT_READ_LIMIT = 100
 """So many are read sooner than the database finds a way from the many to them."""
 
 
-class Links:
+class RelatedPairs:
     """Which pairs of instances are worth a look, and the stored edges between each of them, in the order of writing."""
 
     def __init__(self) -> None:
@@ -45,128 +52,147 @@ class Links:
 
 
 @dataclass(frozen=True)
-class Relating:
+class RelationMatcher:
     """One relation of a question, at one moment of a map."""
 
     reader: MapReader
-    moment: Moment
+    selector: TimeSelector
     name: RelationName
-    references: Pool
+    references: CandidateSource
 
-    def matches(self, candidates: Pool) -> Iterator[tuple[Basis, Candidate]]:
+    def matches(self, candidates: CandidateSource) -> Iterator[tuple[Basis, InstanceCandidate]]:
         """All that fit, some more than once, with some of their relations: whichever pool is smaller is gone through,
         and the other is asked for its neighbours only.
         """
         from_references = self.references.size() < candidates.size()
-        for basis in BASES if self._any_stored(candidates) else BASES[1:]:
+        for basis in BASES if self._any_stored_edge(candidates) else BASES[1:]:
             found = False
             one, other = (self.references, candidates) if from_references else (candidates, self.references)
             for numbers in one.numbers():
-                links = self._links(numbers, basis, other, turned=from_references)
-                part = _in_order_of(numbers, one.among([number for number in numbers if number in links.partners]))
-                partners = other.among(
-                    {partner for candidate in part for partner in links.partners[candidate.instance.number]}
+                related_pairs = self._related_pairs(numbers, basis, other, turned=from_references)
+                part = _in_order_of(
+                    numbers, one.with_numbers([number for number in numbers if number in related_pairs.partners])
+                )
+                partners = other.with_numbers(
+                    {partner for candidate in part for partner in related_pairs.partners[candidate.instance.number]}
                 )
                 pair = (partners, part) if from_references else (part, partners)
-                for candidate in self._related(*pair, links, basis):
+                for candidate in self._with_relations(*pair, related_pairs, basis):
                     found = True
                     yield basis, candidate
             if found:
                 return
 
-    def counted(self, candidates: Pool) -> Counted | None:
+    def match_count(self, candidates: CandidateSource) -> MatchCount | None:
         """How many fit by stored edges, where the database can count them: of what is present, in one relation.
 
         Only those are read of which an edge alone does not say so. `None`, too, where none fits so.
         """
-        linked = self._linked(candidates)
-        if linked is None:
+        counter = self._edge_counter(candidates)
+        if counter is None:
             return None
         forms = STORED_FORMS[self.name]
-        merged = linked.merged({form.relation for form in forms})
-        fits, unsure = set[int](), merged
+        merged = counter.merged({form.relation for form in forms})
+        matching, to_check = set[int](), merged
         for form in forms:
-            numbers = linked.numbers(form.relation, turned=form.turned)
+            numbers = counter.numbers(form.relation, turned=form.turned)
             if form.checked:
-                unsure = unsure | numbers
+                to_check = to_check | numbers
             else:
-                fits |= numbers - merged
-        for part in batches(sorted(unsure - fits), PART):
-            fits.update(candidate.instance.number for candidate in self.complete(candidates.among(part), "stored"))
-        return Counted(len(fits), len(fits)) if fits else None
+                matching |= numbers - merged
+        for part in batches(sorted(to_check - matching), BATCH_SIZE):
+            matching.update(
+                candidate.instance.number
+                for candidate in self.with_all_relations(candidates.with_numbers(part), "stored")
+            )
+        return MatchCount(len(matching), len(matching)) if matching else None
 
-    def _any_stored(self, candidates: Pool) -> bool:
+    def _any_stored_edge(self, candidates: CandidateSource) -> bool:
         """Whether a stored edge may relate any: if not, none need be read to know it."""
-        linked = self._linked(candidates)
-        if linked is None:
+        counter = self._edge_counter(candidates)
+        if counter is None:
             return True
         forms = STORED_FORMS[self.name]
-        return any(linked.any(form.relation, turned=form.turned) for form in forms) or bool(
-            linked.merged({form.relation for form in forms})
+        return any(counter.any(form.relation, turned=form.turned) for form in forms) or bool(
+            counter.merged({form.relation for form in forms})
         )
 
-    def _linked(self, candidates: Pool) -> Linked | None:
+    def _edge_counter(self, candidates: CandidateSource) -> Linked | None:
         """The stored edges in question, if they are about what is present and called by names, and many are."""
-        if self.moment.kind != "now" or not isinstance(candidates, Called) or not isinstance(self.references, Called):
+        if (
+            self.selector.kind != "now"
+            or not isinstance(candidates, LabelCandidates)
+            or not isinstance(self.references, LabelCandidates)
+        ):
             return None
-        if min(candidates.size(), self.references.size()) <= FEW:
+        if min(candidates.size(), self.references.size()) <= DIRECT_READ_LIMIT:
             return None
         one, other = (End(pool.labels, pool.number) for pool in (candidates, self.references))
-        return Linked(self.reader, one, other, int(self.moment.low_ns))
+        return Linked(self.reader, one, other, int(self.selector.low_ns))
 
-    def complete(self, candidates: list[Candidate], basis: Basis) -> list[Candidate]:
+    def with_all_relations(self, candidates: list[InstanceCandidate], basis: Basis) -> list[InstanceCandidate]:
         """Those of the candidates that fit, with all their relations."""
         numbers = {candidate.instance.number for candidate in candidates}
-        links = self._links(numbers, basis, self.references)
-        partners = {partner for number in numbers for partner in links.partners.get(number, ())}
-        return self._related(candidates, self.references.among(partners), links, basis)
+        related_pairs = self._related_pairs(numbers, basis, self.references)
+        partners = {partner for number in numbers for partner in related_pairs.partners.get(number, ())}
+        return self._with_relations(candidates, self.references.with_numbers(partners), related_pairs, basis)
 
-    def among(self, candidates: Pool) -> Listed:
+    def restrict(self, candidates: CandidateSource) -> CandidateList:
         """All that fit, as a pool of its own."""
         found = {candidate.key: replace(candidate, relations=()) for _, candidate in self.matches(candidates)}
-        return Listed([candidate for _, candidate in sorted(found.items())])
+        return CandidateList([candidate for _, candidate in sorted(found.items())])
 
-    def _links(self, numbers: Collection[int], basis: Basis, others: Pool, *, turned: bool = False) -> Links:
+    def _related_pairs(
+        self, numbers: Collection[int], basis: Basis, others: CandidateSource, *, turned: bool = False
+    ) -> RelatedPairs:
         """Between some candidates and the references (`turned`: some references and the candidates)."""
-        links = Links()
+        related_pairs = RelatedPairs()
         if basis == "boxes":
-            labels = others.labels if isinstance(others, Called) else None
+            labels = others.labels if isinstance(others, LabelCandidates) else None
             for pair in self.reader.finder.near(numbers, REACH[self.name], labels, turned=turned):
-                links.add_pair(*pair)
+                related_pairs.add_pair(*pair)
         else:
             for edge in self.reader.edges_of(numbers, {form.relation for form in STORED_FORMS[self.name]}):
-                links.add_edge(edge)
-        return links
+                related_pairs.add_edge(edge)
+        return related_pairs
 
-    def _related(
-        self, candidates: list[Candidate], references: list[Candidate], links: Links, basis: Basis
-    ) -> list[Candidate]:
-        by_number: dict[int, list[Candidate]] = defaultdict(list)
+    def _with_relations(
+        self,
+        candidates: list[InstanceCandidate],
+        references: list[InstanceCandidate],
+        related_pairs: RelatedPairs,
+        basis: Basis,
+    ) -> list[InstanceCandidate]:
+        by_number: dict[int, list[InstanceCandidate]] = defaultdict(list)
         for reference in sorted(references, key=lambda reference: reference.key):
             by_number[reference.instance.number].append(reference)
         found = []
         for candidate in candidates:
-            linked = sorted(links.partners.get(candidate.instance.number, set()) - {candidate.instance.number})
-            pairs = ((candidate, reference) for number in linked for reference in by_number.get(number, ()))
-            views = [view for pair in pairs if (view := self._view(*pair, links, basis)) is not None]
+            counter = sorted(related_pairs.partners.get(candidate.instance.number, set()) - {candidate.instance.number})
+            pairs = ((candidate, reference) for number in counter for reference in by_number.get(number, ()))
+            views = [view for pair in pairs if (view := self._relation_view(*pair, related_pairs, basis)) is not None]
             if views:
                 found.append(replace(candidate, relations=tuple(views)))
         return found
 
-    def _view(self, candidate: Candidate, reference: Candidate, links: Links, basis: Basis) -> RelationView | None:
+    def _relation_view(
+        self, candidate: InstanceCandidate, reference: InstanceCandidate, related_pairs: RelatedPairs, basis: Basis
+    ) -> RelationView | None:
         """The relation of two states that hold together at some time of the moment."""
-        span = self.moment.span_of((candidate.state, candidate.instance), (reference.state, reference.instance))
+        span = self.selector.span_of((candidate.state, candidate.instance), (reference.state, reference.instance))
         if span is None:
             return None
         if basis == "boxes":
             return self._by_boxes(candidate, reference, span)
-        return self._by_edges(candidate, reference, span, links)
+        return self._by_edges(candidate, reference, span, related_pairs)
 
-    def _by_edges(self, candidate: Candidate, reference: Candidate, span: Span, links: Links) -> RelationView | None:
+    def _by_edges(
+        self, candidate: InstanceCandidate, reference: InstanceCandidate, span: TimeSpan, related_pairs: RelatedPairs
+    ) -> RelationView | None:
         for form in STORED_FORMS[self.name]:
             subject, obj = (reference, candidate) if form.turned else (candidate, reference)
-            for edge in links.edges(subject.instance.number, form.relation, obj.instance.number):
-                if not span.touches(edge.since_ns, edge.until_ns):
+            for edge in related_pairs.edges(subject.instance.number, form.relation, obj.instance.number):
+                if not span.overlaps(edge.since_ns, edge.until_ns):
                     continue
                 if form.checked and not holds(self.name, candidate.state.box, reference.state.box):
                     continue
@@ -183,7 +209,9 @@ class Relating:
                 )
         return None
 
-    def _by_boxes(self, candidate: Candidate, reference: Candidate, span: Span) -> RelationView | None:
+    def _by_boxes(
+        self, candidate: InstanceCandidate, reference: InstanceCandidate, span: TimeSpan
+    ) -> RelationView | None:
         if not holds(self.name, candidate.state.box, reference.state.box):
             return None
         return RelationView(
@@ -203,7 +231,7 @@ def _distance_m(first: StateRecord, second: StateRecord) -> float:
     return round(box_distance_m(first.box, second.box), 4)
 
 
-def _in_order_of(numbers: Collection[int], candidates: list[Candidate]) -> list[Candidate]:
+def _in_order_of(numbers: Collection[int], candidates: list[InstanceCandidate]) -> list[InstanceCandidate]:
     """Candidates as their numbers come; the states of each stay in order."""
-    place = {number: at for at, number in enumerate(numbers)}
-    return sorted(candidates, key=lambda candidate: place[candidate.instance.number])
+    position = {number: at for at, number in enumerate(numbers)}
+    return sorted(candidates, key=lambda candidate: position[candidate.instance.number])

@@ -13,10 +13,10 @@ from supermap_cli.memory.reading import MapReader
 from supermap_cli.memory.retention import KeptFrom
 from supermap_cli.memory.values import StoredTraversal
 from supermap_cli.query.clock import Clock, clock_of
-from supermap_cli.query.time_points import instant_of
+from supermap_cli.query.time_points import parse_time_point
 from supermap_cli.query.views import EvidenceView
 
-KINDS = ("crops", "observations", "thumbnails")
+DATA_KINDS = ("crops", "observations", "thumbnails")
 _UNITS_S = {"s": 1, "min": 60, "h": 3600, "d": 86_400, "w": 7 * 86_400, "y": 365 * 86_400}
 _AGE = re.compile(rf"(\d+(?:\.\d+)?) ?({'|'.join(_UNITS_S)})")
 _TRAVERSALS = re.compile(r"(\d+) ?traversals?")
@@ -26,24 +26,24 @@ CURE = (
 )
 
 
-def kept_from(words: Collection[str], reader: MapReader) -> KeptFrom:
+def parse_retention_policy(words: Collection[str], reader: MapReader) -> KeptFrom:
     """The limits that words like "crops=30d" mean in a map. Raises `QueryError` for what is not understood."""
     limits: dict[str, int] = {}
     best_crops = True
     for word in words:
-        kind, _, said = (part.strip() for part in word.partition("="))
-        if kind not in KINDS or not said:
+        kind, _, limit = (part.strip() for part in word.partition("="))
+        if kind not in DATA_KINDS or not limit:
             raise QueryError(f"'{word}' does not say what to keep", cure=CURE)
         if kind in limits:
             raise QueryError(f"{kind} are said twice", cure="say each once")
-        if said == "none" and kind == "observations":
+        if limit == "none" and kind == "observations":
             raise QueryError("observations cannot all be given up: states rest on them", cure=CURE)
-        best_crops = best_crops and not (kind == "crops" and said == "none")
-        limits[kind] = _limit_ns(said, reader)
+        best_crops = best_crops and not (kind == "crops" and limit == "none")
+        limits[kind] = _limit_ns(limit, reader)
     return KeptFrom(limits.get("crops"), limits.get("observations"), limits.get("thumbnails"), best_crops)
 
 
-def given_up_notes(traversals: Iterable[StoredTraversal], clock: Clock) -> list[str]:
+def pruned_data_notes(traversals: Iterable[StoredTraversal], clock: Clock) -> list[str]:
     """What an answer that speaks of these traversals cannot show any more."""
     notes = []
     for traversal in traversals:
@@ -59,18 +59,18 @@ def given_up_notes(traversals: Iterable[StoredTraversal], clock: Clock) -> list[
     return notes
 
 
-def evidence_notes(evidence: Iterable[EvidenceView], clock: Clock) -> list[str]:
+def pruned_evidence_notes(evidence: Iterable[EvidenceView], clock: Clock) -> list[str]:
     """What evidence lacks that there once was."""
     limits = [view.given_up_before_ns for view in evidence if view.given_up_before_ns is not None]
     return [f"of observations from before {clock.text(max(limits))} only the telling ones were kept"] if limits else []
 
 
-def _limit_ns(said: str, reader: MapReader) -> int:
-    if said == "none":
+def _limit_ns(limit: str, reader: MapReader) -> int:
+    if limit == "none":
         return reader.now_ns + 1
-    if age := _AGE.fullmatch(said):
+    if age := _AGE.fullmatch(limit):
         return reader.now_ns - round(float(age[1]) * _UNITS_S[age[2]] * 1e9)
-    if number := _TRAVERSALS.fullmatch(said):
+    if number := _TRAVERSALS.fullmatch(limit):
         count, complete = (
             int(number[1]),
             [traversal for traversal in reader.traversals if traversal.status == "complete"],
@@ -79,6 +79,6 @@ def _limit_ns(said: str, reader: MapReader) -> int:
             return reader.now_ns + 1
         return complete[-count].start_ns if count <= len(complete) else 0
     try:
-        return instant_of(said, reader, clock_of(reader)).since_ns
+        return parse_time_point(limit, reader, clock_of(reader)).since_ns
     except QueryError as error:
-        raise QueryError(f"'{said}' is no age, no time and no traversal", cure=CURE) from error
+        raise QueryError(f"'{limit}' is no age, no time and no traversal", cure=CURE) from error

@@ -12,30 +12,30 @@ from dataclasses import dataclass
 from datetime import UTC, date, datetime, time
 
 from supermap_cli.errors import QueryError
-from supermap_cli.query.traversal_spans import SECOND_NS, Stretch, moment_of_stamp, stamp_of_moment
+from supermap_cli.query.traversal_spans import SECOND_NS, TraversalSpan, datetime_to_stamp, stamp_to_datetime
 
-OF_TRAVERSAL = re.compile(r"@\d[\d:.tTzZ-]*s?|[+-]\d[\d.]*s?")
+TRAVERSAL_TIME_SUFFIX = re.compile(r"@\d[\d:.tTzZ-]*s?|[+-]\d[\d.]*s?")
 """What may follow a traversal's name in a time: "@10:21", "@2026-01-05T10:21:00Z", "+12.5s"."""
 
 
 @dataclass(frozen=True)
-class ReadTime:
+class ParsedTime:
     """A time that was written, in the map's time, and what there is to say about how it was understood."""
 
     stamp_ns: int
     note: str | None = None
 
 
-def read_time(text: str, stretches: Sequence[Stretch]) -> ReadTime:
+def parse_time(text: str, spans: Sequence[TraversalSpan]) -> ParsedTime:
     """What a written time means in a map. Raises `QueryError` for what is no time, or none that the map has."""
     written = " ".join(text.split())
     try:
-        named = _named(written, stretches)
+        named = _split_traversal(written, spans)
         if named is not None:
-            return ReadTime(_in_stretch(*named, stretches))
-        return _wall_time(written, stretches) if ":" in written else _seconds(written, stretches)
+            return ParsedTime(_time_in_span(*named, spans))
+        return _parse_wall_time(written, spans) if ":" in written else _parse_seconds(written, spans)
     except ValueError as error:
-        raise QueryError(f"'{text}' is no time", cure=_how_to_say(stretches)) from error
+        raise QueryError(f"'{text}' is no time", cure=_format_hint(spans)) from error
 
 
 def is_time_of_day(text: str) -> bool:
@@ -43,101 +43,105 @@ def is_time_of_day(text: str) -> bool:
     return ":" in text and "T" not in text.upper()
 
 
-def names_traversal(text: str, stretches: Sequence[Stretch]) -> bool:
+def names_traversal(text: str, spans: Sequence[TraversalSpan]) -> bool:
     """Whether a time is said of one traversal."""
-    return _named(text, stretches) is not None
+    return _split_traversal(text, spans) is not None
 
 
-def _named(written: str, stretches: Sequence[Stretch]) -> tuple[Stretch, str] | None:
+def _split_traversal(written: str, spans: Sequence[TraversalSpan]) -> tuple[TraversalSpan, str] | None:
     """The traversal that a time is said of, by name, number, "first" or "last", and the rest of it."""
-    names = {str(span.number): span for span in stretches}
-    if stretches:
-        names |= {"first": stretches[0], "last": stretches[-1]}
-    names |= {span.name.casefold(): span for span in stretches}
+    names = {str(span.number): span for span in spans}
+    if spans:
+        names |= {"first": spans[0], "last": spans[-1]}
+    names |= {span.name.casefold(): span for span in spans}
     for name in sorted(names, key=len, reverse=True):
-        if written.casefold().startswith(name) and OF_TRAVERSAL.fullmatch(written[len(name) :]):
+        if written.casefold().startswith(name) and TRAVERSAL_TIME_SUFFIX.fullmatch(written[len(name) :]):
             return names[name], written[len(name) :]
     return None
 
 
-def _in_stretch(stretch: Stretch, rest: str, stretches: Sequence[Stretch]) -> int:
+def _time_in_span(span: TraversalSpan, rest: str, spans: Sequence[TraversalSpan]) -> int:
     """The stamp of "@10:21", "@2026-01-05T10:21:00Z" or "+12s" in one traversal."""
     if ":" not in rest:
-        return stretch.start_ns + _nanoseconds(rest.removeprefix("@"))
-    if not stretch.has_wall_time:
-        raise QueryError(f"{stretch.name} has no wall time", cure=f"say 'at {stretch.name}+12s'")
-    moments = _moments(rest[1:], stretch.days())
-    inside = [max(stamp_ns, stretch.own_start_ns) for stamp_ns in moments if stretch.has(stamp_ns, _lasting_ns(rest))]
-    return _in_map(stretch, (inside or moments)[0], stretches)
+        return span.start_ns + _parse_duration_ns(rest.removeprefix("@"))
+    if not span.has_wall_time:
+        raise QueryError(f"{span.name} has no wall time", cure=f"say 'at {span.name}+12s'")
+    stamps_ns = _wall_time_stamps(rest[1:], span.days())
+    inside_ns = [
+        max(stamp_ns, span.recording_start_ns) for stamp_ns in stamps_ns if span.contains(stamp_ns, _precision_ns(rest))
+    ]
+    return _to_map_time(span, (inside_ns or stamps_ns)[0], spans)
 
 
-def _seconds(written: str, stretches: Sequence[Stretch]) -> ReadTime:
+def _parse_seconds(written: str, spans: Sequence[TraversalSpan]) -> ParsedTime:
     """Seconds from the map's start."""
-    after_ns = _nanoseconds(written)
-    if not stretches:
-        return ReadTime(after_ns)
-    stamp_ns = stretches[0].start_ns + after_ns
-    said = f"{after_ns / 1e9:+g}s"
-    others = [span.name for span in stretches[1:] if 0 <= after_ns <= span.end_ns - span.start_ns]
+    after_ns = _parse_duration_ns(written)
+    if not spans:
+        return ParsedTime(after_ns)
+    stamp_ns = spans[0].start_ns + after_ns
+    offset = f"{after_ns / 1e9:+g}s"
+    others = [span.name for span in spans[1:] if 0 <= after_ns <= span.end_ns - span.start_ns]
     if not others:
-        return ReadTime(stamp_ns)
-    return ReadTime(stamp_ns, f"{written} counts from the map's start; of another traversal say '{others[-1]}{said}'")
+        return ParsedTime(stamp_ns)
+    return ParsedTime(
+        stamp_ns, f"{written} counts from the map's start; of another traversal say '{others[-1]}{offset}'"
+    )
 
 
-def _wall_time(written: str, stretches: Sequence[Stretch]) -> ReadTime:
+def _parse_wall_time(written: str, spans: Sequence[TraversalSpan]) -> ParsedTime:
     """A time of day or a date: of the newest traversal that has it, else by the clock that was read last before it."""
-    dated = [span for span in stretches if span.has_wall_time]
-    if not dated:
-        _moments(written, [date(1970, 1, 1)])
-        raise QueryError("the recordings carry no wall time", cure=_how_to_say(stretches))
+    with_wall_time = [span for span in spans if span.has_wall_time]
+    if not with_wall_time:
+        _wall_time_stamps(written, [date(1970, 1, 1)])
+        raise QueryError("the recordings carry no wall time", cure=_format_hint(spans))
     found = [
-        (stretch, max(own_ns, stretch.own_start_ns))
-        for stretch in dated
-        for own_ns in _moments(written, stretch.days())
-        if stretch.has(own_ns, _lasting_ns(written))
+        (span, max(recording_ns, span.recording_start_ns))
+        for span in with_wall_time
+        for recording_ns in _wall_time_stamps(written, span.days())
+        if span.contains(recording_ns, _precision_ns(written))
     ]
     if found:
-        stretch, own_ns = found[-1]
-        fitting = list(dict.fromkeys(span for span, _ in found))
-        others = ", ".join(f"'{span.name}@{written}'" for span in fitting[:-1])
-        note = f"{written} was taken as that of {stretch.name}; say {others} for another" if others else None
-        return ReadTime(_in_map(stretch, own_ns, stretches), note)
-    newest_day = max(moment_of_stamp(span.own_end_ns).date() for span in dated)
-    (own_ns,) = _moments(written, [newest_day])
-    begun = [span for span in dated if span.own_start_ns <= own_ns] or dated[:1]
-    return ReadTime(_in_map(begun[-1], own_ns, stretches))
+        span, recording_ns = found[-1]
+        matching = list(dict.fromkeys(span for span, _ in found))
+        others = ", ".join(f"'{span.name}@{written}'" for span in matching[:-1])
+        note = f"{written} was taken as that of {span.name}; say {others} for another" if others else None
+        return ParsedTime(_to_map_time(span, recording_ns, spans), note)
+    newest_day = max(stamp_to_datetime(span.recording_end_ns).date() for span in with_wall_time)
+    (recording_ns,) = _wall_time_stamps(written, [newest_day])
+    begun = [span for span in with_wall_time if span.recording_start_ns <= recording_ns] or with_wall_time[:1]
+    return ParsedTime(_to_map_time(begun[-1], recording_ns, spans))
 
 
-def _in_map(stretch: Stretch, own_ns: int, stretches: Sequence[Stretch]) -> int:
+def _to_map_time(span: TraversalSpan, recording_ns: int, spans: Sequence[TraversalSpan]) -> int:
     """A time by a traversal's clock in the map's time, of which it has no more after the next one has begun."""
-    later = [span.start_ns for span in stretches if span.number > stretch.number]
-    return min([own_ns + stretch.shift_ns, *(start_ns - 1 for start_ns in later[:1])])
+    later = [other.start_ns for other in spans if other.number > span.number]
+    return min([recording_ns + span.shift_ns, *(start_ns - 1 for start_ns in later[:1])])
 
 
-def _moments(written: str, days: Sequence[date]) -> list[int]:
+def _wall_time_stamps(written: str, days: Sequence[date]) -> list[int]:
     """The stamps that a wall time stands for: on each of the days, if it leaves its day open."""
     if not is_time_of_day(written):
-        return [stamp_of_moment(datetime.fromisoformat(written.upper().removesuffix("Z")).replace(tzinfo=UTC))]
+        return [datetime_to_stamp(datetime.fromisoformat(written.upper().removesuffix("Z")).replace(tzinfo=UTC))]
     of_day = time.fromisoformat(written.upper().removesuffix("Z").rjust(len("10:21"), "0")).replace(tzinfo=UTC)
-    return [stamp_of_moment(datetime.combine(day, of_day)) for day in days]
+    return [datetime_to_stamp(datetime.combine(day, of_day)) for day in days]
 
 
-def _lasting_ns(written: str) -> int:
+def _precision_ns(written: str) -> int:
     """How much is meant: by "10:21" a minute, by "10:21:07" a second."""
     if "." in written:
         return 1
     return 60 * SECOND_NS if written.count(":") == 1 else SECOND_NS
 
 
-def _nanoseconds(written: str) -> int:
+def _parse_duration_ns(written: str) -> int:
     seconds = float(written.casefold().removesuffix("seconds").removesuffix("s"))
     if not abs(seconds) < 1e9:
         raise ValueError("not a number of seconds")
     return round(seconds * SECOND_NS)
 
 
-def _how_to_say(stretches: Sequence[Stretch]) -> str:
-    name = stretches[-1].name if stretches else "monday"
+def _format_hint(spans: Sequence[TraversalSpan]) -> str:
+    name = spans[-1].name if spans else "monday"
     return (
         f"say 'at 10:21', 'at 2026-01-05T10:21:00Z' or 'at 12 s'; of one traversal 'at {name}@10:21' or 'at {name}+12s'"
     )

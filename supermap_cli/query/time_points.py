@@ -12,7 +12,7 @@ from supermap_cli.memory.values import StoredTraversal
 from supermap_cli.query.clock import Clock
 from supermap_cli.query.time_parsing import names_traversal
 
-_LEADS = ("at ", "in ", "during ", "of ", "as of ")
+_PREFIXES = ("at ", "in ", "during ", "of ", "as of ")
 _DATE = re.compile(r"\d{4}-\d{2}-\d{2}")
 CURE = (
     "say a traversal ('monday', '2', 'first', 'last'), '10:21', '2026-01-05T10:21:00Z', '12 s', 'monday@10:21', "
@@ -21,7 +21,7 @@ CURE = (
 
 
 @dataclass(frozen=True)
-class Instant:
+class TimePoint:
     """A point in the map's time, and the span before it whose keyframes speak for it.
 
     A traversal is its end, and [since_ns, at_ns] the whole of it; of a plain time both are that time. `note`: what
@@ -35,41 +35,41 @@ class Instant:
     note: str | None = None
 
     @property
-    def begun_ns(self) -> int | None:
+    def traversal_start_ns(self) -> int | None:
         """The traversal's start; `None` for a plain time."""
         return None if self.traversal is None else self.since_ns
 
 
-def instant_of(written: str, reader: MapReader, clock: Clock) -> Instant:
+def parse_time_point(written: str, reader: MapReader, clock: Clock) -> TimePoint:
     """What a written time or traversal stands for. Raises `QueryError` for what is neither."""
     wanted = " ".join(written.casefold().split())
-    for lead in sorted(_LEADS, key=len, reverse=True):
-        wanted = wanted.removeprefix(lead)
+    for prefix in sorted(_PREFIXES, key=len, reverse=True):
+        wanted = wanted.removeprefix(prefix)
     names = {traversal.name.casefold() for traversal in reader.traversals}
     if wanted in names or wanted in {"first", "last"} or wanted.isdecimal():
-        return of_traversal(find_traversal(reader.traversals, wanted))
+        return traversal_end(find_traversal(reader.traversals, wanted))
     if wanted == "now":
-        return _of_time(reader.now_ns, clock)
+        return _plain_time(reader.now_ns, clock)
     if wanted in {"earlier", "before"}:
-        return _of_time(max((traversal.start_ns for traversal in reader.traversals), default=0), clock)
-    if not wanted[:1].isdigit() and not names_traversal(wanted, clock.stretches):
+        return _plain_time(max((traversal.start_ns for traversal in reader.traversals), default=0), clock)
+    if not wanted[:1].isdigit() and not names_traversal(wanted, clock.spans):
         known = ", ".join(f"{traversal.number} {traversal.name}" for traversal in reader.traversals) or "none"
         raise QueryError(f"'{written}' is neither a time nor a traversal; there are: {known}", cure=CURE)
-    read = clock.read(wanted if names_traversal(wanted, clock.stretches) else _bare(wanted))
-    return replace(_of_time(read.stamp_ns, clock), note=read.note)
+    parsed = clock.parse(wanted if names_traversal(wanted, clock.spans) else _normalise_time(wanted))
+    return replace(_plain_time(parsed.stamp_ns, clock), note=parsed.note)
 
 
-def of_traversal(traversal: StoredTraversal) -> Instant:
+def traversal_end(traversal: StoredTraversal) -> TimePoint:
     """A traversal as a point in time: its end, or as far as it is mapped."""
     end_ns = traversal.end_ns if traversal.status == "complete" else traversal.mapped_ns or traversal.start_ns
-    return Instant(traversal.name, end_ns, traversal.start_ns, traversal)
+    return TimePoint(traversal.name, end_ns, traversal.start_ns, traversal)
 
 
-def _of_time(stamp_ns: int, clock: Clock) -> Instant:
-    return Instant(clock.text(stamp_ns), stamp_ns, stamp_ns)
+def _plain_time(stamp_ns: int, clock: Clock) -> TimePoint:
+    return TimePoint(clock.text(stamp_ns), stamp_ns, stamp_ns)
 
 
-def _bare(written: str) -> str:
+def _normalise_time(written: str) -> str:
     """A time as the clock reads it: without its unit, "T" and "Z" in capitals, a "T" after the date."""
     if _DATE.match(written):
         return written.upper().replace(" ", "T", 1)

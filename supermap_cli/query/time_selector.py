@@ -10,13 +10,13 @@ from supermap_cli.memory.reading import MapReader
 from supermap_cli.memory.values import StoredInstance, StoredTraversal
 from supermap_cli.query.clock import Clock
 from supermap_cli.query.grammar import TimeKind, TimePhrase
-from supermap_cli.query.presence_at import Standing, held_at, standing_at
-from supermap_cli.query.time_points import Instant, find_traversal
+from supermap_cli.query.presence_at import PresenceAt, presence_at, state_held_at
+from supermap_cli.query.time_points import TimePoint, find_traversal
 from supermap_cli.types.memory import StateRecord
 
 
 @dataclass(frozen=True)
-class Moment:
+class TimeSelector:
     """A time word with its meaning.
 
     - "now": what is present, as it stands. "last": the newest state, present or not. "first": the oldest.
@@ -51,13 +51,13 @@ class Moment:
                 assert self.traversal is not None  # noqa: S101 - `moment_of` gives one
                 seen = instance.visit(self.traversal.id).supported > 0
                 return tuple(
-                    state for state in states if seen and self._touches(state.first_seen_ns, state.last_seen_ns)
+                    state for state in states if seen and self._overlaps(state.first_seen_ns, state.last_seen_ns)
                 )
             case "at":
-                held = held_at(states, int(self.low_ns))
+                held = state_held_at(states, int(self.low_ns))
                 return () if held is None else (held,)
 
-    def gap(self, instance: StoredInstance) -> tuple[int, int] | None:
+    def departure_gap(self, instance: StoredInstance) -> tuple[int, int] | None:
         """The span within which an instance left, if the moment is one time in it; both ends are certain."""
         for state in self.states(instance) if self.kind == "at" else ():
             end_ns = state_end_ns(state, instance.states)
@@ -66,9 +66,9 @@ class Moment:
                 return state.last_seen_ns, int(end_ns)
         return None
 
-    def standing(self, instance: StoredInstance) -> Standing | None:
+    def presence(self, instance: StoredInstance) -> PresenceAt | None:
         """What is known of an instance at the moment, if that is one time."""
-        return standing_at(instance, int(self.low_ns), self.since_ns) if self.kind == "at" else None
+        return presence_at(instance, int(self.low_ns), self.since_ns) if self.kind == "at" else None
 
     def reference_states(self, instance: StoredInstance) -> tuple[StateRecord, ...]:
         """The states that what is asked for may stand in relation to; that they hold together is checked later."""
@@ -76,7 +76,7 @@ class Moment:
 
     def span_of(
         self, first: tuple[StateRecord, StoredInstance], second: tuple[StateRecord, StoredInstance]
-    ) -> Span | None:
+    ) -> TimeSpan | None:
         """When two states hold together within the moment; `None` if never."""
         low = max(float(first[0].first_seen_ns), float(second[0].first_seen_ns))
         high = min(state_end_ns(first[0], first[1].states), state_end_ns(second[0], second[1].states))
@@ -86,20 +86,20 @@ class Moment:
             high = high if high < math.inf else self.high_ns
         elif self.kind in {"traversal", "at"}:
             low, high = max(low, self.low_ns), min(high, self.high_ns + 1)
-        return Span(low, high) if low < high else None
+        return TimeSpan(low, high) if low < high else None
 
-    def _touches(self, first_ns: int, last_ns: int) -> bool:
+    def _overlaps(self, first_ns: int, last_ns: int) -> bool:
         return first_ns <= self.high_ns and last_ns >= self.low_ns
 
 
 @dataclass(frozen=True)
-class Span:
+class TimeSpan:
     """A half-open span of sensor time; infinite where open."""
 
     low_ns: float
     high_ns: float
 
-    def touches(self, since_ns: int, until_ns: int | None) -> bool:
+    def overlaps(self, since_ns: int, until_ns: int | None) -> bool:
         """Whether a half-open interval has a part in it."""
         return since_ns < self.high_ns and (until_ns is None or until_ns > self.low_ns)
 
@@ -110,26 +110,28 @@ def state_end_ns(state: StateRecord, states: Sequence[StateRecord]) -> float:
     return min([math.inf if state.gone_ns is None else float(state.gone_ns), *later])
 
 
-def moment_at(instant: Instant) -> Moment:
+def selector_at(instant: TimePoint) -> TimeSelector:
     """The moment at which everything is asked for "as of" a time."""
     text, at_ns = f"as of {instant.text}", instant.at_ns
-    return Moment("at", text, at_ns, at_ns, note=instant.note, since_ns=instant.begun_ns)
+    return TimeSelector("at", text, at_ns, at_ns, note=instant.note, since_ns=instant.traversal_start_ns)
 
 
-def moment_of(phrase: TimePhrase, reader: MapReader, clock: Clock) -> Moment:
+def selector_of_phrase(phrase: TimePhrase, reader: MapReader, clock: Clock) -> TimeSelector:
     """What a time phrase means in this map. Raises `QueryError` for a traversal or time it does not know."""
     match phrase.kind:
         case "now":
-            return Moment("now", "now", low_ns=reader.now_ns)
+            return TimeSelector("now", "now", low_ns=reader.now_ns)
         case "earlier":
             starts = sorted(traversal.start_ns for traversal in reader.traversals)
-            return Moment("earlier", "earlier", high_ns=starts[-1] if len(starts) > 1 else reader.now_ns)
+            return TimeSelector("earlier", "earlier", high_ns=starts[-1] if len(starts) > 1 else reader.now_ns)
         case "traversal":
             traversal = find_traversal(reader.traversals, phrase.argument or "")
             text = f"in {traversal.name}"
-            return Moment("traversal", text, traversal.start_ns, traversal.end_ns, traversal)
+            return TimeSelector("traversal", text, traversal.start_ns, traversal.end_ns, traversal)
         case "at":
-            read = clock.read(phrase.argument or "")
-            return Moment("at", f"at {clock.text(read.stamp_ns)}", read.stamp_ns, read.stamp_ns, note=read.note)
+            parsed = clock.parse(phrase.argument or "")
+            return TimeSelector(
+                "at", f"at {clock.text(parsed.stamp_ns)}", parsed.stamp_ns, parsed.stamp_ns, note=parsed.note
+            )
         case kind:
-            return Moment(kind, kind)
+            return TimeSelector(kind, kind)

@@ -9,12 +9,12 @@ from datetime import UTC, date, datetime, timedelta
 from supermap_cli.memory.values import StoredTraversal
 
 SECOND_NS = 10**9
-_WALL_TIME_NS = 946_684_800 * SECOND_NS  # 2000-01-01: robots' clocks that were never set start near zero
+_MIN_WALL_TIME_NS = 946_684_800 * SECOND_NS  # 2000-01-01: robots' clocks that were never set start near zero
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
 
 @dataclass(frozen=True)
-class Stretch:
+class TraversalSpan:
     """A traversal's part of the map's time, [start_ns, end_ns]; its recording's clock shows `shift_ns` less."""
 
     number: int
@@ -24,34 +24,34 @@ class Stretch:
     shift_ns: int = 0
 
     @property
-    def own_start_ns(self) -> int:
+    def recording_start_ns(self) -> int:
         """Its start by its own clock."""
         return self.start_ns - self.shift_ns
 
     @property
-    def own_end_ns(self) -> int:
+    def recording_end_ns(self) -> int:
         """Its end by its own clock."""
         return self.end_ns - self.shift_ns
 
     @property
     def has_wall_time(self) -> bool:
         """Whether its stamps are dates."""
-        return self.own_start_ns >= _WALL_TIME_NS
+        return self.recording_start_ns >= _MIN_WALL_TIME_NS
 
     def days(self) -> tuple[date, ...]:
         """The days that it touches, by its own clock."""
-        first, last = moment_of_stamp(self.own_start_ns).date(), moment_of_stamp(self.own_end_ns).date()
+        first, last = stamp_to_datetime(self.recording_start_ns).date(), stamp_to_datetime(self.recording_end_ns).date()
         return tuple(first + timedelta(days=day) for day in range((last - first).days + 1))
 
-    def has(self, own_ns: int, lasting_ns: int = 1) -> bool:
+    def contains(self, recording_ns: int, duration_ns: int = 1) -> bool:
         """Whether a time by its own clock lies in it, or a part of what lasts from then on."""
-        return own_ns <= self.own_end_ns and own_ns + lasting_ns > self.own_start_ns
+        return recording_ns <= self.recording_end_ns and recording_ns + duration_ns > self.recording_start_ns
 
 
-def stretches_of(traversals: Sequence[StoredTraversal]) -> tuple[Stretch, ...]:
+def traversal_spans(traversals: Sequence[StoredTraversal]) -> tuple[TraversalSpan, ...]:
     """The stretches of a map's traversals, in the order of building."""
     return tuple(
-        Stretch(
+        TraversalSpan(
             traversal.number,
             traversal.name,
             traversal.start_ns,
@@ -62,23 +62,23 @@ def stretches_of(traversals: Sequence[StoredTraversal]) -> tuple[Stretch, ...]:
     )
 
 
-def stretch_at(stretches: Sequence[Stretch], stamp_ns: int) -> Stretch:
+def span_at(spans: Sequence[TraversalSpan], stamp_ns: int) -> TraversalSpan:
     """Whose time a stamp of the map is: the traversal that began last before it."""
-    begun = [span for span in stretches if span.start_ns <= stamp_ns]
-    return (begun[-1:] or stretches[:1] or [Stretch(1, "map", 0, 0)])[0]
+    begun = [span for span in spans if span.start_ns <= stamp_ns]
+    return (begun[-1:] or spans[:1] or [TraversalSpan(1, "map", 0, 0)])[0]
 
 
-def own_time(stretches: Sequence[Stretch], stamp_ns: int) -> int:
+def recording_stamp_ns(spans: Sequence[TraversalSpan], stamp_ns: int) -> int:
     """A stamp of the map by the clock of the recording that it is of."""
-    return stamp_ns - stretch_at(stretches, stamp_ns).shift_ns
+    return stamp_ns - span_at(spans, stamp_ns).shift_ns
 
 
-def moment_of_stamp(stamp_ns: int) -> datetime:
+def stamp_to_datetime(stamp_ns: int) -> datetime:
     """A stamp as a date, to the microsecond."""
     return _EPOCH + timedelta(microseconds=stamp_ns // 1000)
 
 
-def stamp_of_moment(moment: datetime) -> int:
+def datetime_to_stamp(date_time: datetime) -> int:
     """A date as a stamp."""
-    since = moment - _EPOCH
+    since = date_time - _EPOCH
     return (since.days * 86_400 + since.seconds) * SECOND_NS + since.microseconds * 1000

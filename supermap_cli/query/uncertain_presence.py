@@ -9,51 +9,53 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from supermap_cli.memory.values import StoredInstance
-from supermap_cli.query.candidates import Called
+from supermap_cli.query.candidates import LabelCandidates
 from supermap_cli.query.views import InstanceView
 
-NOTED = 5
+MAX_NOTED = 5
 """Of how many things an answer says that nobody can tell."""
 
-LOOKED_AT = 400
+SEARCH_LIMIT = 400
 """Among how many it looks for those of which nobody can tell, where it need not count."""
 
 
 @dataclass(frozen=True)
-class Perhaps:
+class UncertainInstances:
     """Those of which nobody can say whether they stood there, and that are not listed: the first few, and how many
     there are of `looked_at` (`None`: of all); `besides` are those that are not counted among what fits.
     """
 
-    told: list[StoredInstance]
+    instances: list[StoredInstance]
     count: int
-    besides: int
-    looked_at: int | None = None
+    unmatched: int
+    searched: int | None = None
 
 
-NOBODY = Perhaps([], 0, 0)
+NO_UNCERTAIN = UncertainInstances([], 0, 0)
 
 
-def perhaps(called: Called, listed: Iterable[InstanceView], *, counting: bool) -> Perhaps:
+def uncertain_instances(
+    candidates: LabelCandidates, listed: Iterable[InstanceView], *, counting: bool
+) -> UncertainInstances:
     """Of all that were ever called so, those of which nobody can say, but for those that are listed."""
-    if called.moment.kind != "at":
-        return NOBODY
-    told = {view.id: view.presence for view in listed}
-    if counting and called.number is None:
-        as_of = called.as_of()
-        first, tally = as_of.unsure(called.labels, NOTED, told), as_of.tally(called.labels)
-        count = tally.unsure - sum(presence == "unknown" for presence in told.values())
-        return Perhaps(_by_number(called.reader.lives_of(first)), count, tally.besides)
-    unsure: dict[int, StoredInstance] = {}
-    looked_at = None
-    for at, instance in enumerate(called.lives()):
-        if at == LOOKED_AT:
-            looked_at = LOOKED_AT
+    if candidates.selector.kind != "at":
+        return NO_UNCERTAIN
+    listed_presences = {view.id: view.presence for view in listed}
+    if counting and candidates.number is None:
+        as_of = candidates.as_of()
+        first, tally = as_of.unsure(candidates.labels, MAX_NOTED, listed_presences), as_of.tally(candidates.labels)
+        count = tally.unsure - sum(presence == "unknown" for presence in listed_presences.values())
+        return UncertainInstances(_by_number(candidates.reader.lives_of(first)), count, tally.besides)
+    uncertain: dict[int, StoredInstance] = {}
+    searched = None
+    for at, instance in enumerate(candidates.instances()):
+        if at == SEARCH_LIMIT:
+            searched = SEARCH_LIMIT
             break
-        standing = called.moment.standing(instance)
-        if instance.id not in told and standing is not None and standing.presence == "unknown":
-            unsure[instance.number] = instance
-    return Perhaps(_by_number(unsure), len(unsure), len(unsure), looked_at)
+        presence = candidates.selector.presence(instance)
+        if instance.id not in listed_presences and presence is not None and presence.value == "unknown":
+            uncertain[instance.number] = instance
+    return UncertainInstances(_by_number(uncertain), len(uncertain), len(uncertain), searched)
 
 
 def _by_number(instances: dict[int, StoredInstance]) -> list[StoredInstance]:

@@ -16,14 +16,14 @@ from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.geometry.boxes import Box3D
 from supermap_cli.memory.reading import MapReader
 from supermap_cli.memory.values import ObservationRef, Said, Sighting, StoredInstance, StoredTraversal, StoredVisit
-from supermap_cli.query.presence_at import Known, StandingView
+from supermap_cli.query.presence_at import PresenceValue, PresenceView
 from supermap_cli.types.memory import Presence, StateRecord, TemporalEdge
 
 Vector = tuple[float, float, float]
-LISTED = 50
+DEFAULT_LIMIT = 50
 """How many instances an answer lists, if it is not told otherwise."""
 
-SAMPLE = 8
+EVIDENCE_SAMPLE_SIZE = 8
 """How many observations stand for all of them in an answer: the first, the last, and the best between."""
 
 
@@ -96,14 +96,14 @@ class InstanceView:
 
     id: str
     label: str
-    presence: Presence | Known
+    presence: Presence | PresenceValue
     position: Vector
     box: BoxView
     confidence: float
     intervals: tuple[IntervalView, ...]
     relations: tuple[RelationView, ...]
     evidence: EvidenceView
-    standing: StandingView | None = field(default=None, metadata={"optional": True})
+    standing: PresenceView | None = field(default=None, metadata={"optional": True})
 
 
 @dataclass(frozen=True)
@@ -213,44 +213,48 @@ def evidence_view(
     traversal_ids: set[int] | None = None,
 ) -> EvidenceView:
     """What was seen of an instance within the given spans of time (and traversals), and how its place was looked at."""
-    seen = [
+    observations = [
         observation
         for observation in reader.sightings(instance)
         if any(low <= observation.stamp_ns <= high for low, high in spans)
         and (traversal_ids is None or observation.traversal_id in traversal_ids)
     ]
     visits = [visit for visit in instance.visits if traversal_ids is None or visit.traversal_id in traversal_ids]
-    return evidence_of(seen, visits, reader.traversals)
+    return evidence_of(observations, visits, reader.traversals)
 
 
-Seen = ObservationRef | Sighting | Said
+AnyObservation = ObservationRef | Sighting | Said
 
 
 def evidence_of(
-    seen: Sequence[Seen], visits: Iterable[StoredVisit], traversals: Sequence[StoredTraversal]
+    observations: Sequence[AnyObservation], visits: Iterable[StoredVisit], traversals: Sequence[StoredTraversal]
 ) -> EvidenceView:
     """What some observations say, in the order of time, and how often some of the `traversals` looked there."""
-    telling = telling_observations(seen)
-    looked = list(visits)
+    representative = representative_observations(observations)
+    visit_list = list(visits)
     limits = {traversal.id: traversal.observations_kept_from_ns for traversal in traversals}
-    given_up = [limits.get(visit.traversal_id) for visit in looked if visit.supported]
+    limits_ns = [limits.get(visit.traversal_id) for visit in visit_list if visit.supported]
     return EvidenceView(
-        observation_count=len(seen),
-        observations=tuple(observation.id for observation in telling),
-        keyframes_ns=tuple(dict.fromkeys(observation.stamp_ns for observation in telling)),
-        supported=sum(visit.supported for visit in looked),
-        in_view=sum(visit.in_view for visit in looked),
-        contradicted=sum(visit.contradicted for visit in looked),
-        given_up_before_ns=max((limit_ns for limit_ns in given_up if limit_ns is not None), default=None),
+        observation_count=len(observations),
+        observations=tuple(observation.id for observation in representative),
+        keyframes_ns=tuple(dict.fromkeys(observation.stamp_ns for observation in representative)),
+        supported=sum(visit.supported for visit in visit_list),
+        in_view=sum(visit.in_view for visit in visit_list),
+        contradicted=sum(visit.contradicted for visit in visit_list),
+        given_up_before_ns=max((limit_ns for limit_ns in limits_ns if limit_ns is not None), default=None),
     )
 
 
-def telling_observations(seen: Sequence[Seen]) -> Sequence[Seen]:
+def representative_observations(observations: Sequence[AnyObservation]) -> Sequence[AnyObservation]:
     """The first, the last and the best-scored observations, in the order of time, at most `SAMPLE`."""
-    if len(seen) <= SAMPLE:
-        return seen
-    best = sorted(seen[1:-1], key=lambda observation: (-observation.score, observation.id))[: SAMPLE - 2]
-    return sorted([seen[0], seen[-1], *best], key=lambda observation: (observation.stamp_ns, observation.id))
+    if len(observations) <= EVIDENCE_SAMPLE_SIZE:
+        return observations
+    best = sorted(observations[1:-1], key=lambda observation: (-observation.score, observation.id))[
+        : EVIDENCE_SAMPLE_SIZE - 2
+    ]
+    return sorted(
+        [observations[0], observations[-1], *best], key=lambda observation: (observation.stamp_ns, observation.id)
+    )
 
 
 def support_spans(states: tuple[StateRecord, ...]) -> tuple[tuple[int, int], ...]:

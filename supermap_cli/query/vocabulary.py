@@ -14,7 +14,7 @@ from importlib.resources import files
 class Vocabulary:
     """The synonym table (`synonyms.toml`)."""
 
-    same: Mapping[str, frozenset[str]]
+    synonyms: Mapping[str, frozenset[str]]
     kinds: Mapping[str, tuple[str, ...]]
     similar: Mapping[str, tuple[str, ...]]
     irregular: Mapping[str, str]
@@ -46,7 +46,7 @@ class Vocabulary:
 
     def names_of(self, name: str) -> frozenset[str]:
         """A normalised name with all its synonyms."""
-        return self.same.get(name, frozenset((name,)))
+        return self.synonyms.get(name, frozenset((name,)))
 
 
 _PLURALS = (
@@ -73,9 +73,9 @@ class LabelMatch:
 def load_vocabulary() -> Vocabulary:
     """The synonym table that comes with the program."""
     table = tomllib.loads((files("supermap_cli.query") / "synonyms.toml").read_text(encoding="utf-8"))
-    same = {name: frozenset(group) for group in table["same"] for name in group}
+    synonyms = {name: frozenset(group) for group in table["same"] for name in group}
     lists = {part: {name: tuple(names) for name, names in table[part].items()} for part in ("kinds", "similar")}
-    return Vocabulary(same, lists["kinds"], lists["similar"], table["irregular"])
+    return Vocabulary(synonyms, lists["kinds"], lists["similar"], table["irregular"])
 
 
 def match_labels(phrase: str, labels: Collection[str]) -> LabelMatch:
@@ -86,30 +86,30 @@ def match_labels(phrase: str, labels: Collection[str]) -> LabelMatch:
     """
     vocabulary = load_vocabulary()
     known = {label: vocabulary.normalise(label) for label in labels}
-    whole = vocabulary.normalise(phrase.split(" of ", maxsplit=1)[0])
-    words = whole.split()
+    normalised = vocabulary.normalise(phrase.split(" of ", maxsplit=1)[0])
+    words = normalised.split()
     for start in range(len(words)):
         name = " ".join(words[start:])
         left_out = " ".join(words[:start])
         note = f"'{left_out}' is not understood and was left out" if left_out else None
-        if found := _meant(name, known, vocabulary):
+        if found := _matching_labels(name, known, vocabulary):
             return LabelMatch(found, note)
-        if found := _similar(name, known, vocabulary):
+        if found := _similar_labels(name, known, vocabulary):
             taken = ", ".join(f"'{label}'" for label in sorted(found))
             return LabelMatch(found, "; ".join(filter(None, [note, f"'{name}' was taken as {taken}"])))
     return LabelMatch(frozenset())
 
 
-def _meant(name: str, known: Mapping[str, str], vocabulary: Vocabulary) -> frozenset[str]:
+def _matching_labels(name: str, known: Mapping[str, str], vocabulary: Vocabulary) -> frozenset[str]:
     names = vocabulary.names_of(name)
     wanted = set(names)
     for synonym in names:
         for kind in vocabulary.kinds.get(synonym, ()):
             wanted |= vocabulary.names_of(kind)
-    return frozenset(label for label, normal in known.items() if normal in wanted or _has_head(normal, names))
+    return frozenset(label for label, normal in known.items() if normal in wanted or _has_head_noun(normal, names))
 
 
-def _similar(name: str, known: Mapping[str, str], vocabulary: Vocabulary) -> frozenset[str]:
+def _similar_labels(name: str, known: Mapping[str, str], vocabulary: Vocabulary) -> frozenset[str]:
     wanted: set[str] = set()
     for synonym in vocabulary.names_of(name):
         for other in vocabulary.similar.get(synonym, ()):
@@ -117,5 +117,5 @@ def _similar(name: str, known: Mapping[str, str], vocabulary: Vocabulary) -> fro
     return frozenset(label for label, normal in known.items() if normal in wanted)
 
 
-def _has_head(normal: str, names: Iterable[str]) -> bool:
+def _has_head_noun(normal: str, names: Iterable[str]) -> bool:
     return any(normal.endswith(f" {name}") for name in names if " " not in name)

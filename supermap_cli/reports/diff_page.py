@@ -10,55 +10,55 @@ from pathlib import Path
 from supermap_cli.memory.pictures import SmallImage, crop_jpegs, small_images
 from supermap_cli.memory.reading import MapReader
 from supermap_cli.query.clock import Clock, clock_of
-from supermap_cli.query.diff import HAPPENED, Change, Diff
+from supermap_cli.query.diff import CERTAIN_CHANGES, Diff, ObjectChange
 from supermap_cli.query.views import EvidenceView, IntervalView, box_of
-from supermap_cli.reports.diff_plan import shown_before_after
+from supermap_cli.reports.diff_plan import before_after_panels
 from supermap_cli.reports.files import write_file
 from supermap_cli.reports.floor_plan import plan_svg
 from supermap_cli.reports.page import badge, page, picture, table
-from supermap_cli.reports.pictures import cut_out, data_uri
+from supermap_cli.reports.pictures import crop_around_box, data_uri
 
-MOST_CARDS = 200
+MAX_CARDS = 200
 """More changes than these stand in the table only."""
 
-EXPLAINED = (
+EXPLANATION = (
     "Only a place that was seen empty makes a disappearance or an appearance. What was merely not looked at, or never "
     "seen empty before, is “not observed again” or “first observed”. A change happened within the two times given; "
     "it is counted here because it was known to have happened by the later side."
 )
 
 
-def write_diff_page(found: Diff, reader: MapReader, path: Path) -> None:
+def write_diff_page(diff: Diff, reader: MapReader, path: Path) -> None:
     """Write the page. Raises `SupermapError` where it cannot be written."""
-    write_file(path, diff_page(found, reader))
+    write_file(path, diff_page(diff, reader))
 
 
-def diff_page(found: Diff, reader: MapReader) -> str:
+def diff_page(diff: Diff, reader: MapReader) -> str:
     """The page as HTML."""
     clock = clock_of(reader)
-    told = [change for change in found.changes if change.kind in HAPPENED][:MOST_CARDS]
-    pictures = Pictures.of(told, reader, clock)
-    title = f"{found.before.name} → {found.after.name}"
+    listed = [change for change in diff.changes if change.kind in CERTAIN_CHANGES][:MAX_CARDS]
+    pictures = ChangePictures.of(listed, reader, clock)
+    title = f"{diff.before.name} → {diff.after.name}"
     return page(
         f"supermap diff {title}",
         [
             f"<h1>What changed: {escape(title)}</h1>",
-            f'<p class="soft">{escape(_when(found, clock))} · {escape(reader.where)}</p>',
-            _chips(found.counts),
-            *(f"<p>Note: {escape(note)}.</p>" for note in found.notes),
+            f'<p class="soft">{escape(_sides_text(diff, clock))} · {escape(reader.where)}</p>',
+            _chips(diff.counts),
+            *(f"<p>Note: {escape(note)}.</p>" for note in diff.notes),
             "<h2>The place from above</h2>",
-            _panels(found, reader),
-            f"<h2>Changes ({len(told)})</h2>" if told else "<h2>Nothing changed that anybody saw</h2>",
-            '<div class="cards">' + "".join(_card(change, pictures, clock) for change in told) + "</div>",
+            _panels(diff, reader),
+            f"<h2>Changes ({len(listed)})</h2>" if listed else "<h2>Nothing changed that anybody saw</h2>",
+            '<div class="cards">' + "".join(_change_card(change, pictures, clock) for change in listed) + "</div>",
             "<h2>Everything</h2>",
-            _everything(found.changes, clock),
-            f'<p class="soft">{EXPLAINED}</p>',
+            _change_table(diff.changes, clock),
+            f'<p class="soft">{EXPLANATION}</p>',
         ],
     )
 
 
 @dataclass(frozen=True)
-class Pictures:
+class ChangePictures:
     """What there is to show of each side of the changes."""
 
     crops: dict[int, bytes]
@@ -66,23 +66,29 @@ class Pictures:
     clock: Clock
 
     @classmethod
-    def of(cls, changes: Iterable[Change], reader: MapReader, clock: Clock) -> Pictures:
+    def of(cls, changes: Iterable[ObjectChange], reader: MapReader, clock: Clock) -> ChangePictures:
         """All pictures of some changes, read together."""
-        told = list(changes)
-        ids = {crop_id for change in told for crop_id in (change.crop_before, change.crop_after) if crop_id is not None}
-        stamps = {stamp for change in told for stamp in (*_stamps(change, before=True), *_stamps(change, before=False))}
+        listed = list(changes)
+        ids = {
+            crop_id for change in listed for crop_id in (change.crop_before, change.crop_after) if crop_id is not None
+        }
+        stamps = {
+            stamp
+            for change in listed
+            for stamp in (*_keyframe_stamps(change, before=True), *_keyframe_stamps(change, before=False))
+        }
         return cls(crop_jpegs(reader, ids), small_images(reader, stamps), clock)
 
-    def side(self, change: Change, *, before: bool) -> str:
+    def side(self, change: ObjectChange, *, before: bool) -> str:
         """One side of a change: its crop, else its place in a keyframe that saw it, or saw it empty."""
         own = change.interval_before if before else change.interval_after
         crop = change.crop_before if before else change.crop_after
         if own is not None and crop in self.crops:
             return picture(data_uri(self.crops[crop]), f"{'before' if before else 'after'}: observation {crop}")
         place = own or change.interval_after or change.interval_before
-        for stamp_ns in _stamps(change, before=before):
+        for stamp_ns in _keyframe_stamps(change, before=before):
             image = self.images.get(stamp_ns)
-            cut = None if place is None or image is None else cut_out(image, box_of(place.box))
+            cut = None if place is None or image is None else crop_around_box(image, box_of(place.box))
             if cut is not None:
                 what = "seen" if own is not None else "its place, seen empty"
                 return picture(data_uri(cut), f"{'before' if before else 'after'}: {what} {self.clock.brief(stamp_ns)}")
@@ -90,7 +96,7 @@ class Pictures:
         return picture(None, "before" if before else "after", nothing)
 
 
-def _stamps(change: Change, *, before: bool) -> Sequence[int]:
+def _keyframe_stamps(change: ObjectChange, *, before: bool) -> Sequence[int]:
     """The keyframes that may show one side, the most telling first; where it was not there, who saw that."""
     if before and change.interval_before is None:
         return [] if change.not_before_ns is None else [change.not_before_ns]
@@ -101,9 +107,9 @@ def _stamps(change: Change, *, before: bool) -> Sequence[int]:
     return stamps[len(stamps) // 2 :] + stamps[: len(stamps) // 2]
 
 
-def _when(found: Diff, clock: Clock) -> str:
+def _sides_text(diff: Diff, clock: Clock) -> str:
     sides = []
-    for end in (found.before, found.after):
+    for end in (diff.before, diff.after):
         at = clock.text(end.at_ns)
         sides.append(at if end.traversal is None else f"{end.name} ({clock.text(end.since_ns)} to {at})")
     return " → ".join(sides)
@@ -114,24 +120,24 @@ def _chips(counts: dict[str, int]) -> str:
     return f'<div class="chips">{"".join(chips)}</div>'
 
 
-def _panels(found: Diff, reader: MapReader) -> str:
+def _panels(diff: Diff, reader: MapReader) -> str:
     panels = []
-    for panel in shown_before_after(found, reader):
-        drawing = plan_svg(panel.extent, panel.outlines, panel.arrows, panel.ways, panel.title)
+    for panel in before_after_panels(diff, reader):
+        drawing = plan_svg(panel.extent, panel.outlines, panel.arrows, panel.trajectories, panel.title)
         panels.append(f"<figure><figcaption>{escape(panel.title)}</figcaption>{drawing}</figure>")
     return f'<div class="panels">{"".join(panels)}</div>'
 
 
-def _card(change: Change, pictures: Pictures, clock: Clock) -> str:
+def _change_card(change: ObjectChange, pictures: ChangePictures, clock: Clock) -> str:
     return (
         f'<article class="card"><h3>{badge(change.kind)} {escape(change.id)}</h3>'
         f"<p>{escape(change.reason)}</p>"
-        f'<p class="soft">{escape(_facts(change, clock))}</p>'
+        f'<p class="soft">{escape(_facts_text(change, clock))}</p>'
         f'<div class="pair">{pictures.side(change, before=True)}{pictures.side(change, before=False)}</div></article>'
     )
 
 
-def _facts(change: Change, clock: Clock) -> str:
+def _facts_text(change: ObjectChange, clock: Clock) -> str:
     facts = [f"between {clock.brief(change.not_before_ns)} and {clock.brief(change.not_after_ns)}"]
     if change.perhaps_before:
         facts.append("perhaps before the earlier side")
@@ -144,18 +150,18 @@ def _facts(change: Change, clock: Clock) -> str:
     return " · ".join(facts)
 
 
-def _everything(changes: Sequence[Change], clock: Clock) -> str:
+def _change_table(changes: Sequence[ObjectChange], clock: Clock) -> str:
     columns = ("what", "id", "label", "why", "between", "from (m)", "to (m)", "distance (m)#", "confidence#")
-    return table(columns, ((_row(change, clock), _rests_on(change, clock)) for change in changes))
+    return table(columns, ((_row(change, clock), _evidence_row(change, clock)) for change in changes))
 
 
-def _rests_on(change: Change, clock: Clock) -> str:
+def _evidence_row(change: ObjectChange, clock: Clock) -> str:
     before = _evidence(change.evidence_before, change.crop_before, clock)
     after = _evidence(change.evidence_after, change.crop_after, clock)
     return f"<b>before</b> {before} · <b>after</b> {after}"
 
 
-def _row(change: Change, clock: Clock) -> tuple[str, ...]:
+def _row(change: ObjectChange, clock: Clock) -> tuple[str, ...]:
     labels = [label for label in dict.fromkeys((change.label_before, change.label_after)) if label is not None]
     moved = change.kind == "moved" and change.distance_m is not None
     may_be = "".join(f"; may be {candidate.id} ({candidate.probability:.0%})" for candidate in change.may_be)
@@ -167,25 +173,25 @@ def _row(change: Change, clock: Clock) -> tuple[str, ...]:
         escape(" → ".join(labels) or change.label),
         f'<span class="why">{escape(change.reason + may_be)}</span>',
         "<br>".join(f'<span class="whole">{escape(time_text)}</span>' for time_text in times),
-        _place(change.interval_before),
-        _place(change.interval_after),
+        _position_cell(change.interval_before),
+        _position_cell(change.interval_after),
         f"{change.distance_m:.2f}" if moved else "",
         f"{change.confidence:.2f}",
     )
 
 
-def _place(interval: IntervalView | None) -> str:
-    told = "" if interval is None else ", ".join(f"{value:.2f}" for value in interval.position)
-    return f'<span class="whole">{told}</span>'
+def _position_cell(interval: IntervalView | None) -> str:
+    listed = "" if interval is None else ", ".join(f"{value:.2f}" for value in interval.position)
+    return f'<span class="whole">{listed}</span>'
 
 
 def _evidence(evidence: EvidenceView, crop: int | None, clock: Clock) -> str:
     """Observations by their ids, the keyframes from the first to the last, and how the place was looked at."""
-    looks = f"in view {evidence.in_view}, supported {evidence.supported}, seen empty {evidence.contradicted}"
+    counts_text = f"in view {evidence.in_view}, supported {evidence.supported}, seen empty {evidence.contradicted}"
     if not evidence.observations:
-        return escape(f"no observation; {looks}")
+        return escape(f"no observation; {counts_text}")
     more = ", …" if evidence.observation_count > len(evidence.observations) else ""
     best = "" if crop is None else f", best picture {crop}"
     first, last = clock.brief(evidence.keyframes_ns[0]), clock.brief(evidence.keyframes_ns[-1])
     ids = ", ".join(map(str, evidence.observations))
-    return escape(f"{evidence.observation_count} observations ({ids}{more}{best}), {first} to {last}; {looks}")
+    return escape(f"{evidence.observation_count} observations ({ids}{more}{best}), {first} to {last}; {counts_text}")

@@ -9,12 +9,12 @@ import numpy as np
 
 from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.memory.reading import MapReader
-from supermap_cli.query.diff import Change, Diff, EndView
+from supermap_cli.query.diff import Diff, ObjectChange, SideView
 from supermap_cli.query.views import box_of
 from supermap_cli.reports.floor_plan import Arrow, Extent, Outline, extent_of
 from supermap_cli.reports.page import css_name
 
-MOST_NAMES = 60
+MAX_NAMED_CHANGES = 60
 """In a larger place only what changed is named."""
 
 
@@ -26,40 +26,44 @@ class Panel:
     extent: Extent
     outlines: Sequence[Outline]
     arrows: Sequence[Arrow]
-    ways: Sequence[FloatArray]
+    trajectories: Sequence[FloatArray]
 
 
-def shown_before_after(found: Diff, reader: MapReader) -> tuple[Panel, Panel]:
+def before_after_panels(diff: Diff, reader: MapReader) -> tuple[Panel, Panel]:
     """The two drawings, with the ways of the robot of those sides that are traversals."""
-    ways = [_way(end, reader) for end in (found.before, found.after)]
+    trajectories = [_trajectory(side, reader) for side in (diff.before, diff.after)]
     intervals = [
-        interval for change in found.changes for interval in (change.interval_before, change.interval_after) if interval
+        interval for change in diff.changes for interval in (change.interval_before, change.interval_after) if interval
     ]
-    extent = extent_of([*(box_of(interval.box).footprint() for interval in intervals), *ways])
-    naming = len(found.changes) <= MOST_NAMES
-    before = [outline for change in found.changes for outline in _outlines(change, before=True, naming=naming)]
-    after = [outline for change in found.changes for outline in _outlines(change, before=False, naming=naming)]
+    extent = extent_of([*(box_of(interval.box).footprint() for interval in intervals), *trajectories])
+    name_unchanged = len(diff.changes) <= MAX_NAMED_CHANGES
+    before = [
+        outline for change in diff.changes for outline in _outlines(change, before=True, name_unchanged=name_unchanged)
+    ]
+    after = [
+        outline for change in diff.changes for outline in _outlines(change, before=False, name_unchanged=name_unchanged)
+    ]
     arrows = [
         Arrow(box_of(change.interval_before.box).center[:2], box_of(change.interval_after.box).center[:2])
-        for change in found.changes
+        for change in diff.changes
         if change.kind == "moved" and change.interval_before is not None and change.interval_after is not None
     ]
     return (
-        Panel(f"Before: {found.before.name}", extent, before, [], ways[:1]),
-        Panel(f"After: {found.after.name}", extent, after, arrows, ways[1:]),
+        Panel(f"Before: {diff.before.name}", extent, before, [], trajectories[:1]),
+        Panel(f"After: {diff.after.name}", extent, after, arrows, trajectories[1:]),
     )
 
 
-def _outlines(change: Change, *, before: bool, naming: bool) -> list[Outline]:
+def _outlines(change: ObjectChange, *, before: bool, name_unchanged: bool) -> list[Outline]:
     """A thing where it stands on one side; where it no longer stands, or does not yet, its empty outline."""
     own, other = (
         (change.interval_before, change.interval_after) if before else (change.interval_after, change.interval_before)
     )
     style = css_name(change.kind)
-    drawn = []
+    outlines = []
     if own is not None:
-        named = change.kind != "unchanged" or naming
-        drawn.append(
+        named = change.kind != "unchanged" or name_unchanged
+        outlines.append(
             Outline(
                 box_of(own.box).footprint(),
                 change.id if named else "",
@@ -68,14 +72,14 @@ def _outlines(change: Change, *, before: bool, naming: bool) -> list[Outline]:
             )
         )
     if other is not None and (own is None or change.kind == "moved") and not (before and change.kind == "moved"):
-        told = change.id if own is None and change.kind in {"disappeared", "appeared"} else ""
-        drawn.append(Outline(box_of(other.box).footprint(), told, f"{change.id}: {change.kind}", f"{style} ghost"))
-    return drawn
+        label = change.id if own is None and change.kind in {"disappeared", "appeared"} else ""
+        outlines.append(Outline(box_of(other.box).footprint(), label, f"{change.id}: {change.kind}", f"{style} ghost"))
+    return outlines
 
 
-def _way(end: EndView, reader: MapReader) -> FloatArray:
+def _trajectory(side: SideView, reader: MapReader) -> FloatArray:
     """The robot's way (n, 2) in a traversal; of a plain time none."""
-    if end.traversal is None:
+    if side.traversal is None:
         return np.zeros((0, 2))
-    traversal = next(traversal for traversal in reader.traversals if traversal.number == end.traversal.number)
+    traversal = next(traversal for traversal in reader.traversals if traversal.number == side.traversal.number)
     return reader.trajectory(traversal.id)[1][:, :2]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from supermap_cli.errors import SupermapError
 from supermap_cli.memory.reading import MapReader
 from supermap_cli.query.diff import Diff
-from supermap_cli.reports.diff_plan import Panel, shown_before_after
+from supermap_cli.reports.diff_plan import Panel, before_after_panels
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -31,19 +31,19 @@ def check_plot(path: Path) -> None:
         raise SupermapError("a picture of an unknown kind", where=str(path), cure="name a .png, .svg or .pdf file")
 
 
-def draw_diff(found: Diff, reader: MapReader, path: Path) -> None:
+def draw_diff(diff: Diff, reader: MapReader, path: Path) -> None:
     """Write the picture (.png, .svg or .pdf). Raises `SupermapError` where it cannot be written."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg  # noqa: PLC0415 - keeps start-up light
     from matplotlib.figure import Figure  # noqa: PLC0415
     from matplotlib.patches import Patch  # noqa: PLC0415
 
-    panels = shown_before_after(found, reader)
+    panels = before_after_panels(diff, reader)
     width, height = panels[0].extent.size_px
     figure = Figure(figsize=(14.0, 7.0 * height / width + 1.1), layout="constrained")
     FigureCanvasAgg(figure)
     for axes, panel in zip(figure.subplots(1, 2, sharex=True, sharey=True), panels, strict=True):
-        _draw(axes, panel)
-    counted = {kind: count for kind, count in found.counts.items() if count}
+        _draw_panel(axes, panel)
+    counted = {kind: count for kind, count in diff.counts.items() if count}
     handles = [
         Patch(facecolor=COLOURS[kind.replace(" ", "-")], alpha=0.6, label=f"{kind} ({count})")
         for kind, count in counted.items()
@@ -59,12 +59,12 @@ def draw_diff(found: Diff, reader: MapReader, path: Path) -> None:
         ) from error
 
 
-def _draw(axes: Axes, panel: Panel) -> None:
+def _draw_panel(axes: Axes, panel: Panel) -> None:
     from matplotlib.patches import Polygon  # noqa: PLC0415 - keeps start-up light
     from matplotlib.patheffects import withStroke  # noqa: PLC0415
 
-    for way in panel.ways:
-        axes.plot(way[:, 0], way[:, 1], color="#a9c3e2", linewidth=0.9, zorder=1)
+    for trajectory in panel.trajectories:
+        axes.plot(trajectory[:, 0], trajectory[:, 1], color="#a9c3e2", linewidth=0.9, zorder=1)
     for outline in panel.outlines:
         kind, ghost = outline.style.removesuffix(" ghost"), outline.style.endswith(" ghost")
         hollow = ghost or kind in {"not-observed-again", "first-observed"}
@@ -80,13 +80,13 @@ def _draw(axes: Axes, panel: Panel) -> None:
                 zorder=2 if kind == "unchanged" else 3,
             )
         )
-        if outline.told:
+        if outline.label:
             x, y = outline.corners.mean(axis=0)
             small = kind == "unchanged"
             name = axes.text(
                 x,
                 y,
-                outline.told,
+                outline.label,
                 fontsize=4.5 if small else 7,
                 color="#6b7885" if small else colour,
                 weight="normal" if small else "bold",

@@ -10,7 +10,7 @@ import numpy as np
 
 from supermap_cli.geometry.arrays import FloatArray
 
-WIDTH_PX, MARGIN_PX, MOST_TALL_PX = 620.0, 14.0, 760.0
+WIDTH_PX, MARGIN_PX, MAX_HEIGHT_PX = 620.0, 14.0, 760.0
 
 
 @dataclass(frozen=True)
@@ -21,7 +21,7 @@ class Outline:
     """
 
     corners: FloatArray
-    told: str
+    label: str
     title: str
     style: str
 
@@ -46,7 +46,7 @@ class Extent:
     def px_per_m(self) -> float:
         """The scale that fits it into the width and height that there are."""
         size = np.maximum(self.high - self.low, 1e-6)
-        return float(min((WIDTH_PX - 2 * MARGIN_PX) / size[0], (MOST_TALL_PX - 2 * MARGIN_PX) / size[1]))
+        return float(min((WIDTH_PX - 2 * MARGIN_PX) / size[0], (MAX_HEIGHT_PX - 2 * MARGIN_PX) / size[1]))
 
     @property
     def size_px(self) -> tuple[float, float]:
@@ -63,60 +63,64 @@ class Extent:
 
 def extent_of(points: Sequence[FloatArray]) -> Extent:
     """An extent that holds all (n, 2) points, with half a metre around them; a few metres where there are none."""
-    held = [part for part in points if len(part)]
-    if not held:
+    non_empty = [part for part in points if len(part)]
+    if not non_empty:
         return Extent(np.array([-2.0, -2.0]), np.array([2.0, 2.0]))
-    together = np.concatenate(held)
+    together = np.concatenate(non_empty)
     return Extent(np.floor(together.min(axis=0) - 0.5), np.ceil(together.max(axis=0) + 0.5))
 
 
 def plan_svg(
-    extent: Extent, outlines: Sequence[Outline], arrows: Sequence[Arrow], ways: Sequence[FloatArray], title: str
+    extent: Extent, outlines: Sequence[Outline], arrows: Sequence[Arrow], trajectories: Sequence[FloatArray], title: str
 ) -> str:
     """The drawing. `ways` are the robot's, (n, 2) metres each; classes are styled by the page (`page.STYLE`)."""
     width, height = extent.size_px
     parts = [
         f'<svg class="plan" xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:.0f} {height:.0f}" role="img">',
         f"<title>{escape(title)}</title>",
-        _TIP,
+        _ARROW_TIP,
         _grid(extent),
-        *(f'<polyline class="way" points="{_points(extent.to_px(way))}"/>' for way in ways if len(way) > 1),
+        *(
+            f'<polyline class="way" points="{_points_text(extent.to_px(trajectory))}"/>'
+            for trajectory in trajectories
+            if len(trajectory) > 1
+        ),
     ]
-    for outline in sorted(outlines, key=lambda outline: bool(outline.told)):
-        corners = _points(extent.to_px(outline.corners))
+    for outline in sorted(outlines, key=lambda outline: bool(outline.label)):
+        corners = _points_text(extent.to_px(outline.corners))
         title_tag = f"<title>{escape(outline.title)}</title>"
         parts.append(f'<polygon class="thing {outline.style}" points="{corners}">{title_tag}</polygon>')
     for arrow in arrows:
         (x0, y0), (x1, y1) = extent.to_px(np.stack([arrow.start, arrow.end]))
         parts.append(f'<line class="arrow" x1="{x0:.1f}" y1="{y0:.1f}" x2="{x1:.1f}" y2="{y1:.1f}"/>')
-    parts += _names(extent, outlines)
-    parts += [_scale(extent), "</svg>"]
+    parts += _label_texts(extent, outlines)
+    parts += [_scale_bar(extent), "</svg>"]
     return "\n".join(parts)
 
 
-_TIP = (
+_ARROW_TIP = (
     '<defs><marker id="tip" viewBox="0 0 8 8" refX="7" refY="4" markerWidth="7" markerHeight="7" orient="auto">'
     '<path d="M0 0 L8 4 L0 8 z" class="tip"/></marker></defs>'
 )
 
 
-def _names(extent: Extent, outlines: Sequence[Outline]) -> list[str]:
+def _label_texts(extent: Extent, outlines: Sequence[Outline]) -> list[str]:
     """Names beside what is named, moved down where they would lie on one another."""
     taken: list[tuple[float, float, float]] = []
     texts = []
-    named = sorted(
-        (outline for outline in outlines if outline.told), key=lambda outline: float(-outline.corners[:, 1].max())
+    labelled = sorted(
+        (outline for outline in outlines if outline.label), key=lambda outline: float(-outline.corners[:, 1].max())
     )
-    for outline in named:
+    for outline in labelled:
         x, y = extent.to_px(outline.corners.mean(axis=0)[None])[0]
-        half = 3.1 * len(outline.told)
+        half = 3.1 * len(outline.label)
         x = float(np.clip(x, half + 2, extent.size_px[0] - half - 2))
         while any(
             abs(y - other_y) < 11 and abs(x - other_x) < half + other_half for other_x, other_y, other_half in taken
         ):
             y += 11
         taken.append((x, y, half))
-        texts.append(f'<text class="name {outline.style}" x="{x:.1f}" y="{y + 3.5:.1f}">{escape(outline.told)}</text>')
+        texts.append(f'<text class="name {outline.style}" x="{x:.1f}" y="{y + 3.5:.1f}">{escape(outline.label)}</text>')
     return texts
 
 
@@ -135,7 +139,7 @@ def _grid(extent: Extent) -> str:
     return f'<path class="grid" d="{"".join(lines)}"/>'
 
 
-def _scale(extent: Extent) -> str:
+def _scale_bar(extent: Extent) -> str:
     """A bar of one metre, or more where that is short."""
     metres = next((m for m in (1, 2, 5, 10, 20, 50) if m * extent.px_per_m >= 30), 100)
     length, (_, height) = metres * extent.px_per_m, extent.size_px
@@ -147,5 +151,5 @@ def _scale(extent: Extent) -> str:
     )
 
 
-def _points(points: FloatArray) -> str:
+def _points_text(points: FloatArray) -> str:
     return " ".join(f"{x:.1f},{y:.1f}" for x, y in points)

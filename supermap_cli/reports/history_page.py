@@ -11,59 +11,60 @@ import numpy as np
 from supermap_cli.memory.pictures import crop_jpegs
 from supermap_cli.memory.reading import MapReader
 from supermap_cli.query.clock import Clock, clock_of
-from supermap_cli.query.history_text import place, story
-from supermap_cli.query.object_history import History
+from supermap_cli.query.history_text import history_sentences, position_text
+from supermap_cli.query.object_history import ObjectHistory
 from supermap_cli.query.views import box_of
 from supermap_cli.reports.files import write_file
 from supermap_cli.reports.floor_plan import Arrow, Outline, extent_of, plan_svg
 from supermap_cli.reports.page import page, picture, table
 from supermap_cli.reports.pictures import data_uri
 
-MOST_PICTURES, MOST_PLACES = 60, 60
+MAX_PICTURES, MAX_STATES = 60, 60
 """Of a longer life the last ones are shown."""
 
 
-def write_life_page(told: History, reader: MapReader, path: Path) -> None:
+def write_history_page(history: ObjectHistory, reader: MapReader, path: Path) -> None:
     """Write the page. Raises `SupermapError` where it cannot be written."""
-    write_file(path, life_page(told, reader))
+    write_file(path, history_page(history, reader))
 
 
-def life_page(told: History, reader: MapReader) -> str:
+def history_page(history: ObjectHistory, reader: MapReader) -> str:
     """The page as HTML."""
     clock = clock_of(reader)
-    merged = f", with {', '.join(told.merged_ids)}" if told.merged_ids else ""
-    when = "" if told.as_of is None else f" as of {told.as_of}"
-    sentences = "".join(f"<li>{escape(sentence)}</li>" for sentence in story(told, clock))
+    merged = f", with {', '.join(history.merged_ids)}" if history.merged_ids else ""
+    when = "" if history.as_of is None else f" as of {history.as_of}"
+    summary = f"{history.label}, {history.presence}{when}{merged}"
+    sentences = "".join(f"<li>{escape(sentence)}</li>" for sentence in history_sentences(history, clock))
     return page(
-        f"supermap history {told.id}",
+        f"supermap history {history.id}",
         [
-            f"<h1>The life of {escape(told.id)}</h1>",
-            f'<p class="soft">{escape(f"{told.label}, {told.presence}{when}{merged}")} · {escape(reader.where)}</p>',
+            f"<h1>The life of {escape(history.id)}</h1>",
+            f'<p class="soft">{escape(summary)} · {escape(reader.where)}</p>',
             f'<ol class="story">{sentences}</ol>',
             "<h2>Where it stood</h2>",
-            _places(told),
+            _places_section(history),
             "<h2>Pictures</h2>",
-            _pictures(told, reader, clock),
+            _pictures_section(history, reader, clock),
             "<h2>States</h2>",
-            _states(told, clock),
+            _states_table(history, clock),
             "<h2>Events</h2>",
-            _events(told, clock),
+            _events_table(history, clock),
             "<h2>Who saw it</h2>",
-            _sightings(told, clock),
+            _sightings_table(history, clock),
         ],
     )
 
 
-def _places(told: History) -> str:
-    shown = told.intervals[-MOST_PLACES:]
+def _places_section(history: ObjectHistory) -> str:
+    shown = history.intervals[-MAX_STATES:]
     corners = [box_of(interval.box).footprint() for interval in shown]
     newest = len(shown) - 1
     outlines = [
         Outline(
             outline,
             f"{interval.state}",
-            f"state {interval.state}: {place(interval.position)}",
-            "moved" if at == newest and told.presence == "present" else "moved ghost",
+            f"state {interval.state}: {position_text(interval.position)}",
+            "moved" if at == newest and history.presence == "present" else "moved ghost",
         )
         for at, (interval, outline) in enumerate(zip(shown, corners, strict=True))
     ]
@@ -72,12 +73,12 @@ def _places(told: History) -> str:
         for a, b in pairwise(shown)
         if np.hypot(a.box.center[0] - b.box.center[0], a.box.center[1] - b.box.center[1]) > 0.1
     ]
-    drawing = plan_svg(extent_of(corners), outlines, arrows, [], f"the places of {told.id}")
+    drawing = plan_svg(extent_of(corners), outlines, arrows, [], f"the places of {history.id}")
     return f'<div class="panels single"><figure><figcaption>Its states from above</figcaption>{drawing}</figure></div>'
 
 
-def _pictures(told: History, reader: MapReader, clock: Clock) -> str:
-    frames = told.frames[-MOST_PICTURES:]
+def _pictures_section(history: ObjectHistory, reader: MapReader, clock: Clock) -> str:
+    frames = history.frames[-MAX_PICTURES:]
     jpegs = crop_jpegs(reader, [frame.observation for frame in frames])
     shown = [
         picture(
@@ -92,21 +93,21 @@ def _pictures(told: History, reader: MapReader, clock: Clock) -> str:
     return f'<div class="cards pictures">{"".join(shown)}</div>'
 
 
-def _states(told: History, clock: Clock) -> str:
-    around = {surroundings.state: surroundings for surroundings in told.surroundings}
+def _states_table(history: ObjectHistory, clock: Clock) -> str:
+    by_state = {surroundings.state: surroundings for surroundings in history.surroundings}
     rows = []
-    for interval in told.intervals:
-        beside = around.get(interval.state)
-        relations = [] if beside is None else [f"{r.subject} {r.name} {r.object}" for r in beside.relations]
-        if beside is not None and beside.more:
-            relations.append(f"{beside.more} more")
+    for interval in history.intervals:
+        surroundings = by_state.get(interval.state)
+        relations = [] if surroundings is None else [f"{r.subject} {r.name} {r.object}" for r in surroundings.relations]
+        if surroundings is not None and surroundings.more:
+            relations.append(f"{surroundings.more} more")
         cells = (
             str(interval.state),
             clock.brief(interval.empty_before_ns),
             clock.brief(interval.first_seen_ns),
             clock.brief(interval.last_seen_ns),
             clock.brief(interval.gone_ns),
-            place(interval.position),
+            position_text(interval.position),
             interval.label,
             f"{interval.confidence:.2f}",
         )
@@ -124,7 +125,7 @@ def _states(told: History, clock: Clock) -> str:
     return table(columns, rows)
 
 
-def _events(told: History, clock: Clock) -> str:
+def _events_table(history: ObjectHistory, clock: Clock) -> str:
     rows = [
         (
             escape(event.kind),
@@ -134,12 +135,12 @@ def _events(told: History, clock: Clock) -> str:
             "" if event.distance_m is None else f"{event.distance_m:.2f}",
             f"{event.probability:.2f}",
         )
-        for event in told.events
+        for event in history.events
     ]
     return table(("event", "from", "to", "between", "distance (m)#", "probability#"), ((row, "") for row in rows))
 
 
-def _sightings(told: History, clock: Clock) -> str:
+def _sightings_table(history: ObjectHistory, clock: Clock) -> str:
     rows = [
         (
             escape(sighting.traversal),
@@ -150,7 +151,7 @@ def _sightings(told: History, clock: Clock) -> str:
             str(sighting.observation_count),
             escape(", ".join(f"{label} {share:.0%}" for label, share in sighting.labels.items())),
         )
-        for sighting in told.sightings
+        for sighting in history.sightings
     ]
     columns = ("traversal", "supported#", "in view#", "seen empty#", "seen", "observations#", "called")
     return table(columns, ((row, "") for row in rows))

@@ -108,8 +108,8 @@ def table(columns: Sequence[str], rows: Iterable[tuple[Sequence[str], str]]) -> 
     bodies = []
     for row, below in rows:
         cells = "".join(f"<td{kind}>{cell}</td>" for kind, cell in zip(kinds, row, strict=True))
-        told = f'<tr class="below"><td colspan="{len(kinds)}">{below}</td></tr>' if below else ""
-        bodies.append(f"<tbody><tr>{cells}</tr>{told}</tbody>")
+        below_row = f'<tr class="below"><td colspan="{len(kinds)}">{below}</td></tr>' if below else ""
+        bodies.append(f"<tbody><tr>{cells}</tr>{below_row}</tbody>")
     return f'<div class="table"><table><thead><tr>{head}</tr></thead>{"".join(bodies)}</table></div>'
 
 

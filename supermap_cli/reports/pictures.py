@@ -11,10 +11,10 @@ from supermap_cli.geometry.cameras import camera_from_json
 from supermap_cli.geometry.se3 import inverse, transform_points
 from supermap_cli.memory.pictures import SmallImage
 
-AROUND = 0.8
+CONTEXT_SHARE = 0.8
 """How much of what lies around a place is shown, as a share of the place's size in the image, on each side."""
 
-LEAST_PX, TALL_PX = 36, 180
+MIN_CROP_PX, PICTURE_HEIGHT_PX = 36, 180
 
 
 def data_uri(jpeg: bytes) -> str:
@@ -22,7 +22,7 @@ def data_uri(jpeg: bytes) -> str:
     return "data:image/jpeg;base64," + base64.b64encode(jpeg).decode("ascii")
 
 
-def cut_out(image: SmallImage, box: Box3D) -> bytes | None:
+def crop_around_box(image: SmallImage, box: Box3D) -> bytes | None:
     """The part of a small image that shows a place, the box drawn on it, as a JPEG; `None` where it shows none."""
     import cv2  # noqa: PLC0415 - only where a page with pictures is written
 
@@ -30,31 +30,31 @@ def cut_out(image: SmallImage, box: Box3D) -> bytes | None:
     if picture is None:
         return None
     camera = camera_from_json(image.camera)
-    pixels, seen = camera.project(transform_points(inverse(image.T_map_camera), box.corners()))
-    if seen.sum() < 2:
+    pixels, visible = camera.project(transform_points(inverse(image.T_map_camera), box.corners()))
+    if visible.sum() < 2:
         return None
     scale = picture.shape[1] / camera.width
     corners = (pixels + 0.5) * scale - 0.5
-    low, high = corners[seen].min(axis=0), corners[seen].max(axis=0)
+    low, high = corners[visible].min(axis=0), corners[visible].max(axis=0)
     if high[0] - low[0] > picture.shape[1] / 2 and camera.full_turn:
         return None  # across the seam
-    half = np.maximum((high - low) * (0.5 + AROUND), LEAST_PX / 2)
+    half = np.maximum((high - low) * (0.5 + CONTEXT_SHARE), MIN_CROP_PX / 2)
     middle = (low + high) / 2
     u0, v0 = np.floor(np.maximum(middle - half, 0)).astype(int)
     u1, v1 = np.ceil(np.minimum(middle + half, (picture.shape[1], picture.shape[0]))).astype(int)
     if u1 - u0 < 4 or v1 - v0 < 4:
         return None
-    larger = TALL_PX / (v1 - v0)
-    size = (max(1, round((u1 - u0) * larger)), TALL_PX)
+    scale_up = PICTURE_HEIGHT_PX / (v1 - v0)
+    size = (max(1, round((u1 - u0) * scale_up)), PICTURE_HEIGHT_PX)
     shown = cv2.resize(picture[v0:v1, u0:u1], size, interpolation=cv2.INTER_CUBIC)
-    drawn = np.round((corners - (u0, v0) + 0.5) * larger - 0.5).astype(int)
-    for first, second in _EDGES:
-        if seen[first] and seen[second]:
+    drawn = np.round((corners - (u0, v0) + 0.5) * scale_up - 0.5).astype(int)
+    for first, second in _BOX_EDGES:
+        if visible[first] and visible[second]:
             cv2.line(shown, drawn[first].tolist(), drawn[second].tolist(), (0, 200, 255), 1, cv2.LINE_AA)
     _, jpeg = cv2.imencode(".jpg", shown, [cv2.IMWRITE_JPEG_QUALITY, 85])
     return jpeg.tobytes()
 
 
-_EDGES = [(i, (i + 1) % 4) for i in range(4)]
-_EDGES += [(i + 4, j + 4) for i, j in _EDGES] + [(i, i + 4) for i in range(4)]
+_BOX_EDGES = [(i, (i + 1) % 4) for i in range(4)]
+_BOX_EDGES += [(i + 4, j + 4) for i, j in _BOX_EDGES] + [(i, i + 4) for i in range(4)]
 """The sides of a box between its corners, the lower four first."""

@@ -16,8 +16,8 @@ from typing import Any
 import pytest
 
 from supermap_cli.errors import ExportError
-from supermap_cli.exporting.destination import whole_file, whole_folder
-from supermap_cli.exporting.selection import Source
+from supermap_cli.exporting.destination import atomic_file, atomic_folder
+from supermap_cli.exporting.selection import ExportSource
 from support import kitchen, stopping
 
 FULL = OSError(errno.ENOSPC, "No space left on device")
@@ -34,14 +34,14 @@ def fill_the_disk(writing: AbstractContextManager[Path]) -> None:
 
 
 def test_a_failed_export_leaves_nothing(tmp_path: Path) -> None:
-    for writing in (whole_file(tmp_path / "a", force=False), whole_folder(tmp_path / "b", ("x",), force=False)):
+    for writing in (atomic_file(tmp_path / "a", force=False), atomic_folder(tmp_path / "b", ("x",), force=False)):
         with pytest.raises(ExportError, match="No space left"):
             fill_the_disk(writing)
     assert list(tmp_path.iterdir()) == []
 
 
 def write_folder(out: Path, text: str) -> None:
-    with whole_folder(out, ("x",), force=True) as partial:
+    with atomic_folder(out, ("x",), force=True) as partial:
         (partial / "x").write_text(text)
 
 
@@ -74,8 +74,8 @@ def test_a_folder_that_cannot_be_replaced_stays(
 WRITING = """
 import sys, time
 from pathlib import Path
-from supermap_cli.exporting.destination import whole_file
-with whole_file(Path(sys.argv[1]), force=True) as partial:
+from supermap_cli.exporting.destination import atomic_file
+with atomic_file(Path(sys.argv[1]), force=True) as partial:
     partial.write_text("half")
     print("half", flush=True)
     time.sleep(60)
@@ -83,13 +83,13 @@ with whole_file(Path(sys.argv[1]), force=True) as partial:
 KILLED_BETWEEN_RENAMES = """
 import os, sys
 from pathlib import Path
-from supermap_cli.exporting.destination import whole_folder
+from supermap_cli.exporting.destination import atomic_folder
 rename = Path.rename
 def die(self, target):
     rename(self, target)
     os.kill(os.getpid(), 9)
 Path.rename = die
-with whole_folder(Path(sys.argv[1]), ("x",), force=True) as partial:
+with atomic_folder(Path(sys.argv[1]), ("x",), force=True) as partial:
     (partial / "x").write_text("new")
 """
 
@@ -107,7 +107,7 @@ def test_a_killed_export_leaves_the_file_as_it_was_and_the_next_one_clears_up(tm
     killed(out)
     assert out.read_text() == "whole"
     assert len(names(tmp_path)) == 2
-    with whole_file(out, force=True) as partial:
+    with atomic_file(out, force=True) as partial:
         partial.write_text("new")
     assert names(tmp_path) == {"plan.geojson"}
     assert out.read_text() == "new"
@@ -118,7 +118,7 @@ def test_nothing_is_cleared_of_exports_that_run_or_go_elsewhere(tmp_path: Path) 
     of_others = {*names(tmp_path), f".a.json.{os.getppid()}.partial", ".a.json.notes.partial", ".axjson.999999.partial"}
     for name in of_others:
         (tmp_path / name).write_text("not mine")
-    with whole_file(tmp_path / "a.json", force=False) as partial:
+    with atomic_file(tmp_path / "a.json", force=False) as partial:
         partial.write_text("new")
     assert names(tmp_path) == {*of_others, "a.json"}
 
@@ -129,7 +129,7 @@ def test_a_folder_killed_between_its_two_names_comes_back(tmp_path: Path) -> Non
     ended = subprocess.run([sys.executable, "-c", KILLED_BETWEEN_RENAMES, out], env=os.environ, check=False)
     assert ended.returncode == -signal.SIGKILL
     assert not out.exists()
-    with pytest.raises(ExportError, match="is there already"), whole_folder(out, ("x",), force=False):
+    with pytest.raises(ExportError, match="is there already"), atomic_folder(out, ("x",), force=False):
         pass
     assert (out / "x").read_text() == "old"
     assert names(tmp_path) == {"tables"}
@@ -137,16 +137,16 @@ def test_a_folder_killed_between_its_two_names_comes_back(tmp_path: Path) -> Non
 
 def stop_while_it_writes(stop: int) -> None:
     """A `prepare`: the export's process is sent a signal when it has written a part."""
-    whole = Source.instances
+    whole = ExportSource.instances
 
-    def stopped(self: Source, **options: bool) -> Iterator[Any]:
+    def stopped(self: ExportSource, **options: bool) -> Iterator[Any]:
         for instance in whole(self, **options):
             (partial,) = Path().glob(".out.*.partial")
             assert partial.exists()
             os.kill(os.getpid(), stop)
             yield instance
 
-    Source.instances = stopped  # type: ignore[method-assign]
+    ExportSource.instances = stopped  # type: ignore[method-assign]
 
 
 @pytest.mark.parametrize("stop", [signal.SIGTERM, signal.SIGINT])

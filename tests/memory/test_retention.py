@@ -20,7 +20,7 @@ from supermap_cli.memory import open_store
 from supermap_cli.memory.checking import check
 from supermap_cli.memory.retention import KeptFrom
 from supermap_cli.memory.values import Checkpoint
-from supermap_cli.query.retention_policy import kept_from
+from supermap_cli.query.retention_policy import parse_retention_policy
 from supermap_cli.types.memory import MapDelta, Observation
 from support import databases, kitchen, large_memories
 from support import memories as m
@@ -250,7 +250,7 @@ def test_without_room_the_map_stays_and_the_error_says_what_is_needed(
 )
 def test_ages_count_back_from_the_newest_time_in_the_map(db: Path, said: str, seconds: float) -> None:
     with open_store(str(db), read_only=True) as store, store.reader() as reader:
-        assert kept_from([f"crops={said}"], reader) == KeptFrom(crops_ns=m.ns(seconds))
+        assert parse_retention_policy([f"crops={said}"], reader) == KeptFrom(crops_ns=m.ns(seconds))
 
 
 @pytest.mark.parametrize(
@@ -259,7 +259,7 @@ def test_ages_count_back_from_the_newest_time_in_the_map(db: Path, said: str, se
 )
 def test_what_is_not_understood_is_an_error_that_shows_how_to_say_it(db: Path, words: tuple[str, ...]) -> None:
     with open_store(str(db), read_only=True) as store, store.reader() as reader, pytest.raises(QueryError):
-        kept_from(words, reader)
+        parse_retention_policy(words, reader)
 
 
 @pytest.mark.sqlite_only("a server looks after its disk itself")

@@ -14,7 +14,7 @@ from supermap_cli.query.answers import answer
 from supermap_cli.query.clock import clock_of
 from supermap_cli.query.details import ObjectDetails, details_at
 from supermap_cli.query.overview import Overview, overview_at
-from supermap_cli.query.time_points import instant_of
+from supermap_cli.query.time_points import parse_time_point
 from supermap_cli.types.memory import MapDelta
 from support import kitchen
 from support import memories as m
@@ -29,12 +29,12 @@ def reader(tmp_path_factory: pytest.TempPathFactory) -> Iterator[MapReader]:
 
 def all_at(reader: MapReader, at: str) -> Overview:
     clock = clock_of(reader)
-    return overview_at(reader, instant_of(at, reader, clock), clock)
+    return overview_at(reader, parse_time_point(at, reader, clock), clock)
 
 
 def one_at(reader: MapReader, text_id: str, at: str) -> ObjectDetails:
     clock = clock_of(reader)
-    return details_at(reader, text_id, instant_of(at, reader, clock), clock)
+    return details_at(reader, text_id, parse_time_point(at, reader, clock), clock)
 
 
 @pytest.mark.parametrize(
@@ -57,13 +57,13 @@ def one_at(reader: MapReader, text_id: str, at: str) -> ObjectDetails:
     ],
 )
 def test_a_time_or_a_traversal_is_understood(reader: MapReader, written: str, at_s: float) -> None:
-    assert instant_of(written, reader, clock_of(reader)).at_ns == m.ns(at_s)
+    assert parse_time_point(written, reader, clock_of(reader)).at_ns == m.ns(at_s)
 
 
 @pytest.mark.parametrize("written", ["sunday", "9", "25:00", "", "12 minutes"])
 def test_what_is_neither_is_an_error(reader: MapReader, written: str) -> None:
     with pytest.raises(QueryError):
-        instant_of(written, reader, clock_of(reader))
+        parse_time_point(written, reader, clock_of(reader))
 
 
 def test_between_two_visits_what_has_gone_is_unknown(reader: MapReader) -> None:

@@ -12,11 +12,11 @@ from hypothesis import strategies as st
 from supermap_cli.memory import open_store
 from supermap_cli.memory.as_of import AsOf
 from supermap_cli.memory.reading import MapReader
-from supermap_cli.query.candidates import is_called, label_in
+from supermap_cli.query.candidates import had_label, label_in_state
 from supermap_cli.query.clock import clock_of
 from supermap_cli.query.overview import overview_at
-from supermap_cli.query.presence_at import held_at, standing_at
-from supermap_cli.query.time_points import instant_of
+from supermap_cli.query.presence_at import presence_at, state_held_at
+from supermap_cli.query.time_points import parse_time_point
 from support import memories as m
 from support.databases import examples
 from support.random_memories import LABELS, make_random_memory
@@ -40,31 +40,29 @@ def test_a_time_is_judged_as_each_life_is(
 
 def compare(reader: MapReader, at_ns: int, since_ns: int | None, wanted: frozenset[str] | None) -> None:
     as_of = AsOf(reader.connection, at_ns, since_ns)
-    lives = sorted(reader.believed, key=lambda instance: (-instance.last_seen_ns, -instance.number))
-    known = {instance.number: standing_at(instance, at_ns, since_ns) for instance in lives}
+    instances = sorted(reader.believed, key=lambda instance: (-instance.last_seen_ns, -instance.number))
+    known = {instance.number: presence_at(instance, at_ns, since_ns) for instance in instances}
     present = Counter(
-        label_in(instance, it.state)
-        for instance in lives
-        if (it := known[instance.number]) and it.presence == "present"
+        label_in_state(instance, it.state)
+        for instance in instances
+        if (it := known[instance.number]) and it.value == "present"
     )
     counts = as_of.counts()
     assert {called: count for (presence, called), count in counts.items() if presence == "present"} == present
     for presence in ("present", "unknown", "absent"):
-        of = [instance.number for instance in lives if (it := known[instance.number]) and it.presence == presence]
+        of = [instance.number for instance in instances if (it := known[instance.number]) and it.value == presence]
         assert sum(count for (other, _), count in counts.items() if other == presence) == len(of)
         assert [as_of.first(presence, limit) for limit in (0, 2, 99)] == [of[:0], of[:2], of]
-    held = {instance.number: held_at(instance.states, at_ns) for instance in lives}
+    held = {instance.number: state_held_at(instance.states, at_ns) for instance in instances}
     fits = [
         instance
-        for instance in lives
-        if (it := held[instance.number]) and (wanted is None or label_in(instance, it) in wanted)
+        for instance in instances
+        if (it := held[instance.number]) and (wanted is None or label_in_state(instance, it) in wanted)
     ]
     unsure = [
         instance
-        for instance in lives
-        if (it := known[instance.number])
-        and it.presence == "unknown"
-        and (wanted is None or is_called(instance, wanted))
+        for instance in instances
+        if (it := known[instance.number]) and it.value == "unknown" and (wanted is None or had_label(instance, wanted))
     ]
     tally = as_of.tally(wanted)
     assert (tally.fits, tally.unsure) == (len(fits), len(unsure))
@@ -83,8 +81,8 @@ def test_a_short_overview_counts_what_it_does_not_list(seed: int, at: str) -> No
         path = make_random_memory(Path(folder) / "map.db", seed)
         with open_store(str(path), read_only=True) as store, store.reader() as reader:
             clock = clock_of(reader)
-            instant = instant_of(at, reader, clock)
-            whole, short = overview_at(reader, instant, clock), overview_at(reader, instant, clock, limit=2)
+            time_point = parse_time_point(at, reader, clock)
+            whole, short = overview_at(reader, time_point, clock), overview_at(reader, time_point, clock, limit=2)
     assert len(short.instances) == min(2, len(whole.instances))
     assert len(short.instances) + short.more == len(whole.instances) == sum(short.counts.values())
     assert len(short.unknown or ()) + short.more_unknown == len(whole.unknown or ())

@@ -9,41 +9,50 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from supermap_cli.memory.values import StoredInstance
-from supermap_cli.query.change_classification import MOVE_M, Case, Verdict, distance, ends_of
-from supermap_cli.query.presence_at import held_at, standing_at
-from supermap_cli.query.time_points import Instant
-from support import lives
+from supermap_cli.query.change_classification import (
+    MIN_MOVE_M,
+    ChangeClassification,
+    StateComparison,
+    compared_times,
+    state_distance_m,
+)
+from supermap_cli.query.presence_at import presence_at, state_held_at
+from supermap_cli.query.time_points import TimePoint
 from support import memories as m
+from support import random_instances
 
-times = st.integers(-5, lives.END_S + 5)
+times = st.integers(-5, random_instances.END_S + 5)
 
 
-def between(of: StoredInstance, a: float, b: float) -> Verdict | None:
+def between(instance: StoredInstance, a: float, b: float) -> ChangeClassification | None:
     """The verdict between two plain times."""
-    first, second = (Instant(str(at), m.ns(at), m.ns(at)) for at in sorted((a, b)))
-    return Case(of, ends_of(first, second, ())).verdict()
+    first, second = (TimePoint(str(at), m.ns(at), m.ns(at)) for at in sorted((a, b)))
+    return StateComparison(instance, compared_times(first, second, ())).classify()
 
 
-def of_visits(of: StoredInstance, first: int, second: int) -> Verdict | None:
+def of_visits(instance: StoredInstance, first: int, second: int) -> ChangeClassification | None:
     """The verdict between two of the traversals of `lives.visited`."""
-    a, b = (lives.TRAVERSALS[at] for at in sorted((first, second)))
-    ends = [Instant(traversal.name, traversal.end_ns, traversal.start_ns, traversal) for traversal in (a, b)]
-    return Case(of, ends_of(ends[0], ends[1], lives.TRAVERSALS)).verdict()
+    a, b = (random_instances.TRAVERSALS[at] for at in sorted((first, second)))
+    ends = [TimePoint(traversal.name, traversal.end_ns, traversal.start_ns, traversal) for traversal in (a, b)]
+    return StateComparison(instance, compared_times(ends[0], ends[1], random_instances.TRAVERSALS)).classify()
 
 
-def check_claims(of: StoredInstance, found: Verdict | None, a_ns: int, b_ns: int) -> None:
+def check_claims(instance: StoredInstance, found: ChangeClassification | None, a_ns: int, b_ns: int) -> None:
     """Gone needs a contradiction between the two, come a place seen empty before."""
     if found is None:
         return
     if found.kind == "disappeared":
         assert found.not_before_ns is not None
         assert any(
-            state.gone_ns == found.not_after_ns and state.last_seen_ns == found.not_before_ns for state in of.states
+            state.gone_ns == found.not_after_ns and state.last_seen_ns == found.not_before_ns
+            for state in instance.states
         )
         assert found.not_after_ns is not None
         assert a_ns < found.not_after_ns <= b_ns
     if found.kind == "appeared":
-        seen_empty = {ns for state in of.states for ns in (state.gone_ns, state.empty_before_ns) if ns is not None}
+        seen_empty = {
+            ns for state in instance.states for ns in (state.gone_ns, state.empty_before_ns) if ns is not None
+        }
         assert found.not_before_ns in seen_empty
     if found.kind in {"appeared", "moved", "first observed"}:
         assert found.after is not None
@@ -55,43 +64,45 @@ def check_claims(of: StoredInstance, found: Verdict | None, a_ns: int, b_ns: int
     if found.kind == "moved":
         assert found.before is not None
         assert found.after is not None
-        assert distance(found.before, found.after) >= MOVE_M
+        assert state_distance_m(found.before, found.after) >= MIN_MOVE_M
 
 
-@given(lives.lives(), times, times)
-def test_nothing_is_claimed_that_nobody_saw(of: StoredInstance, a: int, b: int) -> None:
+@given(random_instances.instances(), times, times)
+def test_nothing_is_claimed_that_nobody_saw(instance: StoredInstance, a: int, b: int) -> None:
     low, high = sorted((a, b))
     if low < high:
-        check_claims(of, between(of, low, high), m.ns(low), m.ns(high))
+        check_claims(instance, between(instance, low, high), m.ns(low), m.ns(high))
 
 
-@given(lives.visited(), st.sampled_from([(0, 1), (1, 2), (0, 2)]))
-def test_nothing_is_claimed_between_traversals_that_nobody_saw(of: StoredInstance, which: tuple[int, int]) -> None:
-    a, b = (lives.TRAVERSALS[index] for index in which)
-    check_claims(of, of_visits(of, *which), a.end_ns, b.end_ns)
+@given(random_instances.visited_instances(), st.sampled_from([(0, 1), (1, 2), (0, 2)]))
+def test_nothing_is_claimed_between_traversals_that_nobody_saw(
+    instance: StoredInstance, which: tuple[int, int]
+) -> None:
+    a, b = (random_instances.TRAVERSALS[index] for index in which)
+    check_claims(instance, of_visits(instance, *which), a.end_ns, b.end_ns)
 
 
-@given(lives.visited(), times, times)
-def test_without_a_contradiction_nothing_disappears_or_appears(of: StoredInstance, a: int, b: int) -> None:
-    states = tuple(replace(state, gone_ns=None, empty_before_ns=None) for state in of.states)
-    unseen = replace(of, states=states, presence="present")
+@given(random_instances.visited_instances(), times, times)
+def test_without_a_contradiction_nothing_disappears_or_appears(instance: StoredInstance, a: int, b: int) -> None:
+    states = tuple(replace(state, gone_ns=None, empty_before_ns=None) for state in instance.states)
+    unseen = replace(instance, states=states, presence="present")
     found = [of_visits(unseen, 0, 1), of_visits(unseen, 1, 2), of_visits(unseen, 0, 2)]
     if a != b:
         found.append(between(unseen, a, b))
     assert all(change is None or change.kind not in {"disappeared", "appeared"} for change in found)
 
 
-@given(lives.lives(), times, times)
-def test_what_is_certain_at_both_ends_is_told_as_it_is(of: StoredInstance, a: int, b: int) -> None:
+@given(random_instances.instances(), times, times)
+def test_what_is_certain_at_both_ends_is_told_as_it_is(instance: StoredInstance, a: int, b: int) -> None:
     low, high = sorted((a, b))
-    before, after = standing_at(of, m.ns(low)), standing_at(of, m.ns(high))
+    before, after = presence_at(instance, m.ns(low)), presence_at(instance, m.ns(high))
     assert before is not None
     assert after is not None
-    if low == high or "unknown" in {before.presence, after.presence}:
+    if low == high or "unknown" in {before.value, after.value}:
         return
-    found = between(of, low, high)
+    found = between(instance, low, high)
     kind = None if found is None else found.kind
-    match before.presence, after.presence:
+    match before.value, after.value:
         case "present", "absent":
             assert kind == "disappeared"
         case "absent", "present":
@@ -99,20 +110,20 @@ def test_what_is_certain_at_both_ends_is_told_as_it_is(of: StoredInstance, a: in
         case "absent", "absent":
             assert kind is None
         case "present", "present":
-            same = distance(before.state, after.state) < MOVE_M
+            same = state_distance_m(before.state, after.state) < MIN_MOVE_M
             assert kind in ({"unchanged", "not observed again"} if same else {"moved"})
 
 
 @pytest.mark.parametrize("traversals", [False, True])
-@given(of=lives.visited(), a=times, b=times, c=times)
-def test_diffs_add_up(traversals: bool, of: StoredInstance, a: int, b: int, c: int) -> None:
+@given(instance=random_instances.visited_instances(), a=times, b=times, c=times)
+def test_diffs_add_up(traversals: bool, instance: StoredInstance, a: int, b: int, c: int) -> None:
     low, middle, high = sorted((a, b, c))
     if not low < middle < high:
         return
     if traversals:
-        first, second, whole = (of_visits(of, *pair) for pair in ((0, 1), (1, 2), (0, 2)))
+        first, second, whole = (of_visits(instance, *pair) for pair in ((0, 1), (1, 2), (0, 2)))
     else:
-        first, second, whole = (between(of, *pair) for pair in ((low, middle), (middle, high), (low, high)))
+        first, second, whole = (between(instance, *pair) for pair in ((low, middle), (middle, high), (low, high)))
     kinds = tuple(None if change is None else change.kind for change in (first, second))
     kind = None if whole is None else whole.kind
     match kinds:
@@ -140,9 +151,12 @@ def test_what_moved_and_moved_back_is_unchanged() -> None:
         m.state(1, 1, (30, 40), (3, 0, 0.5), gone=50),
         m.state(1, 2, (60, 70)),
     )
-    of = replace(lives.life(states), presence="present")
-    found = between(of, 5, 65)
+    instance = replace(random_instances.instance_with_states(states), presence="present")
+    found = between(instance, 5, 65)
     assert found is not None
     assert (found.kind, found.reason) == ("unchanged", "seen in its place in both, moved in between")
-    assert [change.kind for change in (between(of, 5, 35), between(of, 35, 65)) if change] == ["moved", "moved"]
-    assert held_at(of.states, m.ns(25)) is None
+    assert [change.kind for change in (between(instance, 5, 35), between(instance, 35, 65)) if change] == [
+        "moved",
+        "moved",
+    ]
+    assert state_held_at(instance.states, m.ns(25)) is None

@@ -14,8 +14,8 @@ from supermap_cli.memory.checking import check
 from supermap_cli.memory.numbers import batches
 from supermap_cli.memory.reading import MapReader
 from supermap_cli.memory.said import Hearing
-from supermap_cli.query.diff import Change, diff
-from supermap_cli.query.object_history import history
+from supermap_cli.query.diff import ObjectChange, diff
+from supermap_cli.query.object_history import object_history
 from supermap_cli.types.memory import InstanceRecord, MapDelta, StateRecord, Visit
 from support import kitchen
 from support import memories as m
@@ -73,13 +73,13 @@ def test_a_diff_needs_two_known_traversals(reader: MapReader, names: tuple[str, 
         diff(reader, *names)
 
 
-def verdict(
+def only_change(
     path: Path,
     states: tuple[StateRecord, ...],
     visits: tuple[Visit | None, Visit | None],
     instance: InstanceRecord | None = None,
     deltas: tuple[MapDelta, MapDelta] = (MapDelta(), MapDelta()),
-) -> Change | None:
+) -> ObjectChange | None:
     """The verdict on one chair, of whose visits each belongs to one of two traversals (0-10 s and 100-110 s)."""
     chair = instance or m.instance(1, "chair", seen=(1, 105))
     with open_store(str(path), create=True) as store:
@@ -132,7 +132,7 @@ DOUBTED = m.visit(1, 0, 3, 1)
 def test_the_verdict_follows_from_states_and_visits(
     tmp_path: Path, states: tuple[StateRecord, ...], visits: tuple[Visit | None, Visit | None], kind: str | None
 ) -> None:
-    change = verdict(tmp_path / "map.db", states, visits)
+    change = only_change(tmp_path / "map.db", states, visits)
     assert (change and change.kind) == kind
 
 
@@ -144,7 +144,7 @@ def test_a_label_changed_only_where_both_traversals_are_sure(tmp_path: Path) -> 
     for n, kind in ((3, "relabelled"), (2, "unchanged")):
         path = tmp_path / f"{kind}.db"
         deltas = (called("chair", 0, n), called("bench", 100, n))
-        change = verdict(path, (m.state(1, 0, (1, 105)),), (SEEN, SEEN), deltas=deltas)
+        change = only_change(path, (m.state(1, 0, (1, 105)),), (SEEN, SEEN), deltas=deltas)
         assert change is not None
         assert change.kind == kind
         if kind == "relabelled":
@@ -163,9 +163,9 @@ def test_one_traversal_cannot_be_compared(tmp_path: Path) -> None:
 
 def test_who_walked_by_has_not_changed_the_place(tmp_path: Path) -> None:
     states = (m.state(1, 0, (1, 5), gone=105),)
-    assert verdict(tmp_path / "chair.db", states, (SEEN, LOOKED)) is not None
+    assert only_change(tmp_path / "chair.db", states, (SEEN, LOOKED)) is not None
     person = m.instance(1, "person", seen=(1, 5))
-    assert verdict(tmp_path / "person.db", states, (SEEN, LOOKED), person) is None
+    assert only_change(tmp_path / "person.db", states, (SEEN, LOOKED), person) is None
 
 
 def test_what_was_split_off_did_not_appear(tmp_path: Path) -> None:
@@ -194,7 +194,7 @@ def test_what_was_split_off_did_not_appear(tmp_path: Path) -> None:
     with open_store(str(path), read_only=True) as store, store.reader() as reader:
         changes = {change.id: change for change in diff(reader).changes}
         problems = check(reader)
-        events = [(event.kind, event.from_id, event.to_id) for event in history(reader, "chair-2").events]
+        events = [(event.kind, event.from_id, event.to_id) for event in object_history(reader, "chair-2").events]
     assert (changes["chair-1"].kind, changes["chair-2"].kind) == ("unchanged", "first observed")
     assert changes["chair-2"].reason == "was one with chair-1 until the two were told apart"
     assert problems == []
@@ -230,7 +230,7 @@ def test_each_side_names_its_best_crop(tmp_path: Path) -> None:
         return MapDelta(keyframes=m.keyframes([at]), observations=(picture,))
 
     deltas = seen(2, b"first"), seen(102, None)
-    change = verdict(tmp_path / "map.db", (m.state(1, 0, (1, 105)),), (SEEN, SEEN), deltas=deltas)
+    change = only_change(tmp_path / "map.db", (m.state(1, 0, (1, 105)),), (SEEN, SEEN), deltas=deltas)
     assert change is not None
     assert (change.crop_before, change.crop_after) == (1, None)
 
@@ -322,4 +322,4 @@ def test_what_was_lost_and_then_found_elsewhere_has_moved_not_appeared(
         (change,) = diff(reader, "09:00:06", "09:00:09").changes
         assert (change.kind, change.distance_m) == ("moved", 3.0)
         assert (change.not_before_ns, change.not_after_ns) == (m.ns(2), m.ns(8))
-        assert [event.kind for event in history(reader, "suitcase-1").events] == ["moved"]
+        assert [event.kind for event in object_history(reader, "suitcase-1").events] == ["moved"]

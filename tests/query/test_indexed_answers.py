@@ -48,9 +48,9 @@ questions = st.builds(
 @given(seed=st.integers(0, 10_000), asked=st.lists(questions, min_size=3, max_size=12))
 def test_the_indices_find_what_going_through_everything_finds(part: int, seed: int, asked: list[str]) -> None:
     with pytest.MonkeyPatch.context() as patch, tempfile.TemporaryDirectory() as folder:
-        patch.setattr("supermap_cli.query.candidates.PART", part)
-        patch.setattr("supermap_cli.query.near_misses.FEW", part)
-        patch.setattr("supermap_cli.query.relation_matching.FEW", part - 2)
+        patch.setattr("supermap_cli.query.candidates.BATCH_SIZE", part)
+        patch.setattr("supermap_cli.query.near_misses.EXHAUSTIVE_LIMIT", part)
+        patch.setattr("supermap_cli.query.relation_matching.DIRECT_READ_LIMIT", part - 2)
         path = make_random_memory(Path(folder) / "map.db", seed)
         with open_store(str(path), read_only=True) as store, store.reader() as reader:
             for text in asked:
@@ -59,7 +59,7 @@ def test_the_indices_find_what_going_through_everything_finds(part: int, seed: i
 
 def compare(reader, text: str) -> None:  # type: ignore[no-untyped-def]
     found, expected = answer(text, reader), BruteForce(reader, text)
-    told = {
+    found_relations = {
         instance.id: (
             [interval.state for interval in instance.intervals],
             [
@@ -70,13 +70,13 @@ def compare(reader, text: str) -> None:  # type: ignore[no-untyped-def]
         for instance in found.instances
     }
     fits = expected.found()
-    assert told == fits, text
-    assert list(told) == sorted(fits, key=list(expected.parts).index), text
+    assert found_relations == fits, text
+    assert list(found_relations) == sorted(fits, key=list(expected.parts).index), text
     if not found.instances:
         assert [(near_miss.id, near_miss.distance_m) for near_miss in found.nearest] == expected.nearest(), text
     counted = answer(f"how many {text}", reader)
     assert counted.count == sum(instance.presence != "unknown" for instance in found.instances), text
-    assert (counted.count_at_most or counted.count) == len(fits) + expected.perhaps(), text
+    assert (counted.count_at_most or counted.count) == len(fits) + expected.uncertain_count(), text
     few = answer(text, reader, limit=2)
     assert {instance.id for instance in few.instances} <= fits.keys()
     assert len(few.instances) == min(2, len(fits))

@@ -11,9 +11,9 @@ import pytest
 from supermap_cli.memory import open_store
 from supermap_cli.memory.reading import MapReader
 from supermap_cli.query.clock import clock_of
-from supermap_cli.query.history_text import MOST_SENTENCES, shortened, story
-from supermap_cli.query.object_history import MOST_RELATIONS, History, history
-from supermap_cli.query.time_points import instant_of
+from supermap_cli.query.history_text import MAX_SENTENCES, history_sentences, shorten_lines
+from supermap_cli.query.object_history import MAX_RELATIONS, ObjectHistory, object_history
+from supermap_cli.query.time_points import parse_time_point
 from supermap_cli.types.memory import MapDelta
 from support import kitchen
 from support import memories as m
@@ -26,21 +26,21 @@ def reader(tmp_path_factory: pytest.TempPathFactory) -> Iterator[MapReader]:
         yield reader
 
 
-def told(reader: MapReader, text_id: str, at: str | None = None) -> tuple[History, list[str]]:
+def history_and_text(reader: MapReader, text_id: str, at: str | None = None) -> tuple[ObjectHistory, list[str]]:
     clock = clock_of(reader)
-    life = history(reader, text_id, None if at is None else instant_of(at, reader, clock), clock)
-    return life, story(life, clock)
+    history = object_history(reader, text_id, None if at is None else parse_time_point(at, reader, clock), clock)
+    return history, history_sentences(history, clock)
 
 
 def test_it_says_where_it_stood_when_and_next_to_what(reader: MapReader) -> None:
-    life, sentences = told(reader, "chair-1")
+    history, sentences = history_and_text(reader, "chair-1")
     where = "(0.00, 1.00, 0.50), beside dining-table-1 and near potted-plant-1"
     assert sentences == [
         f"first seen 09:00:01.0Z at {where}; nobody had seen its place empty before",
         "moved 3.61 m between 2026-01-05T09:01:30.0Z and 2026-01-05T09:16:41.0Z: stands at (-3.00, 3.00, 0.50)",
         "last seen 09:18:10.0Z; stands there as far as anybody knows",
     ]
-    near, none = life.surroundings
+    near, none = history.surroundings
     assert [(relation.name, relation.object) for relation in near.relations] == [
         ("beside", "dining-table-1"),
         ("near", "potted-plant-1"),
@@ -49,23 +49,23 @@ def test_it_says_where_it_stood_when_and_next_to_what(reader: MapReader) -> None
 
 
 def test_what_came_and_what_left_are_told_with_their_bounds(reader: MapReader) -> None:
-    _, cup = told(reader, "cup-1")
+    _, cup = history_and_text(reader, "cup-1")
     assert cup[1] == "left (0.50, 0.00, 0.80) between 2026-01-05T09:01:30.0Z and 2026-01-05T09:16:45.0Z: found empty"
     assert "may be vase-1 as well (20%): the evidence does not single it out" in cup
     assert cup[-1] == "last seen 09:01:30.0Z"
-    _, vase = told(reader, "vase-1")
+    _, vase = history_and_text(reader, "vase-1")
     assert vase[0].startswith("came between 2026-01-05T09:01:30.0Z and 2026-01-05T09:16:41.0Z: stands at (-0.50,")
     assert "on dining-table-1" in vase[0]
 
 
 def test_a_life_is_told_until_a_time(reader: MapReader) -> None:
-    life, sentences = told(reader, "chair-1", "09:10")
-    assert [interval.state for interval in life.intervals] == [0]
-    assert [sighting.traversal for sighting in life.sightings] == ["monday"]
-    assert (life.presence, life.last_seen_ns) == ("unknown", m.ns(90))
+    history, sentences = history_and_text(reader, "chair-1", "09:10")
+    assert [interval.state for interval in history.intervals] == [0]
+    assert [sighting.traversal for sighting in history.sightings] == ["monday"]
+    assert (history.presence, history.last_seen_ns) == ("unknown", m.ns(90))
     assert sentences[-1].startswith("as of 2026-01-05T09:10:00.0Z: left between")
-    assert [event.kind for event in life.events] == ["moved"]
-    assert told(reader, "chair-1", "60 s")[0].events == ()
+    assert [event.kind for event in history.events] == ["moved"]
+    assert history_and_text(reader, "chair-1", "60 s")[0].events == ()
 
 
 def test_what_it_was_called_is_told_where_that_changed(tmp_path: Path) -> None:
@@ -82,8 +82,8 @@ def test_what_it_was_called_is_told_where_that_changed(tmp_path: Path) -> None:
     days = [(f"day-{n}", (100 * n, 100 * n + 10), called("chair" if n < 2 else "bench", 100 * n + 1)) for n in range(3)]
     path = m.make_memory(tmp_path / "map.db", *days)
     with open_store(str(path), read_only=True) as store, store.reader() as reader:
-        life, sentences = told(reader, "chair-1")
-    assert [sighting.labels for sighting in life.sightings] == [{"chair": 1.0}, {"chair": 1.0}, {"bench": 1.0}]
+        history, sentences = history_and_text(reader, "chair-1")
+    assert [sighting.labels for sighting in history.sightings] == [{"chair": 1.0}, {"chair": 1.0}, {"bench": 1.0}]
     assert "called chair in day-0, day-1, then bench in day-2" in sentences
 
 
@@ -99,9 +99,9 @@ def test_a_merged_id_tells_the_life_of_what_it_is_part_of(tmp_path: Path) -> Non
     )
     path = m.make_memory(tmp_path / "map.db", ("monday", (0, 10), delta))
     with open_store(str(path), read_only=True) as store, store.reader() as reader:
-        life, sentences = told(reader, "cup-2")
-    assert (life.id, life.asked_id, life.merged_ids) == ("cup-1", "cup-2", ("cup-2",))
-    assert life.evidence.observation_count == 3
+        history, sentences = history_and_text(reader, "cup-2")
+    assert (history.id, history.asked_id, history.merged_ids) == ("cup-1", "cup-2", ("cup-2",))
+    assert history.evidence.observation_count == 3
     assert "cup-2 turned out to be it (09:00:09.0Z)" in sentences
 
 
@@ -125,16 +125,16 @@ def test_a_long_life_stays_readable(tmp_path: Path) -> None:
     )
     path = m.make_memory(tmp_path / "map.db", ("monday", (0, 10 * moves), delta))
     with open_store(str(path), read_only=True) as store, store.reader() as reader:
-        life, sentences = told(reader, "cart-1")
-    assert len(life.intervals) == moves
-    assert len(sentences) == MOST_SENTENCES + 1
-    assert sentences[MOST_SENTENCES // 2].startswith("... ")
-    assert {(len(surroundings.relations), surroundings.more) for surroundings in life.surroundings} == {
-        (MOST_RELATIONS, 40 - MOST_RELATIONS)
+        history, sentences = history_and_text(reader, "cart-1")
+    assert len(history.intervals) == moves
+    assert len(sentences) == MAX_SENTENCES + 1
+    assert sentences[MAX_SENTENCES // 2].startswith("... ")
+    assert {(len(surroundings.relations), surroundings.more) for surroundings in history.surroundings} == {
+        (MAX_RELATIONS, 40 - MAX_RELATIONS)
     }
 
 
 def test_lines_are_shortened_only_where_there_are_too_many() -> None:
     lines = [str(number) for number in range(10)]
-    assert shortened(lines, 10) == lines
-    assert shortened(lines, 4) == ["0", "1", "... 6 more ...", "8", "9"]
+    assert shorten_lines(lines, 10) == lines
+    assert shorten_lines(lines, 4) == ["0", "1", "... 6 more ...", "8", "9"]

@@ -11,16 +11,16 @@ from hypothesis import strategies as st
 
 from supermap_cli.memory.values import StoredInstance
 from supermap_cli.query.clock import Clock
-from supermap_cli.query.presence_at import held_at, in_words, standing_at
-from supermap_cli.query.traversal_spans import Stretch
+from supermap_cli.query.presence_at import describe_presence, presence_at, state_held_at
+from supermap_cli.query.traversal_spans import TraversalSpan
 from supermap_cli.types.memory import StateRecord
 from support import memories as m
-from support.random_instances import lives
+from support.random_instances import instances
 
-CLOCK = Clock((Stretch(1, "monday", m.ns(0), m.ns(1000)),))
+CLOCK = Clock((TraversalSpan(1, "monday", m.ns(0), m.ns(1000)),))
 
 
-def thing(*states: StateRecord, presence: str = "present") -> StoredInstance:
+def instance_with(*states: StateRecord, presence: str = "present") -> StoredInstance:
     """An instance with the given states."""
     last = states[-1]
     return StoredInstance(
@@ -42,16 +42,16 @@ def thing(*states: StateRecord, presence: str = "present") -> StoredInstance:
     )
 
 
-LEFT = thing(m.state(1, 0, (10, 21), gone=40))
-CAME = thing(m.state(1, 0, (30, 50), empty_before=20))
-FOUND = thing(m.state(1, 0, (30, 50)))
-AWAY = thing(m.state(1, 0, (10, 20), gone=30), m.state(1, 1, (60, 70), (3, 0, 0.5), empty_before=50))
-CARRIED = thing(m.state(1, 0, (10, 20)), m.state(1, 1, (60, 70), (3, 0, 0.5)))
-LOST = thing(m.state(1, 0, (10, 20)), presence="absent")
+LEFT = instance_with(m.state(1, 0, (10, 21), gone=40))
+CAME = instance_with(m.state(1, 0, (30, 50), empty_before=20))
+FOUND = instance_with(m.state(1, 0, (30, 50)))
+AWAY = instance_with(m.state(1, 0, (10, 20), gone=30), m.state(1, 1, (60, 70), (3, 0, 0.5), empty_before=50))
+CARRIED = instance_with(m.state(1, 0, (10, 20)), m.state(1, 1, (60, 70), (3, 0, 0.5)))
+LOST = instance_with(m.state(1, 0, (10, 20)), presence="absent")
 
 
 @pytest.mark.parametrize(
-    ("of", "at", "presence", "cause", "bounds"),
+    ("instance", "at", "presence", "cause", "bounds"),
     [
         (LEFT, 10, "present", "stands", (None, None)),
         (LEFT, 21, "present", "stands", (None, None)),
@@ -72,58 +72,60 @@ LOST = thing(m.state(1, 0, (10, 20)), presence="absent")
     ],
 )
 def test_the_gaps_are_unknown(
-    of: StoredInstance, at: float, presence: str, cause: str, bounds: tuple[float | None, float | None]
+    instance: StoredInstance, at: float, presence: str, cause: str, bounds: tuple[float | None, float | None]
 ) -> None:
-    known = standing_at(of, m.ns(at))
+    known = presence_at(instance, m.ns(at))
     assert known is not None
-    assert (known.presence, known.cause) == (presence, cause)
+    assert (known.value, known.cause) == (presence, cause)
     assert (known.not_before_ns, known.not_after_ns) == tuple(map(m.maybe_ns, bounds))
 
 
 def test_it_is_said_in_words() -> None:
-    known = standing_at(LEFT, m.ns(30))
+    known = presence_at(LEFT, m.ns(30))
     assert known is not None
-    assert in_words(known, m.ns(30), CLOCK) == (
+    assert describe_presence(known, m.ns(30), CLOCK) == (
         "left between 2026-01-05T09:00:21.0Z and 2026-01-05T09:00:40.0Z; nobody can say for 2026-01-05T09:00:30.0Z"
     )
 
 
-@given(lives(), st.floats(-10, 210))
-def test_gone_needs_a_contradiction_and_not_yet_a_place_seen_empty(of: StoredInstance, at: float) -> None:
+@given(instances(), st.floats(-10, 210))
+def test_gone_needs_a_contradiction_and_not_yet_a_place_seen_empty(instance: StoredInstance, at: float) -> None:
     at_ns = m.ns(at)
-    known = standing_at(of, at_ns)
+    known = presence_at(instance, at_ns)
     assert known is not None
-    in_support = any(state.first_seen_ns <= at_ns <= state.last_seen_ns for state in of.states)
+    in_support = any(state.first_seen_ns <= at_ns <= state.last_seen_ns for state in instance.states)
     if in_support:
-        assert known.presence == "present"
-    if known.presence == "absent":
-        contradicted = [state for state in of.states if state.gone_ns is not None and state.gone_ns <= at_ns]
+        assert known.value == "present"
+    if known.value == "absent":
+        contradicted = [state for state in instance.states if state.gone_ns is not None and state.gone_ns <= at_ns]
         seen_empty = [
-            state for state in of.states if state.empty_before_ns is not None and state.empty_before_ns >= at_ns
+            state for state in instance.states if state.empty_before_ns is not None and state.empty_before_ns >= at_ns
         ]
         assert contradicted or seen_empty
     if known.cause in {"left", "came"}:
         assert known.not_before_ns is not None
         assert known.not_after_ns is not None
         assert known.not_before_ns <= at_ns < known.not_after_ns
-    assert in_words(known, at_ns, CLOCK)
+    assert describe_presence(known, at_ns, CLOCK)
 
 
-@given(lives(), st.floats(-10, 210))
-def test_nothing_is_gone_that_nobody_saw_go(of: StoredInstance, at: float) -> None:
+@given(instances(), st.floats(-10, 210))
+def test_nothing_is_gone_that_nobody_saw_go(instance: StoredInstance, at: float) -> None:
     unseen = replace(
-        of, states=tuple(replace(state, gone_ns=None, empty_before_ns=None) for state in of.states), presence="present"
+        instance,
+        states=tuple(replace(state, gone_ns=None, empty_before_ns=None) for state in instance.states),
+        presence="present",
     )
-    known = standing_at(unseen, m.ns(at))
+    known = presence_at(unseen, m.ns(at))
     assert known is not None
-    assert known.presence != "absent"
+    assert known.value != "absent"
 
 
-@given(lives(), st.floats(-10, 210))
-def test_what_is_held_agrees_with_what_stands(of: StoredInstance, at: float) -> None:
-    known, held = standing_at(of, m.ns(at)), held_at(of.states, m.ns(at))
+@given(instances(), st.floats(-10, 210))
+def test_what_is_held_agrees_with_what_stands(instance: StoredInstance, at: float) -> None:
+    known, held = presence_at(instance, m.ns(at)), state_held_at(instance.states, m.ns(at))
     assert known is not None
-    if known.presence == "present":
+    if known.value == "present":
         assert held is known.state
     if known.cause == "gone":
         assert held is None or not np.array_equal(held.centroid_map, known.state.centroid_map)

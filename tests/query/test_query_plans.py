@@ -17,9 +17,9 @@ from supermap_cli.query.clock import Clock, clock_of
 from supermap_cli.query.details import details, details_at
 from supermap_cli.query.diff import diff
 from supermap_cli.query.inventory import inventory
-from supermap_cli.query.object_history import history
+from supermap_cli.query.object_history import object_history
 from supermap_cli.query.overview import overview, overview_at
-from supermap_cli.query.time_points import Instant, instant_of
+from supermap_cli.query.time_points import TimePoint, parse_time_point
 
 pytestmark = pytest.mark.sqlite_only("reads SQLite's query plans")
 
@@ -86,15 +86,15 @@ def scanned(path: Path, ask: Callable[[MapReader], object]) -> dict[str, str]:
     return found
 
 
-def day(reader: MapReader, name: str) -> tuple[Instant, Clock]:
+def day(reader: MapReader, name: str) -> tuple[TimePoint, Clock]:
     clock = clock_of(reader)
-    return instant_of(name, reader, clock), clock
+    return parse_time_point(name, reader, clock), clock
 
 
 @pytest.mark.parametrize("few", [0, 100])
 @pytest.mark.parametrize("text", QUESTIONS)
 def test_no_question_scans_a_large_table(memory: Path, text: str, few: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("supermap_cli.query.relation_matching.FEW", few)
+    monkeypatch.setattr("supermap_cli.query.relation_matching.DIRECT_READ_LIMIT", few)
     found = scanned(memory, lambda reader: answer(text, reader))
     assert {table: how for table, how in found.items() if table not in ALLOWED.get(text, {})} == {}
 
@@ -106,7 +106,7 @@ def test_no_question_scans_a_large_table(memory: Path, text: str, few: int, monk
         ("show at", lambda reader: overview_at(reader, *day(reader, "day-003"))),
         ("show ID", lambda reader: details(reader, "desk-3")),
         ("show ID at", lambda reader: details_at(reader, "desk-3", *day(reader, "day-003"))),
-        ("history", lambda reader: history(reader, "chair-1")),
+        ("history", lambda reader: object_history(reader, "chair-1")),
         ("diff", diff),
         ("diff of two", lambda reader: diff(reader, "day-001", "day-005")),
         ("db info", inventory),

@@ -20,10 +20,10 @@ from supermap_cli.memory.pictures import SmallImage, crop_jpegs, crops_of, small
 from supermap_cli.memory.reading import MapReader
 from supermap_cli.query.diff import diff
 from supermap_cli.reports.diff_page import diff_page, write_diff_page
-from supermap_cli.reports.diff_plan import shown_before_after
+from supermap_cli.reports.diff_plan import before_after_panels
 from supermap_cli.reports.diff_plot import check_plot, draw_diff
 from supermap_cli.reports.floor_plan import Arrow, Outline, extent_of, plan_svg
-from supermap_cli.reports.pictures import cut_out
+from supermap_cli.reports.pictures import crop_around_box
 from supermap_cli.types.memory import MapDelta
 from support import kitchen
 from support import memories as m
@@ -91,14 +91,14 @@ def test_the_page_holds_all_that_changed_with_pictures_of_both_sides(reader: Map
 
 
 def test_the_plan_shows_the_place_before_and_after_on_one_scale(reader: MapReader) -> None:
-    before, after = shown_before_after(diff(reader), reader)
+    before, after = before_after_panels(diff(reader), reader)
     assert before.extent == after.extent
     (arrow,) = after.arrows
     assert arrow.end.tolist() == [-3.0, 3.0]
-    assert {outline.told for outline in before.outlines if outline.style == "disappeared"} == {"cup-1"}
-    assert {outline.told for outline in after.outlines if outline.style == "appeared"} == {"vase-1"}
-    assert {outline.style for outline in after.outlines if outline.told == "cup-1"} == {"disappeared ghost"}
-    assert len(before.ways[0]) == 3
+    assert {outline.label for outline in before.outlines if outline.style == "disappeared"} == {"cup-1"}
+    assert {outline.label for outline in after.outlines if outline.style == "appeared"} == {"vase-1"}
+    assert {outline.style for outline in after.outlines if outline.label == "cup-1"} == {"disappeared ghost"}
+    assert len(before.trajectories[0]) == 3
 
 
 def test_what_people_wrote_is_never_markup(tmp_path: Path, reader: MapReader) -> None:
@@ -137,12 +137,12 @@ def test_a_place_is_cut_out_of_the_image_that_shows_it() -> None:
     image = SmallImage(1, 0, cv2.imencode(".png", picture)[1].tobytes(), camera_to_json(CAMERA), LOOKING_ALONG_X)
     right = Box3D(np.array([0, -1.0, 0.8]), np.array([0.3, 0.3, 0.5]), 0.0)
     behind = Box3D(np.array([-6.0, 0, 0.8]), np.array([0.3, 0.3, 0.5]), 0.0)
-    cut = cut_out(image, right)
+    cut = crop_around_box(image, right)
     assert cut is not None
     shown = cv2.imdecode(np.frombuffer(cut, np.uint8), cv2.IMREAD_COLOR)
     assert np.median(shown[..., 2]) > 200  # the red half, with the box drawn on it
     assert ((shown[..., 1] > 120) & (shown[..., 2] > 150)).any()
-    assert cut_out(image, behind) is None
+    assert crop_around_box(image, behind) is None
 
 
 def test_pictures_are_read_by_number_and_stamp(reader: MapReader) -> None:

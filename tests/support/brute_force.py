@@ -7,9 +7,9 @@ from difflib import get_close_matches
 from supermap_cli.memory.reading import MapReader
 from supermap_cli.memory.values import StoredInstance
 from supermap_cli.query.clock import clock_of
-from supermap_cli.query.grammar import RelatedTo, Things, parse
+from supermap_cli.query.grammar import NounPhrase, RelationPhrase, parse
 from supermap_cli.query.relations import STORED_FORMS, box_distance_m, holds
-from supermap_cli.query.time_selector import moment_of
+from supermap_cli.query.time_selector import selector_of_phrase
 from supermap_cli.query.vocabulary import load_vocabulary, match_labels
 from supermap_cli.types.memory import SpatialEdge, StateRecord
 
@@ -21,8 +21,8 @@ class BruteForce:
 
     def __init__(self, reader: MapReader, text: str) -> None:
         question = parse(text, [traversal.name for traversal in reader.traversals])
-        self.things = question.things
-        self.moment = moment_of(question.time, reader, clock_of(reader))
+        self.phrase = question.phrase
+        self.selector = selector_of_phrase(question.time, reader, clock_of(reader))
         self.everything = reader.instances
         self.believed = reader.believed
         self.edges: tuple[SpatialEdge, ...] = reader.edges_of([instance.number for instance in reader.instances])
@@ -32,47 +32,49 @@ class BruteForce:
     def found(self) -> dict[str, tuple[list[int], list[tuple[object, ...]]]]:
         """The states in which every instance fits, and its relations."""
         fits: dict[str, tuple[list[int], list[tuple[object, ...]]]] = {}
-        for instance, state, relations in self._find(self.things, as_reference=False):
+        for instance, state, relations in self._find(self.phrase, as_reference=False):
             states, all_relations = fits.setdefault(instance.id, ([], []))
             states.append(state.index)
             all_relations.extend(relations)
         return fits
 
-    def perhaps(self) -> int:
+    def uncertain_count(self) -> int:
         """Of how many that are called so nobody can say, but that do not fit."""
-        if self.moment.kind != "at" or self.things.relation is not None:
+        if self.selector.kind != "at" or self.phrase.relation is not None:
             return 0
         told = self.found().keys()
-        known = [self.moment.standing(instance) for instance in self._called(self.things) if instance.id not in told]
-        return sum(standing is not None and standing.presence == "unknown" for standing in known)
+        known = [
+            self.selector.presence(instance) for instance in self._labelled(self.phrase) if instance.id not in told
+        ]
+        return sum(presence is not None and presence.value == "unknown" for presence in known)
 
     def nearest(self) -> list[tuple[str, float | None]]:
         """The near misses and their distances."""
-        if (missing := self._missing(self.things)) is not None:
-            return [(text_id, None) for text_id in self._perhaps_called(missing)]
-        if self.things.relation is not None and (misses := self._too_far(self.things, self.things.relation)):
-            return misses
-        return [(instance.id, None) for instance in self._called(self.things) if instance.states][:3]
+        if (missing := self._unknown_noun(self.phrase)) is not None:
+            return [(text_id, None) for text_id in self._maybe_labelled(missing)]
+        if self.phrase.relation is not None and (out_of_reach := self._out_of_reach(self.phrase, self.phrase.relation)):
+            return out_of_reach
+        return [(instance.id, None) for instance in self._labelled(self.phrase) if instance.states][:3]
 
-    def _find(self, things: Things, *, as_reference: bool) -> list[Fit]:
-        labels = None if things.noun is None or self._named(things.noun) else self._labels(things.noun)
-        states_of = self.moment.reference_states if as_reference else self.moment.states
+    def _find(self, phrase: NounPhrase, *, as_reference: bool) -> list[Fit]:
+        labels = None if phrase.noun is None or self._by_id(phrase.noun) else self._labels(phrase.noun)
+        states_of = self.selector.reference_states if as_reference else self.selector.states
         fits: list[Fit] = [
             (instance, state, ())
-            for instance in self._called(things)
+            for instance in self._labelled(phrase)
             for state in states_of(instance)
             if labels is None or (instance.label if state is instance.states[-1] else state.label) in labels
         ]
-        return fits if things.relation is None else self._related(fits, things.relation)
+        return fits if phrase.relation is None else self._related(fits, phrase.relation)
 
-    def _related(self, fits: list[Fit], related: RelatedTo) -> list[Fit]:
+    def _related(self, fits: list[Fit], related: RelationPhrase) -> list[Fit]:
         references = self._find(related.reference, as_reference=True)
         for basis in (self._stored, self._boxes):
             found: list[Fit] = []
             for instance, state, _ in fits:
                 views = []
                 for other, its, _ in references:
-                    span = self.moment.span_of((state, instance), (its, other))
+                    span = self.selector.span_of((state, instance), (its, other))
                     if other.number != instance.number and span is not None:
                         views += [view for view in [basis(related, (instance, state), (other, its), span)] if view]
                 if views:
@@ -87,7 +89,7 @@ class BruteForce:
             for edge in self.edges:
                 if (edge.subject, edge.relation, edge.object) != (subject.number, form.relation, obj.number):
                     continue
-                if span.touches(edge.since_ns, edge.until_ns) and not (
+                if span.overlaps(edge.since_ns, edge.until_ns) and not (
                     form.checked and not holds(related.name, one[1].box, other[1].box)
                 ):
                     stored_as = f"{edge.relation}({self.ids[subject.number]}, {self.ids[obj.number]})"
@@ -100,23 +102,23 @@ class BruteForce:
         until_ns = None if span.high_ns == float("inf") else int(span.high_ns)
         return one[0].id, other[0].id, None, max(one[1].first_seen_ns, other[1].first_seen_ns), until_ns
 
-    def _too_far(self, things: Things, related: RelatedTo) -> list[tuple[str, float | None]]:
+    def _out_of_reach(self, phrase: NounPhrase, related: RelationPhrase) -> list[tuple[str, float | None]]:
         pairs = sorted(
             (box_distance_m(state.box, its.box), instance.number, instance.id)
-            for instance in self._called(things)
-            for state in self.moment.states(instance)[-1:]
+            for instance in self._labelled(phrase)
+            for state in self.selector.states(instance)[-1:]
             for other, its, _ in self._find(related.reference, as_reference=False)
             if other.number != instance.number
         )
-        closest: dict[str, float | None] = {}
+        nearest: dict[str, float | None] = {}
         for distance_m, _, text_id in pairs:
-            closest.setdefault(text_id, round(distance_m, 4))
-        return list(closest.items())[:3]
+            nearest.setdefault(text_id, round(distance_m, 4))
+        return list(nearest.items())[:3]
 
-    def _perhaps_called(self, noun: str) -> list[str]:
+    def _maybe_labelled(self, noun: str) -> list[str]:
         vocabulary = load_vocabulary()
         name = vocabulary.normalise(noun)
-        doubtful = [
+        maybe = [
             (-share, instance.number, instance.id)
             for instance in self.believed
             for label, share in instance.label_belief.items()
@@ -124,23 +126,23 @@ class BruteForce:
         ]
         close = get_close_matches(name, sorted({instance.label for instance in self.believed}), 1, 0.75)
         spelt = [instance.id for instance in self.believed if instance.label in close and instance.states]
-        return ([text_id for _, _, text_id in sorted(doubtful)] + spelt)[:3]
+        return ([text_id for _, _, text_id in sorted(maybe)] + spelt)[:3]
 
-    def _missing(self, things: Things) -> str | None:
-        if things.noun is not None and not self._called(things):
-            return things.noun
-        return None if things.relation is None else self._missing(things.relation.reference)
+    def _unknown_noun(self, phrase: NounPhrase) -> str | None:
+        if phrase.noun is not None and not self._labelled(phrase):
+            return phrase.noun
+        return None if phrase.relation is None else self._unknown_noun(phrase.relation.reference)
 
-    def _named(self, noun: str) -> StoredInstance | None:
+    def _by_id(self, noun: str) -> StoredInstance | None:
         instance = self.parts.get(noun)
         return instance if instance is not None and instance.presence != "doubted" else None
 
-    def _called(self, things: Things) -> list[StoredInstance]:
-        if things.noun is None:
+    def _labelled(self, phrase: NounPhrase) -> list[StoredInstance]:
+        if phrase.noun is None:
             return list(self.believed)
-        if (named := self._named(things.noun)) is not None:
+        if (named := self._by_id(phrase.noun)) is not None:
             return [named]
-        wanted = self._labels(things.noun)
+        wanted = self._labels(phrase.noun)
         return [
             instance
             for instance in self.believed

@@ -40,7 +40,7 @@ def state_lists(draw: st.DrawFn, number: int = 1, most: int = 4) -> tuple[StateR
     return tuple(states)
 
 
-def life(states: tuple[StateRecord, ...], visits: tuple[StoredVisit, ...] = ()) -> StoredInstance:
+def instance_with_states(states: tuple[StateRecord, ...], visits: tuple[StoredVisit, ...] = ()) -> StoredInstance:
     """An instance with some states; present where nothing says that it has gone."""
     last = states[-1]
     return StoredInstance(
@@ -62,9 +62,9 @@ def life(states: tuple[StateRecord, ...], visits: tuple[StoredVisit, ...] = ()) 
     )
 
 
-def lives() -> st.SearchStrategy[StoredInstance]:
+def instances() -> st.SearchStrategy[StoredInstance]:
     """Random lives without visits."""
-    return state_lists().map(life)
+    return state_lists().map(instance_with_states)
 
 
 def _traversal(number: int, start_s: int, end_s: int) -> StoredTraversal:
@@ -90,9 +90,11 @@ TRAVERSALS = (_traversal(1, 0, 66), _traversal(2, 67, 133), _traversal(3, 134, E
 """Three that follow one another, so that every support lies in one of them."""
 
 
-def visited() -> st.SearchStrategy[StoredInstance]:
+def visited_instances() -> st.SearchStrategy[StoredInstance]:
     """Random lives, and how often each of `TRAVERSALS` saw them."""
-    return state_lists().map(lambda states: life(states, tuple(_visit(traversal, states) for traversal in TRAVERSALS)))
+    return state_lists().map(
+        lambda states: instance_with_states(states, tuple(_visit(traversal, states) for traversal in TRAVERSALS))
+    )
 
 
 def _visit(traversal: StoredTraversal, states: tuple[StateRecord, ...]) -> StoredVisit:

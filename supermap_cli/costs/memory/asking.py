@@ -22,9 +22,9 @@ from supermap_cli.query.clock import clock_of
 from supermap_cli.query.details import details, details_at
 from supermap_cli.query.diff import Diff, diff
 from supermap_cli.query.inventory import Inventory, inventory
-from supermap_cli.query.object_history import history
+from supermap_cli.query.object_history import object_history
 from supermap_cli.query.overview import Overview, overview, overview_at
-from supermap_cli.query.time_points import instant_of
+from supermap_cli.query.time_points import parse_time_point
 from supermap_cli.query.views import to_document
 
 REPEATS = 5
@@ -93,14 +93,14 @@ def _show(reader: MapReader, arguments: tuple[str, ...]) -> object:
     if "--at" not in arguments:
         return overview(reader) if named is None else details(reader, named)
     clock = clock_of(reader)
-    instant = instant_of(arguments[-1], reader, clock)
+    instant = parse_time_point(arguments[-1], reader, clock)
     return overview_at(reader, instant, clock) if named is None else details_at(reader, named, instant, clock)
 
 
 _READS: dict[Command, Callable[[MapReader, tuple[str, ...]], Any]] = {
     "query": lambda reader, arguments: answer(" ".join(arguments), reader),
     "show": _show,
-    "history": lambda reader, arguments: history(reader, arguments[0]),
+    "history": lambda reader, arguments: object_history(reader, arguments[0]),
     "diff": lambda reader, arguments: diff(reader, *arguments),
     "db info": lambda reader, _: inventory(reader),
 }
