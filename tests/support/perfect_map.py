@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
-from supermap_cli.graph.predicates import GraphNode
 from supermap_cli.graph.scene_graph import SceneGraph
 from supermap_cli.memory import open_store
 from supermap_cli.query.resolution import answer
 from supermap_cli.types.memory import InstanceRecord, MapDelta, SpatialEdge, StateRecord, Visit
+from supermap_cli.types.relations import GraphNode
 from supermap_cli.types.truth import GroundTruth, TrueState, TrueTraversal
 from support import memories as m
 
