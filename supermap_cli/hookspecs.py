@@ -117,7 +117,7 @@ def open_recording(path: Path, request: RecordingRequest) -> Recording | None:
 
 @hookspec
 def spatial_predicates() -> Any:
-    """Return further relations: a list of `supermap_cli.graph.predicates.SpatialPredicate`."""
+    """Return further relations: a list of `supermap_cli.types.relations.SpatialPredicate`."""
 
 
 @hookspec

@@ -21,7 +21,7 @@ from supermap_cli.config import BuildConfig
 from supermap_cli.errors import MemoryStoreError
 from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.geometry.cameras import camera_to_json
-from supermap_cli.graph.predicates import PREDICATES, GraphNode
+from supermap_cli.graph.predicates import PREDICATES
 from supermap_cli.graph.scene_graph import SceneGraph
 from supermap_cli.mapping.drift import DriftCorrection
 from supermap_cli.mapping.engine import MappingEngine
@@ -40,6 +40,7 @@ from supermap_cli.types.detections import Detections
 from supermap_cli.types.keyframe import Keyframe
 from supermap_cli.types.memory import KeyframeRecord, MapDelta, SpatialEdge
 from supermap_cli.types.packing import PackingError
+from supermap_cli.types.relations import GraphNode
 from supermap_cli.types.sensing import CameraFrame
 
 Progress = Callable[[int, int], None]

@@ -277,7 +277,7 @@ class _Candidate:
 
 def _installed() -> list[_Candidate]:
     found = [_behind(entry) for entry in entry_points(group=GROUP)]
-    return sorted(found, key=lambda each: (each.distribution, each.name))
+    return sorted(found, key=lambda candidate: (candidate.distribution, candidate.name))
 
 
 def _behind(entry: EntryPoint) -> _Candidate:

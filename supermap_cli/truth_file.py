@@ -107,11 +107,13 @@ def to_document(truth: GroundTruth) -> dict[str, Any]:
         "version": VERSION,
         "scenario": truth.scenario,
         "seed": truth.seed,
-        "traversals": [_traversal(each) for each in truth.traversals],
-        "objects": [_object(each) for each in truth.objects],
-        "surfaces": [{"label": each.label, "points_mm": _millimetres(each.points_world)} for each in truth.surfaces],
-        "changes": [_change(each) for each in truth.changes],
-        "questions": [{"text": each.text, "answer": list(each.answer)} for each in truth.questions],
+        "traversals": [_traversal(traversal) for traversal in truth.traversals],
+        "objects": [_object(obj) for obj in truth.objects],
+        "surfaces": [
+            {"label": surface.label, "points_mm": _millimetres(surface.points_world)} for surface in truth.surfaces
+        ],
+        "changes": [_change(change) for change in truth.changes],
+        "questions": [{"text": question.text, "answer": list(question.answer)} for question in truth.questions],
     }
 
 
@@ -142,19 +144,19 @@ def _sightings(sightings: TrueSightings) -> dict[str, Any]:
     }
 
 
-def _object(each: TrueObject) -> dict[str, Any]:
-    seen_first = np.concatenate([each.surface_object[each.surface_seen], each.surface_object[~each.surface_seen]])
+def _object(obj: TrueObject) -> dict[str, Any]:
+    seen_first = np.concatenate([obj.surface_object[obj.surface_seen], obj.surface_object[~obj.surface_seen]])
     return {
-        "id": each.id,
-        "label": each.label,
-        "kind": each.kind,
-        "states": [_state(state) for state in each.states],
+        "id": obj.id,
+        "label": obj.label,
+        "kind": obj.kind,
+        "states": [_state(state) for state in obj.states],
         "motions": [
             {"stamps_ns": motion.stamps_ns.tolist(), "centers": _rounded(motion.centers_world, _LENGTH_DIGITS)}
-            for motion in each.motions
+            for motion in obj.motions
         ],
         "surface_mm": _millimetres(seen_first),
-        "surface_seen": int(each.surface_seen.sum()),
+        "surface_seen": int(obj.surface_seen.sum()),
     }
 
 
@@ -211,58 +213,60 @@ def from_document(document: Document) -> GroundTruth:
     truth = GroundTruth(
         scenario=_text(document["scenario"]),
         seed=int(document["seed"]),
-        traversals=tuple(_read_traversal(each) for each in document["traversals"]),
-        objects=tuple(_read_object(each) for each in document["objects"]),
-        surfaces=tuple(TrueSurface(_text(each["label"]), _metres(each["points_mm"])) for each in document["surfaces"]),
-        changes=tuple(_read_change(each) for each in document["changes"]),
+        traversals=tuple(_read_traversal(entry) for entry in document["traversals"]),
+        objects=tuple(_read_object(entry) for entry in document["objects"]),
+        surfaces=tuple(
+            TrueSurface(_text(entry["label"]), _metres(entry["points_mm"])) for entry in document["surfaces"]
+        ),
+        changes=tuple(_read_change(entry) for entry in document["changes"]),
         questions=tuple(
-            TrueQuestion(_text(each["text"]), tuple(map(_text, each["answer"]))) for each in document["questions"]
+            TrueQuestion(_text(entry["text"]), tuple(map(_text, entry["answer"]))) for entry in document["questions"]
         ),
     )
     _check_references(truth)
     return truth
 
 
-def _read_traversal(each: Document) -> TrueTraversal:
+def _read_traversal(entry: Document) -> TrueTraversal:
     return TrueTraversal(
-        name=_text(each["name"]),
-        recording=_text(each["recording"]),
-        start_ns=int(each["start_ns"]),
-        end_ns=int(each["end_ns"]),
-        T_world_odom=_read_transforms([each["T_world_odom"]])[0],
-        stamps_ns=np.array(each["stamps_ns"], np.int64),
-        T_world_base=_read_transforms(each["T_world_base"]),
-        sightings=_read_sightings(each["sightings"]),
-        fingerprint=_optional(_text, each.get("fingerprint")),
+        name=_text(entry["name"]),
+        recording=_text(entry["recording"]),
+        start_ns=int(entry["start_ns"]),
+        end_ns=int(entry["end_ns"]),
+        T_world_odom=_read_transforms([entry["T_world_odom"]])[0],
+        stamps_ns=np.array(entry["stamps_ns"], np.int64),
+        T_world_base=_read_transforms(entry["T_world_base"]),
+        sightings=_read_sightings(entry["sightings"]),
+        fingerprint=_optional(_text, entry.get("fingerprint")),
     )
 
 
-def _read_sightings(each: Document) -> TrueSightings:
+def _read_sightings(entry: Document) -> TrueSightings:
     return TrueSightings(
-        frame=np.array(each["frame"], np.int64),
-        object=np.array(each["object"], np.int64),
-        state=np.array(each["state"], np.int64),
-        present=np.array(each["present"], bool),
-        in_image=np.array(each["in_image"], np.float32),
-        visible=np.array(each["visible"], np.float32),
-        pixels=np.array(each["pixels"], np.int64),
-        distance_m=np.array(each["distance_m"], np.float32),
+        frame=np.array(entry["frame"], np.int64),
+        object=np.array(entry["object"], np.int64),
+        state=np.array(entry["state"], np.int64),
+        present=np.array(entry["present"], bool),
+        in_image=np.array(entry["in_image"], np.float32),
+        visible=np.array(entry["visible"], np.float32),
+        pixels=np.array(entry["pixels"], np.int64),
+        distance_m=np.array(entry["distance_m"], np.float32),
     )
 
 
-def _read_object(each: Document) -> TrueObject:
-    surface = _metres(each["surface_mm"])
+def _read_object(entry: Document) -> TrueObject:
+    surface = _metres(entry["surface_mm"])
     return TrueObject(
-        id=_text(each["id"]),
-        label=_text(each["label"]),
-        kind=_one_of(get_args(TrueKind), each["kind"]),
-        states=tuple(_read_state(state) for state in each["states"]),
+        id=_text(entry["id"]),
+        label=_text(entry["label"]),
+        kind=_one_of(get_args(TrueKind), entry["kind"]),
+        states=tuple(_read_state(state) for state in entry["states"]),
         motions=tuple(
             TrueMotion(np.array(motion["stamps_ns"], np.int64), np.array(motion["centers"], np.float64).reshape(-1, 3))
-            for motion in each["motions"]
+            for motion in entry["motions"]
         ),
         surface_object=surface,
-        surface_seen=np.arange(len(surface)) < int(each["surface_seen"]),
+        surface_seen=np.arange(len(surface)) < int(entry["surface_seen"]),
     )
 
 
@@ -294,13 +298,15 @@ def _read_change(change: Document) -> TrueChange:
 
 def _check_references(truth: GroundTruth) -> None:
     """Raise `ValueError` where an index or an id points nowhere."""
-    ids = {each.id for each in truth.objects}
+    ids = {obj.id for obj in truth.objects}
     if len(ids) < len(truth.objects):
         raise ValueError("two objects share an id")
-    named = {each.object_id for each in truth.changes} | {one for each in truth.questions for one in each.answer}
+    named = {change.object_id for change in truth.changes} | {
+        one for question in truth.questions for one in question.answer
+    }
     if unknown := sorted(named - ids):
         raise ValueError(f"there is no object {unknown[0]!r}")
-    states = np.array([len(each.states) for each in truth.objects], np.int64)
+    states = np.array([len(obj.states) for obj in truth.objects], np.int64)
     for traversal in truth.traversals:
         seen = traversal.sightings
         if not len(seen.frame):

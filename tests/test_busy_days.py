@@ -60,7 +60,7 @@ class BadDetector(f.FakeDetector):
 
     def detect(self, frame: CameraFrame) -> Detections | None:
         rng = np.random.default_rng(frame.stamp_ns % 2**32)
-        scene = next(each for each in self.recording.scenes if each.keyframe.stamp_ns == frame.stamp_ns)
+        scene = next(scene for scene in self.recording.scenes if scene.keyframe.stamp_ns == frame.stamp_ns)
         if rng.random() < 0.1:
             return None
         found = [
@@ -86,7 +86,10 @@ class BadDetector(f.FakeDetector):
 
     @staticmethod
     def _named(rng: np.random.Generator, label: str) -> list[tuple[str, float]]:
-        score, other = float(rng.uniform(0.1, 0.95)), str(rng.choice([each for each in LABELS if each != label]))
+        score, other = (
+            float(rng.uniform(0.1, 0.95)),
+            str(rng.choice([candidate for candidate in LABELS if candidate != label])),
+        )
         said = [(label, score), (other, 0.6 * score)]
         return [(other, score), (label, 0.6 * score)] if rng.random() < 0.15 else said
 

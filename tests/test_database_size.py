@@ -18,6 +18,6 @@ def test_a_map_takes_three_percent_of_its_recordings_at_most(tmp_path: Path) -> 
     for recording in recordings:
         result = supermap("build", recording, "--db", tmp_path / "map.db")
         assert result.exit_code == 0, result.output
-    recorded = sum(each.stat().st_size for each in recordings)
+    recorded = sum(path.stat().st_size for path in recordings)
     assert (tmp_path / "map.db").stat().st_size <= SHARE * recorded
     assert not (tmp_path / "map.db-wal").exists()

@@ -44,8 +44,8 @@ class NamingDetector(f.FakeDetector):
     called: Named = lambda label: label
 
     def detect(self, frame: CameraFrame) -> Detections | None:
-        scene = next(each for each in self.recording.scenes if each.keyframe.stamp_ns == frame.stamp_ns)
-        things = [replace(each, label=self.called(each.label) if each.label else "") for each in scene.things]
+        scene = next(scene for scene in self.recording.scenes if scene.keyframe.stamp_ns == frame.stamp_ns)
+        things = [replace(thing, label=self.called(thing.label) if thing.label else "") for thing in scene.things]
         return s.detect(replace(scene, things=things), (frame.stamp_ns - s.EPOCH_NS) / 1e9, score=self.score)
 
 
@@ -79,7 +79,7 @@ def compared(path: Path, first: str, second: str) -> Diff:
 
 
 def change_of(path: Path, text_id: str, first: str = "day-1", second: str = "day-2") -> ObjectChange:
-    (change,) = (each for each in compared(path, first, second).changes if each.id == text_id)
+    (change,) = (change for change in compared(path, first, second).changes if change.id == text_id)
     return change
 
 
@@ -92,7 +92,7 @@ def life_of(path: Path, text_id: str) -> tuple[ObjectHistory, list[str]]:
 def ids(path: Path) -> set[str]:
     """All objects that there ever were, and are believed in."""
     with closing(open_store(str(path), read_only=True)) as store, store.reader() as reader:
-        return {each.id for each in reader.believed}
+        return {instance.id for instance in reader.believed}
 
 
 CHAIR, BOX = s.CHAIR, s.BOX.at(2.2, -0.9)
@@ -105,8 +105,8 @@ def test_a_thing_seen_again_every_day_is_one(tmp_path: Path) -> None:
         assert compared(path, first, second).counts["unchanged"] == 2
     told, _ = life_of(path, "chair-1")
     assert len(told.intervals) == 1
-    assert [each.supported > 0 for each in told.sightings] == [True, True, True]
-    assert {each.traversal for each in told.frames} == {"day-1", "day-2", "day-3"}
+    assert [counts.supported > 0 for counts in told.sightings] == [True, True, True]
+    assert {frame.traversal for frame in told.frames} == {"day-1", "day-2", "day-3"}
 
 
 @pytest.mark.parametrize("thing", [CHAIR, s.BOX], ids=["chair", "box"])
@@ -120,7 +120,7 @@ def test_a_thing_carried_elsewhere_overnight_keeps_its_id(tmp_path: Path, thing:
     assert change.not_after_ns is not None
     assert change.not_before_ns < s.ns(DAY_S / 2) < change.not_after_ns
     told, sentences = life_of(path, text_id)
-    assert [each.state for each in told.intervals] == [0, 1]
+    assert [interval.state for interval in told.intervals] == [0, 1]
     assert sum(sentence.startswith("moved 1.") for sentence in sentences) == 1
 
 
@@ -174,7 +174,7 @@ def test_what_nobody_looked_at_is_never_gone(tmp_path: Path) -> None:
     """On the second day the robot looks the other way; on the third the chair is gone."""
     away = Day((), target=(0.6, 4.0, 0.8))
     path = build_days(tmp_path / "map.db", Day((CHAIR, BOX)), replace(away, things=(s.BOX.at(0.6, 3.4),)), Day((BOX,)))
-    kinds = {each.id: each.kind for each in compared(path, "day-1", "day-2").changes}
+    kinds = {change.id: change.kind for change in compared(path, "day-1", "day-2").changes}
     assert kinds["chair-1"] == "not observed again"
     box = change_of(path, "box-1", "day-1", "day-2")  # on the third day it stands where it stood
     assert (box.kind, box.reason) == ("unchanged", "seen in its place before and after day-2, which did not see it")
@@ -189,7 +189,7 @@ def test_the_days_are_told_on_the_command_line(tmp_path: Path) -> None:
     new = s.Thing("cup", (1.2, 0.6, 0.1), (0.2, 0.2, 0.2), (220, 60, 50))
     path = build_days(tmp_path / "map.db", Day((CHAIR, BOX)), Day((CHAIR.at(2.3, 0.9), new)))
     found = document("diff", "diff", "day-1", "day-2", "--db", path)
-    assert {each["id"]: each["kind"] for each in found["changes"]} == {
+    assert {change["id"]: change["kind"] for change in found["changes"]} == {
         "chair-1": "moved",
         "box-1": "disappeared",
         "cup-1": "appeared",
@@ -198,7 +198,7 @@ def test_the_days_are_told_on_the_command_line(tmp_path: Path) -> None:
         assert change["not_before_ns"] < s.ns(DAY_S / 2) < change["not_after_ns"]
         assert change["crop_before" if change["kind"] == "disappeared" else "crop_after"] is not None
     told = document("history", "history", "chair-1", "--db", path)
-    assert [each["kind"] for each in told["events"]][-1] == "moved"
+    assert [event["kind"] for event in told["events"]][-1] == "moved"
     shown = document("show", "show", "--at", "day-1", "--db", path)
-    assert {each["id"] for each in shown["instances"]} == {"chair-1", "box-1"}
-    assert {each["id"]: each["standing"]["presence"] for each in shown["unknown"]} == {}
+    assert {instance["id"] for instance in shown["instances"]} == {"chair-1", "box-1"}
+    assert {instance["id"]: instance["standing"]["presence"] for instance in shown["unknown"]} == {}

@@ -59,7 +59,7 @@ def imports_of(path: Path) -> Iterator[str]:
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         match node:
             case ast.Import(names=names):
-                yield from (each.name.partition(".")[0] for each in names)
+                yield from (alias.name.partition(".")[0] for alias in names)
             case ast.ImportFrom(module=str(module), level=0):
                 yield module.partition(".")[0]
             case ast.Call(func=ast.Attribute(attr="import_module"), args=[ast.Constant(value=str(module))]):
@@ -68,14 +68,16 @@ def imports_of(path: Path) -> Iterator[str]:
 
 def test_every_dependency_is_used():
     providers = packages_distributions()
-    used = {normal(each) for name in imported() for each in providers.get(name, ())}
+    used = {normal(provider) for name in imported() for provider in providers.get(name, ())}
     assert declared() - used == set()
 
 
 def test_everything_imported_is_declared():
     foreign = imported() - set(sys.stdlib_module_names) - OWN.keys()
     providers = packages_distributions()
-    undeclared = {name for name in foreign if not declared() & {normal(each) for each in providers.get(name, ())}}
+    undeclared = {
+        name for name in foreign if not declared() & {normal(provider) for provider in providers.get(name, ())}
+    }
     assert undeclared == set()
 
 

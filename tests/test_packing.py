@@ -53,18 +53,18 @@ def test_plain_values_come_back_as_they_were(value: object) -> None:
 
 @given(hnp.arrays(st.sampled_from(["<f8", "<f4", "<i8", "<i4", "u1", "?"]), hnp.array_shapes(min_dims=0, min_side=0)))
 def test_arrays_come_back_bit_by_bit(array: np.ndarray[tuple[int, ...], np.dtype[np.generic]]) -> None:
-    for each in (array, array.T):
-        back = unpack(pack(each, {}), {})
-        assert back.dtype == each.dtype
-        assert back.shape == each.shape
-        assert back.tobytes() == each.tobytes()
-        assert back.flags.c_contiguous or not each.flags.c_contiguous
+    for layout in (array, array.T):
+        back = unpack(pack(layout, {}), {})
+        assert back.dtype == layout.dtype
+        assert back.shape == layout.shape
+        assert back.tobytes() == layout.tobytes()
+        assert back.flags.c_contiguous or not layout.flags.c_contiguous
         assert back.flags.writeable
 
 
 def test_scalars_of_numpy_keep_their_type() -> None:
     back = unpack(pack([np.float32(0.1), np.int64(3), np.float64("nan"), math.inf], {}), {})
-    assert [type(each) for each in back] == [np.float32, np.int64, np.float64, float]
+    assert [type(item) for item in back] == [np.float32, np.int64, np.float64, float]
     assert back[0] == np.float32(0.1)
     assert math.isnan(back[2])
     assert back[3] == math.inf

@@ -17,12 +17,12 @@ from supermap_cli.errors import (
     RecordingError,
     SupermapError,
 )
-from supermap_cli.graph.predicates import SpatialPredicate
 from supermap_cli.memory import MapStore, open_store
 from supermap_cli.memory.checking import check
 from supermap_cli.memory.values import TraversalStart
 from supermap_cli.traversal_build import BuildSummary, TraversalBuild
 from supermap_cli.types.memory import KeyframeRecord, MapDelta
+from supermap_cli.types.relations import SpatialPredicate
 from support import databases
 from support import fakes as f
 from support import scenes as s

@@ -50,13 +50,13 @@ def test_masked_depth_lies_in_the_true_boxes(tmp_path: Path) -> None:
             pixels_uv = np.column_stack([columns, rows]).astype(float)
             points = frame.camera.back_project(pixels_uv, depth.depth_m[rows, columns].astype(float))
             center = np.median(transform_points(depth.T_frame_camera, points), axis=0)
-            boxes = [each.box for each in truth.objects if each.label == label]
+            boxes = [obj.box for obj in truth.objects if obj.label == label]
             assert min(np.abs(center - box.center).max() - box.size.max() / 2 for box in boxes) < 0.05
 
 
 def test_the_second_visit_differs_by_three_things(tmp_path: Path) -> None:
     first, second = (
-        {each.name: each.box.center.tolist() for each in room.write_visit(tmp_path / f"{k}", k, seconds=0.4).objects}
+        {obj.name: obj.box.center.tolist() for obj in room.write_visit(tmp_path / f"{k}", k, seconds=0.4).objects}
         for k in (1, 2)
     )
     assert first.keys() - second.keys() == {"cup-2"}

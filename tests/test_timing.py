@@ -34,7 +34,7 @@ def test_a_stage_that_fails_is_measured_and_the_error_goes_on(ticks: list[float]
     clock = StageClock()
     with pytest.raises(ZeroDivisionError), clock.stage("map"):
         raise ZeroDivisionError
-    assert [each.total_s for each in clock.timings()] == [0.5]
+    assert [timing.total_s for timing in clock.timings()] == [0.5]
 
 
 def test_a_stage_within_a_stage_counts_for_both(ticks: list[float]) -> None:
@@ -42,4 +42,4 @@ def test_a_stage_within_a_stage_counts_for_both(ticks: list[float]) -> None:
     clock = StageClock()
     with clock.stage("outer"), clock.stage("inner"):
         pass
-    assert {each.stage: each.total_s for each in clock.timings()} == {"outer": 3.0, "inner": 1.0}
+    assert {timing.stage: timing.total_s for timing in clock.timings()} == {"outer": 3.0, "inner": 1.0}

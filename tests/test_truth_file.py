@@ -64,7 +64,7 @@ def test_what_is_read_differs_from_what_was_written_only_by_the_rounding(truth: 
         np.testing.assert_allclose(back.sightings.visible, there.sightings.visible, atol=1e-3)
     for thing, other in zip(read.objects, truth.objects, strict=True):
         assert (thing.id, thing.label, thing.kind) == (other.id, other.label, other.kind)
-        assert [each.since_ns for each in thing.states] == [each.since_ns for each in other.states]
+        assert [state.since_ns for state in thing.states] == [state.since_ns for state in other.states]
         for state, original in zip(thing.states, other.states, strict=True):
             np.testing.assert_allclose(state.box.center, original.box.center, atol=1e-4)
             np.testing.assert_allclose(state.centroid, original.centroid, atol=1e-4)

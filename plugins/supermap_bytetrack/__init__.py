@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from pydantic import Field
 
-from supermap_cli.hookspecs import Options, Register, hookimpl
+from supermap_cli import Options, Register, hookimpl
 
 if TYPE_CHECKING:
     from supermap_cli.protocols import Recording, Tracker

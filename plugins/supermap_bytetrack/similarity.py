@@ -34,12 +34,12 @@ def buffered_iou(states: BoxStates, boxes_xyxy: Float32Array, buffer: float) -> 
 
 def label_distribution(hypotheses: Sequence[Hypothesis]) -> dict[str, float]:
     """The hypotheses' scores as shares that sum to 1."""
-    total = sum(each.score for each in hypotheses)
+    total = sum(hypothesis.score for hypothesis in hypotheses)
     if total <= 0:
         return {hypotheses[0].label: 1.0}
     shares: dict[str, float] = {}
-    for each in hypotheses:
-        shares[each.label] = shares.get(each.label, 0.0) + each.score / total
+    for hypothesis in hypotheses:
+        shares[hypothesis.label] = shares.get(hypothesis.label, 0.0) + hypothesis.score / total
     return shares
 
 

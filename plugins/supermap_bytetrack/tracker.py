@@ -119,7 +119,9 @@ class ByteTracker:
         """
         tracks = self._tracks
         overlap = buffered_iou(tracks.states, detections.boxes_xyxy, self._options.buffer)
-        agreement = label_agreement(tracks.labels, [label_distribution(each) for each in detections.hypotheses])
+        agreement = label_agreement(
+            tracks.labels, [label_distribution(hypotheses) for hypotheses in detections.hypotheses]
+        )
         similarity = overlap - LABEL_COST * (1 - agreement)
         hidden = np.isin(tracks.ids, [prior.track_id for prior in priors if prior.hidden])
         high = detections.scores >= self._options.high_score

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pydantic import Field
 
-from supermap_cli.hookspecs import Options, Register, hookimpl
+from supermap_cli import Options, Register, hookimpl
 from supermap_cli.protocols import Odometry, Recording
 
 

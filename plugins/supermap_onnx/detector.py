@@ -69,7 +69,7 @@ class OnnxDetector:
         boxes, class_scores = boxes[real], kept.class_scores[real]
         coefficients = candidates.coefficients[kept.index[real]]
         hypotheses = tuple(self._hypotheses(row) for row in class_scores)
-        scores = np.array([each[0].score for each in hypotheses], np.float32)
+        scores = np.array([labels[0].score for labels in hypotheses], np.float32)
         masks = decode_masks(boxes, coefficients, candidates.prototypes, letterbox)
         return Detections(frame.stamp_ns, boxes, scores, hypotheses, masks)
 
@@ -122,7 +122,7 @@ def _image_input(session: Any, path: Path) -> tuple[str, type[np.floating[Any]],
     shape = only.shape
     one_image = len(inputs) == 1 and len(shape) == 4 and (shape[1] == 3 or not isinstance(shape[1], int))
     if not one_image or only.type not in types:
-        described = ", ".join(f"{each.name} {each.shape} {each.type}" for each in inputs)
+        described = ", ".join(f"{tensor.name} {tensor.shape} {tensor.type}" for tensor in inputs)
         raise DetectorError(
             f"the model's input is not understood: {described}",
             where=str(path),

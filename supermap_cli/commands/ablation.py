@@ -87,7 +87,7 @@ def compare(world: Path, folder: Path) -> Ablation:
     from supermap_cli.truth_file import TRUTH_FILE, read_truth  # noqa: PLC0415
 
     truth = read_truth(world / TRUTH_FILE)
-    recordings = [world / each.recording for each in truth.traversals]
+    recordings = [world / traversal.recording for traversal in truth.traversals]
     config = load_user_config(Path.cwd()).build
     rows = tuple(
         _row(component, recordings, config, world / TRUTH_FILE, folder / f"without-{component or 'nothing'}.db")
@@ -176,4 +176,4 @@ def _cells(row: AblationRow) -> tuple[str, ...]:
     figures = (row.f1, row.precision, row.recall, row.ap50, row.instances_per_object, row.change_recall)
     name = f"without {row.switched_off}" if row.switched_off else "as it is"
     counts = f"{row.right} / {row.false} / {row.missed}"
-    return (name, counts, *("-" if each is None else f"{each:.3f}" for each in figures), f"{row.build_s:.0f}")
+    return (name, counts, *("-" if figure is None else f"{figure:.3f}" for figure in figures), f"{row.build_s:.0f}")

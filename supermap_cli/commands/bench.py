@@ -192,15 +192,15 @@ def print_bench(console: Console, bench: Bench) -> None:
 
 
 def _stage_rows(bench: Bench) -> Iterator[tuple[str, ...]]:
-    for each in bench.stages:
-        cells = (f"{each.mean_ms:.2f}", f"{each.p95_ms:.2f}", f"{100 * each.share:.0f} %", str(each.runs))
-        yield (each.stage, each.kind, *cells)
+    for stage in bench.stages:
+        cells = (f"{stage.mean_ms:.2f}", f"{stage.p95_ms:.2f}", f"{100 * stage.share:.0f} %", str(stage.runs))
+        yield (stage.stage, stage.kind, *cells)
 
 
 def _rate_rows(bench: Bench) -> Iterator[tuple[str, ...]]:
-    for each in bench.rates:
-        module = f"{each.module} ({', '.join(each.stages)})"
-        yield module, f"{each.ms:.2f}", f"{each.hz:.1f}", f"{each.paper_hz:g}"
+    for rate in bench.rates:
+        module = f"{rate.module} ({', '.join(rate.stages)})"
+        yield module, f"{rate.ms:.2f}", f"{rate.hz:.1f}", f"{rate.paper_hz:g}"
 
 
 def _whole_rows(bench: Bench) -> tuple[tuple[str, ...], ...]:
@@ -218,11 +218,11 @@ def _whole_rows(bench: Bench) -> tuple[tuple[str, ...], ...]:
 
 def _growth_rows(bench: Bench) -> Iterator[tuple[str, ...]]:
     first = bench.growth[0].mapping_ms
-    for each in bench.growth:
-        yield str(each.objects), f"{each.mapping_ms:.2f}", f"{each.mapping_ms / max(first, 1e-9):.2f}"
+    for step in bench.growth:
+        yield str(step.objects), f"{step.mapping_ms:.2f}", f"{step.mapping_ms / max(first, 1e-9):.2f}"
 
 
 def _change_rows(bench: Bench) -> Iterator[tuple[str, ...]]:
-    for each in bench.compared.changes if bench.compared is not None else ():
-        ratio = "-" if each.ratio is None else f"{each.ratio:.2f}"
-        yield each.figure, f"{each.then:.2f}", f"{each.now:.2f}", ratio
+    for change in bench.compared.changes if bench.compared is not None else ():
+        ratio = "-" if change.ratio is None else f"{change.ratio:.2f}"
+        yield change.figure, f"{change.then:.2f}", f"{change.now:.2f}", ratio

@@ -105,9 +105,9 @@ def _made_row(name: str, made: MadeUp) -> tuple[str, ...]:
 
 
 def _rows(bench: MemoryBench) -> Iterator[tuple[str, ...]]:
-    for each in bench.questions:
-        small, large = each.small, each.large
-        again = (f"{small.again_ms:.1f}", f"{large.again_ms:.1f}", f"{each.ratio:.1f}")
-        first = (f"{small.first_ms:.1f}", f"{large.first_ms:.1f}", f"{each.ratio_first:.1f}")
-        listed = f"{each.bound}, {small.listed} / {large.listed}"
-        yield (each.question, each.kind, listed, *again, *first, f"{small.over_mb:.0f}", f"{large.over_mb:.0f}")
+    for row in bench.questions:
+        small, large = row.small, row.large
+        again = (f"{small.again_ms:.1f}", f"{large.again_ms:.1f}", f"{row.ratio:.1f}")
+        first = (f"{small.first_ms:.1f}", f"{large.first_ms:.1f}", f"{row.ratio_first:.1f}")
+        listed = f"{row.bound}, {small.listed} / {large.listed}"
+        yield (row.question, row.kind, listed, *again, *first, f"{small.over_mb:.0f}", f"{large.over_mb:.0f}")

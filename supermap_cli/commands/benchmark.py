@@ -180,7 +180,7 @@ def scored(scenario: str, seed: int, folder: Path, config: BuildConfig | None = 
         )
     for old in (db, *folder.glob(f"{MAP}-*"), *folder.glob(f"{MAP}.*")):
         old.unlink(missing_ok=True)
-    recordings, config = [folder / each.recording for each in truth.traversals], config or BuildConfig()
+    recordings, config = [folder / traversal.recording for traversal in truth.traversals], config or BuildConfig()
     for summary in build_all(recordings, config, request(config, None, None), str(db), Follow()):
         err().print(f"{scenario}, seed {seed}: built {summary.traversal} in {summary.total_s:.0f} s", markup=False)
     return score(*read_map(str(db), folder / TRUTH_FILE))

@@ -79,16 +79,18 @@ def three_questions(truth: GroundTruth) -> tuple[str, ...]:
     """Of the truth's questions that have an answer: the count of most things, a relation, and one about the past of
     something that changed.
     """
-    changed = {each.object_id for each in truth.changes}
-    asked = sorted((each for each in truth.questions if each.answer), key=lambda each: -len(each.answer))
-    past = [each for each in asked if changed.intersection(each.answer)]
+    changed = {change.object_id for change in truth.changes}
+    asked = sorted(
+        (question for question in truth.questions if question.answer), key=lambda question: -len(question.answer)
+    )
+    past = [question for question in asked if changed.intersection(question.answer)]
     kinds = (
         (asked, (r"^how many",)),
         (asked, (r" near the ", r" (on|under|in) the ")),
         (past, (r"^where was", r" earlier$")),
     )
     found = (
-        next((each.text for pattern in patterns for each in fitting if re.search(pattern, each.text)), None)
+        next((question.text for pattern in patterns for question in fitting if re.search(pattern, question.text)), None)
         for fitting, patterns in kinds
     )
     return tuple(text for text in found if text is not None)
@@ -96,7 +98,7 @@ def three_questions(truth: GroundTruth) -> tuple[str, ...]:
 
 def true_changes(truth: GroundTruth) -> str:
     """What became of the world's things, in plain words."""
-    told = [_in_words(each, truth.object(each.object_id).label) for each in truth.changes]
+    told = [_in_words(change, truth.object(change.object_id).label) for change in truth.changes]
     return f"In truth: {_listed(told) or 'nothing'}."
 
 
@@ -107,10 +109,12 @@ def comparison(scores: ChangeScores) -> str:
     found, missed, false = scores.overall.found, scores.missed, scores.false
     lines = [f"Held against the truth: the map found {found} of {found + len(missed)} true changes."]
     if missed:
-        told = (f"{each.label} ({each.kind}{', told as two' * each.reported_as_two})" for each in missed)
+        told = (f"{change.label} ({change.kind}{', told as two' * change.reported_as_two})" for change in missed)
         lines.append(f"It missed: {_listed(told)}.")
     if false:
-        lines.append(f"It reports what did not happen so: {_listed(f'{each.label} ({each.kind})' for each in false)}.")
+        lines.append(
+            f"It reports what did not happen so: {_listed(f'{change.label} ({change.kind})' for change in false)}."
+        )
     if scores.unobservable:
         lines.append(f"Not judged, as no image shows it well: {_listed(scores.unobservable)}.")
     return " ".join(lines)
@@ -122,7 +126,7 @@ def answers_judged(asked: Sequence[str], estimate: EstimatedMap, truth: GroundTr
 
     scores = score_answers(estimate, truth)
     asked = [text for text in asked if text not in scores.left_out]
-    expected = {each.text: each.expected for each in scores.wrong}
+    expected = {answer.text: answer.expected for answer in scores.wrong}
     wrong = [f'"{text}" (right: {", ".join(expected[text]) or "none"})' for text in asked if text in expected]
     if not asked:
         return "None of the questions above can be judged by what the images show."
@@ -165,7 +169,7 @@ class Shown:
             "2. A memory. Both recordings go into one database, the second laid over the first by the walls and "
             "furniture that both saw. The truth is not looked at."
         )
-        self.run("build", *(self.path(each.recording) for each in truth.traversals), "--db", self.path(DB))
+        self.run("build", *(self.path(traversal.recording) for traversal in truth.traversals), "--db", self.path(DB))
 
     def ask(self, truth: GroundTruth) -> None:
         """Three questions: how many, where in relation to something, and of a time gone by."""
@@ -200,7 +204,7 @@ class Shown:
             f"That was all of it, in {seconds / 60:.1f} minutes. {self.path(PICTURE)} shows the map over the truth."
         )
         self.say("Try next:")
-        one = next((each.id for each in self.estimate().objects), None)
+        one = next((instance.id for instance in self.estimate().objects), None)
         about_one = (
             (f"supermap show {one}", "all about one object, with its relations"),
             (f"supermap history {one}", "where it stood when"),

@@ -82,10 +82,10 @@ def _gaps(report: Report) -> Iterator[str]:
 
 
 def _print_section(console: Console, title: str, figures: Iterable[Figure], mistakes: Iterable[Mistakes]) -> None:
-    print_table(console, title, ("figure", "value#", "what it says"), (each.cells for each in figures))
-    for each in mistakes:
-        if each.rows:
-            print_table(console, each.title, each.columns, each.rows)
+    print_table(console, title, ("figure", "value#", "what it says"), (figure.cells for figure in figures))
+    for table in mistakes:
+        if table.rows:
+            print_table(console, table.title, table.columns, table.rows)
 
 
 # -- objects
@@ -109,7 +109,7 @@ def _precision_recall(suffix: str, scores: PrecisionRecall, right: str) -> Itera
 
 def _wrong_objects(scores: ObjectScores) -> Iterator[Mistakes]:
     for title, wrong in (("missed", scores.missed), ("false", scores.false)):
-        yield Mistakes(title, ("id", "label", "why"), tuple((each.id, each.label, each.reason) for each in wrong))
+        yield Mistakes(title, ("id", "label", "why"), tuple((obj.id, obj.label, obj.reason) for obj in wrong))
 
 
 # -- change
@@ -167,16 +167,20 @@ def _wrong_changes(section: ChangeSection) -> Iterator[Mistakes]:
     )
     reported = section.reported
     missed = tuple(
-        (each.kind, each.object_id, "reported as two changes" if each.reported_as_two else "")
-        for each in reported.missed
+        (change.kind, change.object_id, "reported as two changes" if change.reported_as_two else "")
+        for change in reported.missed
     )
     yield Mistakes("changes missed", ("what", "id", "but"), missed)
     false = tuple(
-        (each.kind, each.instance_id, f"{each.unchanged_object} stands as before" if each.unchanged_object else "")
-        for each in reported.false
+        (
+            change.kind,
+            change.instance_id,
+            f"{change.unchanged_object} stands as before" if change.unchanged_object else "",
+        )
+        for change in reported.false
     )
     yield Mistakes("changes falsely reported", ("what", "id", "but"), false)
-    not_shown = tuple((each,) for each in reported.unobservable)
+    not_shown = tuple((change,) for change in reported.unobservable)
     yield Mistakes("changes that the images do not show: not judged", ("id",), not_shown)
 
 
@@ -206,21 +210,25 @@ def _of_identity(scores: IdentityScores) -> Iterator[Figure]:
 
 
 def _wrong_identities(scores: IdentityScores) -> Iterator[Mistakes]:
-    several = tuple((each.object_id, ", ".join(each.instances)) for each in scores.several)
+    several = tuple((obj.object_id, ", ".join(obj.instances)) for obj in scores.several)
     yield Mistakes("in the map more than once", ("id", "as"), several)
     lost = tuple(
-        (each.object_id, "-" if each.distance_m is None else f"{each.distance_m:.2f}", ", ".join(each.instances) or "-")
-        for each in scores.relocated
-        if each.kept is None
+        (obj.object_id, "-" if obj.distance_m is None else f"{obj.distance_m:.2f}", ", ".join(obj.instances) or "-")
+        for obj in scores.relocated
+        if obj.kept is None
     )
     yield Mistakes("moved and not known again", ("id", "moved (m)#", "in the new place"), lost)
     stale = tuple(
-        (each.instance_id, each.object_id, "yes" if each.seen_empty else "no, its place was not in view again")
-        for each in scores.stale
+        (
+            instance.instance_id,
+            instance.object_id,
+            "yes" if instance.seen_empty else "no, its place was not in view again",
+        )
+        for instance in scores.stale
     )
     broken = tuple(
-        (each.object_id, str(each.observed), f"{each.followed_share or 0:.2f}", ", ".join(each.instances))
-        for each in scores.passages.broken
+        (passage.object_id, str(passage.observed), f"{passage.followed_share or 0:.2f}", ", ".join(passage.instances))
+        for passage in scores.passages.broken
     )
     yield Mistakes("people not followed as one", ("id", "observations#", "longest track#", "as"), broken)
     yield Mistakes("stale", ("instance", "was", "could have been seen to be gone"), stale)
@@ -242,9 +250,9 @@ def _of_instances(scores: InstanceScores) -> Iterator[Figure]:
 
 def _poor_instances(scores: InstanceScores) -> Iterator[Mistakes]:
     poor = tuple(
-        (each.object_id, each.instance_id or "-", f"{each.iou:.2f}", str(each.points))
-        for each in scores.objects
-        if each.iou <= POOR_IOU
+        (obj.object_id, obj.instance_id or "-", f"{obj.iou:.2f}", str(obj.points))
+        for obj in scores.objects
+        if obj.iou <= POOR_IOU
     )
     yield Mistakes(f"shared points at most {POOR_IOU}", ("object", "best instance", "IoU#", "its points#"), poor)
 
@@ -263,7 +271,7 @@ def _of_semantics(scores: SemanticScores) -> Iterator[Figure]:
 
 
 def _confusions(scores: SemanticScores) -> Iterator[Mistakes]:
-    rows = tuple((each.true, each.predicted, str(each.voxels)) for each in scores.confusions)
+    rows = tuple((confusion.true, confusion.predicted, str(confusion.voxels)) for confusion in scores.confusions)
     yield Mistakes("mostly confused", ("is", "in the map", "voxels#"), rows)
 
 
@@ -277,7 +285,7 @@ def _of_answers(scores: AnswerScores) -> Iterator[Figure]:
 
 
 def _wrong_answers(scores: AnswerScores) -> Iterator[Mistakes]:
-    rows = tuple((each.text, ", ".join(each.expected) or "nothing", _answered(each)) for each in scores.wrong)
+    rows = tuple((answer.text, ", ".join(answer.expected) or "nothing", _answered(answer)) for answer in scores.wrong)
     yield Mistakes("answered wrong", ("question", "right would be", "the map says"), rows)
 
 

@@ -132,6 +132,6 @@ def _draw(path: Path, estimate: EstimatedMap, truth: GroundTruth, sections: Sequ
     from supermap_cli.evaluation.objects import score_objects as who_is_who  # noqa: PLC0415 - keeps start-up light
     from supermap_cli.evaluation.plots import draw  # noqa: PLC0415
 
-    what = [each for each in ("map", "change") if each in sections]
+    what = [section for section in ("map", "change") if section in sections]
     draw(path, estimate, truth, who_is_who(estimate, truth), what=what)
     err().print(f"drawn: {path}", markup=False)

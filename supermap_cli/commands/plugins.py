@@ -65,8 +65,8 @@ def as_json(loaded: Plugins) -> dict[str, object]:
             for plugin in loaded.working
         ],
         "broken": [
-            {"name": each.name, "distribution": each.distribution, "version": each.version, "error": each.error}
-            for each in loaded.broken
+            {"name": plugin.name, "distribution": plugin.distribution, "version": plugin.version, "error": plugin.error}
+            for plugin in loaded.broken
         ],
         "conflicts": _conflicts(loaded),
     }

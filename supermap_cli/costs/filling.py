@@ -23,8 +23,8 @@ def fill(store: MapStore, traversal_id: int, wanted: int, reach_m: float) -> Non
 
     Every set of copies lies a room of its own away, farther than `reach_m` from everything else.
     """
-    known = [each for each in store.load_instances() if each.presence == "present"]
-    states = {each.object_number: each for each in store.load_open_states()}
+    known = [instance for instance in store.load_instances() if instance.presence == "present"]
+    states = {state.object_number: state for state in store.load_open_states()}
     edges = store.load_spatial_edges()
     missing, number = wanted - len(known), store.next_object_number()
     room_m = _room_m(known, reach_m)
@@ -33,12 +33,14 @@ def fill(store: MapStore, traversal_id: int, wanted: int, reach_m: float) -> Non
         room += 1
         offset = room_m * np.array([room // _ROOMS_IN_A_ROW, room % _ROOMS_IN_A_ROW, 0])
         chosen = known[:missing]
-        numbers = {each.number: number + i for i, each in enumerate(chosen)}
+        numbers = {instance.number: number + i for i, instance in enumerate(chosen)}
         store.commit(
             traversal_id,
             MapDelta(
-                instances=tuple(_copied(each, numbers[each.number], offset) for each in chosen),
-                states=tuple(_moved(states[each.number], numbers, offset) for each in chosen if each.number in states),
+                instances=tuple(_copied(instance, numbers[instance.number], offset) for instance in chosen),
+                states=tuple(
+                    _moved(states[instance.number], numbers, offset) for instance in chosen if instance.number in states
+                ),
                 spatial_edges=tuple(_between(edges, numbers)),
             ),
         )
@@ -46,7 +48,7 @@ def fill(store: MapStore, traversal_id: int, wanted: int, reach_m: float) -> Non
 
 
 def _room_m(known: Sequence[InstanceRecord], reach_m: float) -> float:
-    centers = np.array([each.centroid_map for each in known]).reshape(-1, 3)
+    centers = np.array([instance.centroid_map for instance in known]).reshape(-1, 3)
     spread_m = float(np.ptp(centers, axis=0).max()) if len(centers) else 0.0
     return _GRID_M * math.ceil((spread_m + 4 * reach_m) / _GRID_M)
 
@@ -74,9 +76,9 @@ def _moved(state: StateRecord, numbers: dict[int, int], offset_m: FloatArray) ->
 
 def _between(edges: Sequence[SpatialEdge], numbers: dict[int, int]) -> list[SpatialEdge]:
     return [
-        replace(each, subject=numbers[each.subject], object=numbers[each.object])
-        for each in edges
-        if each.subject in numbers and each.object in numbers
+        replace(edge, subject=numbers[edge.subject], object=numbers[edge.object])
+        for edge in edges
+        if edge.subject in numbers and edge.object in numbers
     ]
 
 

@@ -47,10 +47,10 @@ def build(job: Job, plugins: Plugins) -> BuildRun:
     total_s = time.perf_counter() - began
     usage = resource.getrusage(resource.RUSAGE_SELF)
     return BuildRun(
-        keyframes=sum(each.tally.keyframes for each in summaries),
-        detections=sum(each.tally.detections for each in summaries),
+        keyframes=sum(summary.tally.keyframes for summary in summaries),
+        detections=sum(summary.tally.detections for summary in summaries),
         objects=summaries[-1].instances,
-        recorded_s=sum(each.recorded_s for each in summaries),
+        recorded_s=sum(summary.recorded_s for summary in summaries),
         total_s=total_s,
         cpu_s=usage.ru_utime + usage.ru_stime,
         peak_memory_mb=peak_memory_mb(),
@@ -102,7 +102,7 @@ def decode(job: Job, plugins: Plugins) -> DecodeRun:
 
 
 def _stages_run(summaries: list[BuildSummary], clock: StageClock) -> StagesRun:
-    keyframes = sum(each.tally.keyframes for each in summaries)
+    keyframes = sum(summary.tally.keyframes for summary in summaries)
     return StagesRun(keyframes, summaries[-1].instances, clock.timings())
 
 

@@ -160,7 +160,10 @@ def summarise(
         stages=tuple(_costs(stages.timings)),
         rates=tuple(_rates(stages)),
         floor=_floor(stages, decode),
-        growth=tuple(Growth(wanted, each.objects, each.keyframes, mapping_ms(each)) for wanted, each in growth),
+        growth=tuple(
+            Growth(wanted, stages_run.objects, stages_run.keyframes, mapping_ms(stages_run))
+            for wanted, stages_run in growth
+        ),
     )
 
 
@@ -176,7 +179,7 @@ def mapping_ms(stages: StagesRun) -> float:
 
 
 def _per_keyframe_ms(stages: StagesRun, names: Sequence[str]) -> float:
-    return 1000 * sum(each.total_s for each in stages.timings if each.stage in names) / max(stages.keyframes, 1)
+    return 1000 * sum(timing.total_s for timing in stages.timings if timing.stage in names) / max(stages.keyframes, 1)
 
 
 def _whole(build: BuildRun) -> WholeBuild:
@@ -192,15 +195,15 @@ def _whole(build: BuildRun) -> WholeBuild:
 
 
 def _costs(timings: Sequence[StageTiming]) -> Iterator[StageCost]:
-    everything_s = sum(each.total_s for each in timings)
-    for each in timings:
-        kind: Kind = "once" if each.stage in ONCE else "mapping" if each.stage in MAPPING else "perception"
-        share = each.total_s / max(everything_s, 1e-9)
-        yield StageCost(each.stage, kind, each.runs, each.total_s, each.mean_ms, each.p95_ms, share)
+    everything_s = sum(timing.total_s for timing in timings)
+    for timing in timings:
+        kind: Kind = "once" if timing.stage in ONCE else "mapping" if timing.stage in MAPPING else "perception"
+        share = timing.total_s / max(everything_s, 1e-9)
+        yield StageCost(timing.stage, kind, timing.runs, timing.total_s, timing.mean_ms, timing.p95_ms, share)
 
 
 def _rates(stages: StagesRun) -> Iterator[Rate]:
-    ran = {each.stage for each in stages.timings}
+    ran = {timing.stage for timing in stages.timings}
     for module, names in RATED.items():
         ms = _per_keyframe_ms(stages, names)
         if ms > 0:
@@ -231,8 +234,8 @@ def _figures(bench: Bench) -> Iterator[tuple[str, float]]:
     yield "mapping, ms a keyframe", bench.floor.mapping_ms
     yield "decoding alone, ms a keyframe", bench.floor.decode_ms
     yield "mapping / decoding alone", bench.floor.ratio
-    for each in bench.growth:
-        yield f"mapping with {each.wanted} objects, ms a keyframe", each.mapping_ms
+    for step in bench.growth:
+        yield f"mapping with {step.wanted} objects, ms a keyframe", step.mapping_ms
     yield "build, s for a second of recording", bench.build.total_s / max(bench.build.recorded_s, 1e-9)
     yield "cores in use at realtime", bench.build.cores
     yield "peak memory, MB", bench.build.peak_memory_mb

@@ -50,18 +50,18 @@ def score_answers(estimate: EstimatedMap, truth: GroundTruth) -> AnswerScores:
     """Judge the answers to the truth's questions."""
     known = known_truth(estimate, truth)
     if known.gap is not None:
-        return AnswerScores(None, None, 0, tuple(each.text for each in truth.questions), (), known.gap)
+        return AnswerScores(None, None, 0, tuple(question.text for question in truth.questions), (), known.gap)
     countable = {place.object.id for place in known.places if place.countable}
-    fair = [each for each in truth.questions if not each.answer or countable.intersection(each.answer)]
+    fair = [question for question in truth.questions if not question.answer or countable.intersection(question.answer)]
     object_of = _object_of_instances(estimate, known)
     answers = {answer.text: answer.ids for answer in estimate.answers if answer.error is None}
     judged = [_judge(question, answers.get(question.text), object_of, countable) for question in fair]
-    wrong = tuple(each for each in judged if each.answered is None or each.jaccard < 1)
+    wrong = tuple(answer for answer in judged if answer.answered is None or answer.jaccard < 1)
     return AnswerScores(
         exact=share(len(judged) - len(wrong), len(judged)),
-        jaccard=mean(each.jaccard for each in judged),
+        jaccard=mean(answer.jaccard for answer in judged),
         asked=len(judged),
-        left_out=tuple(each.text for each in truth.questions if each not in fair),
+        left_out=tuple(question.text for question in truth.questions if question not in fair),
         wrong=wrong,
     )
 
@@ -81,9 +81,9 @@ def _judge(
 ) -> WrongAnswer:
     """The answer beside the expected one; right where its Jaccard index is 1 and there is an answer."""
     expected = countable.intersection(question.answer)
-    objects = [object_of.get(each) for each in ids or ()]
-    counted = Counter(each for each in objects if each is None or each in countable)
-    right = sum(1 for each in counted if each in expected)
+    objects = [object_of.get(instance_id) for instance_id in ids or ()]
+    counted = Counter(object_id for object_id in objects if object_id is None or object_id in countable)
+    right = sum(1 for object_id in counted if object_id in expected)
     union = len(expected) + sum(counted.values()) - right
     return WrongAnswer(
         text=question.text,

@@ -79,18 +79,20 @@ def instance_average_precision(
     """
     check_shape("gt_labels", gt_labels, (None,))
     check_shape("gt_instances", gt_instances, (len(gt_labels),))
-    judged = [each for each in predictions if len(each.points) >= max(smallest, 1)]
+    judged = [prediction for prediction in predictions if len(prediction.points) >= max(smallest, 1)]
     classes = []
     for label in np.unique(gt_labels[(gt_labels != VOID) & (gt_instances != NO_INSTANCE)]).tolist():
-        overlaps = _overlaps(gt_labels, gt_instances, [each for each in judged if each.label == label], label)
+        overlaps = _overlaps(
+            gt_labels, gt_instances, [prediction for prediction in judged if prediction.label == label], label
+        )
         large = overlaps.true_sizes >= smallest
         if large.any():
-            ap25, *rest = (_average_precision(overlaps, large, each) for each in (LOOSE_OVERLAP, *OVERLAPS))
+            ap25, *rest = (_average_precision(overlaps, large, threshold) for threshold in (LOOSE_OVERLAP, *OVERLAPS))
             classes.append(ClassPrecision(label, int(large.sum()), sum(rest) / len(rest), rest[0], ap25))
     return AveragePrecision(
-        mean(each.ap for each in classes),
-        mean(each.ap50 for each in classes),
-        mean(each.ap25 for each in classes),
+        mean(precision.ap for precision in classes),
+        mean(precision.ap50 for precision in classes),
+        mean(precision.ap25 for precision in classes),
         tuple(classes),
     )
 
@@ -115,17 +117,18 @@ def _overlaps(
     number_of_point = np.full(len(gt_labels), len(ids))
     number_of_point[of_class] = numbers
     shared = np.array(
-        [np.bincount(number_of_point[each.points], minlength=len(ids) + 1)[:-1] for each in predictions], np.int64
+        [np.bincount(number_of_point[prediction.points], minlength=len(ids) + 1)[:-1] for prediction in predictions],
+        np.int64,
     ).reshape(len(predictions), len(ids))
-    predicted_sizes = np.array([len(each.points) for each in predictions], np.int64)
+    predicted_sizes = np.array([len(prediction.points) for prediction in predictions], np.int64)
     true_sizes = np.bincount(numbers, minlength=len(ids))
     return _Overlaps(
         shared=shared,
         iou=shared / (predicted_sizes[:, None] + true_sizes[None, :] - shared),
-        confidences=np.array([each.confidence for each in predictions], np.float64),
+        confidences=np.array([prediction.confidence for prediction in predictions], np.float64),
         predicted_sizes=predicted_sizes,
         true_sizes=true_sizes,
-        void=np.array([(gt_labels[each.points] == VOID).sum() for each in predictions], np.int64),
+        void=np.array([(gt_labels[prediction.points] == VOID).sum() for prediction in predictions], np.int64),
     )
 
 

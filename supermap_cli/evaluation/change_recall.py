@@ -123,7 +123,7 @@ class Beliefs:
 
     def __init__(self, estimate: EstimatedMap, known: KnownTruth) -> None:
         self.known = known
-        self.labels = [each.label for each in estimate.objects]
+        self.labels = [instance.label for instance in estimate.objects]
         self.centroids = np.full((len(estimate.objects), len(known.stamps_ns), 3), np.nan)
         for row, instance in enumerate(estimate.objects):
             for k, stamp_ns in enumerate(known.stamps_ns.tolist()):
@@ -146,7 +146,7 @@ class Beliefs:
     def _rivals(self, place: int) -> list[int]:
         """Other places of the object, and places of other things of its label."""
         label = self.known.places[place].object.label
-        return [k for k, each in enumerate(self.known.places) if k != place and same_label(each.object.label, label)]
+        return [k for k, other in enumerate(self.known.places) if k != place and same_label(other.object.label, label)]
 
     def _competes(self, place: int, rivals: Sequence[int]) -> BoolArray:
         """(r, k): a place of the object always does, one of another thing while that stands there."""

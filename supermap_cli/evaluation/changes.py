@@ -87,10 +87,11 @@ def score_changes(estimate: EstimatedMap, truth: GroundTruth) -> ChangeScores:
         lenient=verdict.lenient(),
         static_reported=sum(row.unchanged_object is not None for row in false),
         missed=tuple(
-            MissedChange(each.kind, each.object_id, each.label, each in verdict.as_two) for each in verdict.missed
+            MissedChange(change.kind, change.object_id, change.label, change in verdict.as_two)
+            for change in verdict.missed
         ),
         false=false,
-        unobservable=tuple(f"{each.object_id} {each.kind}" for each in changes.unobservable),
+        unobservable=tuple(f"{change.object_id} {change.kind}" for change in changes.unobservable),
     )
 
 
@@ -105,7 +106,7 @@ class Report:
     @classmethod
     def of(cls, change: EstimatedChange, estimate: EstimatedMap) -> Report:
         """Complete a change by the map's instance."""
-        own = next((each.centroid for each in estimate.objects if each.id == change.object_id), None)
+        own = next((instance.centroid for instance in estimate.objects if instance.id == change.object_id), None)
         before = change.position_before if change.position_before is not None else own
         after = change.position_after if change.position_after is not None else own
         return cls(
@@ -138,9 +139,9 @@ class Verdict:
     def of_kinds(self, *kinds: str) -> PrecisionRecall:
         """The strict counts of some kinds of change."""
         return precision_recall(
-            sum(each.kind in kinds for each in self.found),
-            sum(each.change.kind in kinds for each in self.false),
-            sum(each.kind in kinds for each in self.missed),
+            sum(change.kind in kinds for change in self.found),
+            sum(report.change.kind in kinds for report in self.false),
+            sum(change.kind in kinds for change in self.missed),
         )
 
     def lenient(self) -> PrecisionRecall:
@@ -154,14 +155,14 @@ def _judge(reports: Sequence[Report], changes: NetChanges) -> Verdict:
     offsets_m = offsets_m.reshape(len(reports), len(changes.judged))
     pairs = match_one_to_one(offsets_m < PLACE_M, 1 - np.minimum(offsets_m / PLACE_M, 1.0))
     right, found = {row for row, _ in pairs}, {column for _, column in pairs}
-    missed = tuple(each for column, each in enumerate(changes.judged) if column not in found)
+    missed = tuple(change for column, change in enumerate(changes.judged) if column not in found)
     false = tuple(
         report
         for row, report in enumerate(reports)
         if row not in right and not report.touches_only(changes.unjudged_places)
     )
     return Verdict(
-        found=tuple(each for column, each in enumerate(changes.judged) if column in found),
+        found=tuple(change for column, change in enumerate(changes.judged) if column in found),
         missed=missed,
         false=false,
         as_two=_moves_as_two(missed, false),
@@ -172,9 +173,9 @@ def _moves_as_two(missed: Sequence[NetChange], false: Sequence[Report]) -> tuple
     """The missed moves whose old place was reported empty and whose new place filled, each report used once."""
     left = list(false)
     as_two = []
-    for change in (each for each in missed if each.kind == "moved"):
-        gone = next((each for each in left if each.offset_m(NetChange(change.before, None)) < PLACE_M), None)
-        came = next((each for each in left if each.offset_m(NetChange(None, change.after)) < PLACE_M), None)
+    for change in (move for move in missed if move.kind == "moved"):
+        gone = next((report for report in left if report.offset_m(NetChange(change.before, None)) < PLACE_M), None)
+        came = next((report for report in left if report.offset_m(NetChange(None, change.after)) < PLACE_M), None)
         if gone is not None and came is not None:
             as_two.append(change)
             left.remove(gone)
@@ -194,7 +195,9 @@ def _unchanged_instances(estimate: EstimatedMap, known: KnownTruth, changes: Net
 
 def _false_rows(false: Iterable[Report], unchanged: dict[str, str]) -> tuple[FalseChange, ...]:
     changes = [report.change for report in false]
-    return tuple(FalseChange(each.kind, each.object_id, each.label, unchanged.get(each.object_id)) for each in changes)
+    return tuple(
+        FalseChange(change.kind, change.object_id, change.label, unchanged.get(change.object_id)) for change in changes
+    )
 
 
 def _distance_m(end: FloatArray | None, place: Place | None) -> float:

@@ -89,23 +89,23 @@ def score_identity(estimate: EstimatedMap, truth: GroundTruth) -> IdentityScores
     known = known_truth(estimate, truth)
     identified = identify(estimate, known)
     objects = _instances_of_objects(estimate, known, identified)
-    found = [each for each in objects if each.instances]
+    found = [obj for obj in objects if obj.instances]
     observers = observers_of_static_objects(estimate, known, identified)
     switched = switches(observers)
     relocated = _relocated(estimate, truth, known, identified)
     stale = _stale(estimate, known)
     return IdentityScores(
-        instances_per_object=mean(len(each.instances) for each in found),
+        instances_per_object=mean(len(obj.instances) for obj in found),
         found_objects=len(found),
-        several=tuple(each for each in found if len(each.instances) > 1),
-        never_found=tuple(each for each in objects if not each.instances),
+        several=tuple(obj for obj in found if len(obj.instances) > 1),
+        never_found=tuple(obj for obj in objects if not obj.instances),
         switches=len(switched),
         static_objects=len(observers),
         switched=switched,
-        relocated_found=share(sum(bool(each.instances) for each in relocated), len(relocated)),
-        relocated_kept=share(sum(each.kept is not None for each in relocated), len(relocated)),
+        relocated_found=share(sum(bool(obj.instances) for obj in relocated), len(relocated)),
+        relocated_kept=share(sum(obj.kept is not None for obj in relocated), len(relocated)),
         relocated=relocated,
-        stale_share=share(len(stale), sum(each.presence == "present" for each in estimate.objects)),
+        stale_share=share(len(stale), sum(instance.presence == "present" for instance in estimate.objects)),
         vacated_places=sum(_seen_empty(k, known) for k, place in enumerate(known.places) if place.countable),
         stale=stale,
         passages=score_passages(estimate, truth),
@@ -123,7 +123,7 @@ def _instances_of_objects(
         for object_id in {state.object_id for state in states if state is not None}:
             if object_id in instances:
                 instances[object_id].append(instance.id)
-    return [ObjectInstances(each, labels[each], tuple(ids)) for each, ids in instances.items()]
+    return [ObjectInstances(object_id, labels[object_id], tuple(ids)) for object_id, ids in instances.items()]
 
 
 def _relocated(
@@ -143,12 +143,12 @@ def _relocated(
         if known.places[old].countable and known.places[new].countable:
             not_before_ns = int(known.stamps_ns[known.stamps_ns < change.stamp_ns].max(initial=0))
             there, both = [], []
-            for each, what in zip(estimate.objects, identified, strict=True):
-                arrived = _states_in(new, each, what, since_ns=not_before_ns)
+            for instance, what in zip(estimate.objects, identified, strict=True):
+                arrived = _states_in(new, instance, what, since_ns=not_before_ns)
                 if arrived:
-                    there.append(each.id)
-                if arrived and _states_in(old, each, what) - arrived:
-                    both.append(each.id)
+                    there.append(instance.id)
+                if arrived and _states_in(old, instance, what) - arrived:
+                    both.append(instance.id)
             label = known.places[new].object.label
             rows.append(Relocated(change.object_id, label, change.distance_m, tuple(there), both[0] if both else None))
     return tuple(rows)
@@ -166,7 +166,7 @@ def _states_in(
 
 
 def _stale(estimate: EstimatedMap, known: KnownTruth) -> tuple[Stale, ...]:
-    present = [each for each in estimate.objects if each.presence == "present"]
+    present = [instance for instance in estimate.objects if instance.presence == "present"]
     near = closeness(present, known.places).near
     standing = np.isin(np.arange(len(known.places)), known.standing)
     rows = []

@@ -82,7 +82,7 @@ def score_instances(estimate: EstimatedMap, truth: GroundTruth) -> InstanceScore
     if known.gap is not None:
         return InstanceScores(None, None, None, None, None, None, (), (), (), known.gap)
     surface = seen_surface(truth, known)
-    present = [each for each in estimate.objects if each.presence == "present"]
+    present = [instance for instance in estimate.objects if instance.presence == "present"]
     nearest = nearest_instances(surface.points, present)
     names = sorted({place.object.label.casefold() for place in surface.places if place.countable})
     by_label = _precision(surface, present, nearest, names)
@@ -96,11 +96,13 @@ def score_instances(estimate: EstimatedMap, truth: GroundTruth) -> InstanceScore
         regardless_ap50=regardless.ap50,
         regardless_ap25=regardless.ap25,
         labels=tuple(
-            LabelPrecision(names[each.label - 1], each.instances, each.ap, each.ap50, each.ap25)
-            for each in by_label.classes
+            LabelPrecision(
+                names[precision.label - 1], precision.instances, precision.ap, precision.ap50, precision.ap25
+            )
+            for precision in by_label.classes
         ),
         objects=objects,
-        too_small=tuple(each.object_id for each in objects if each.points < SMALLEST),
+        too_small=tuple(obj.object_id for obj in objects if obj.points < SMALLEST),
     )
 
 
@@ -119,8 +121,8 @@ def _precision(
     )
     labels = class_of_place[surface.place]
     predictions = [
-        InstancePrediction(np.flatnonzero(nearest == row), number(each.label), each.confidence)
-        for row, each in enumerate(present)
+        InstancePrediction(np.flatnonzero(nearest == row), number(instance.label), instance.confidence)
+        for row, instance in enumerate(present)
     ]
     return instance_average_precision(labels, np.where(labels > BACKGROUND, surface.place, NO_INSTANCE), predictions)
 

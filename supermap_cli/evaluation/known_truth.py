@@ -123,8 +123,8 @@ class KnownTruth:
         """(p, n): the object stands in the place at other times (n,)."""
         first, last = np.iinfo(np.int64).min, np.iinfo(np.int64).max
         states = [place.state for place in self.places]
-        since = np.array([first if each.since_ns is None else each.since_ns for each in states], np.int64)
-        until = np.array([last if each.until_ns is None else each.until_ns for each in states], np.int64)
+        since = np.array([first if state.since_ns is None else state.since_ns for state in states], np.int64)
+        until = np.array([last if state.until_ns is None else state.until_ns for state in states], np.int64)
         taken: BoolArray = (since[:, None] <= stamps_ns[None, :]) & (stamps_ns[None, :] < until[:, None])
         return taken
 
@@ -138,7 +138,7 @@ class KnownTruth:
     def in_view_with_object(self) -> BoolArray:
         """(p, k): in view, the object stands there, and this or an earlier image showed it well."""
         never = np.iinfo(np.int64).max
-        seen_ns = [never if each.well_seen_ns is None else each.well_seen_ns for each in self.places]
+        seen_ns = [never if place.well_seen_ns is None else place.well_seen_ns for place in self.places]
         return self.in_view & self.present & (np.array(seen_ns, np.int64)[:, None] <= self.stamps_ns[None, :])
 
     @cached_property
@@ -150,7 +150,7 @@ class KnownTruth:
     def in_view_left(self) -> BoolArray:
         """(p, k): in view, and the object has left it."""
         last = np.iinfo(np.int64).max
-        until = [last if each.state.until_ns is None else each.state.until_ns for each in self.places]
+        until = [last if place.state.until_ns is None else place.state.until_ns for place in self.places]
         return self.in_view_empty & (np.array(until, np.int64)[:, None] <= self.stamps_ns[None, :])
 
     def place_of(self, object_id: str, index: int | None) -> int | None:
@@ -169,24 +169,28 @@ class KnownTruth:
 def known_truth(estimate: EstimatedMap, truth: GroundTruth) -> KnownTruth:
     """Cut the truth down to what the map's keyframes can have shown."""
     keyframes_ns = np.sort(estimate.keyframes_ns)
-    mapped = tuple(each for each in truth.traversals if len(_keyframes_in(each, keyframes_ns)))
+    mapped = tuple(traversal for traversal in truth.traversals if len(_keyframes_in(traversal, keyframes_ns)))
     end_ns = int(keyframes_ns[-1]) if len(keyframes_ns) else None
-    images = [images_of(each, keyframes_ns) for each in mapped]
+    images = [images_of(traversal, keyframes_ns) for traversal in mapped]
     stays = [
         (number, index)
-        for number, each in enumerate(truth.objects)
-        for index, state in enumerate(each.states)
+        for number, obj in enumerate(truth.objects)
+        for index, state in enumerate(obj.states)
         if end_ns is not None and (state.since_ns is None or state.since_ns <= end_ns)
     ]
     row_of = {stay: row for row, stay in enumerate(stays)}
-    visible = [_visible(each.sightings, frames, row_of) for each, (frames, _) in zip(mapped, images, strict=True)]
+    visible = [
+        _visible(traversal.sightings, frames, row_of) for traversal, (frames, _) in zip(mapped, images, strict=True)
+    ]
     stamps_ns = np.concatenate([np.zeros(0, np.int64), *(stamps for _, stamps in images)])
     well_seen = _well_seen(mapped, keyframes_ns)
     places = tuple(Place(truth.objects[number], index, well_seen.get((number, index))) for number, index in stays)
     return KnownTruth(
         traversals=mapped,
-        not_mapped=tuple(each.name for each in truth.traversals if not len(_keyframes_in(each, keyframes_ns))),
-        partly_mapped=tuple(each.name for each in mapped if _is_partly_mapped(each, keyframes_ns)),
+        not_mapped=tuple(
+            traversal.name for traversal in truth.traversals if not len(_keyframes_in(traversal, keyframes_ns))
+        ),
+        partly_mapped=tuple(traversal.name for traversal in mapped if _is_partly_mapped(traversal, keyframes_ns)),
         end_ns=end_ns,
         places=places,
         stamps_ns=stamps_ns,

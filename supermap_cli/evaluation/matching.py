@@ -56,7 +56,7 @@ def closeness(estimated: Sequence[Placed], true: Sequence[Placed]) -> Closeness:
 
 def centroids(things: Sequence[Placed]) -> FloatArray:
     """The centroids (n, 3) of n things."""
-    return np.array([each.centroid for each in things], np.float64).reshape(-1, 3)
+    return np.array([thing.centroid for thing in things], np.float64).reshape(-1, 3)
 
 
 def same_label(first: str, second: str) -> bool:
@@ -99,7 +99,7 @@ def identify(estimate: EstimatedMap, known: KnownTruth) -> tuple[tuple[Identifie
     time between the state's first and last sight; among several the one with the greatest IoU. What the map went on
     believing after it last saw the thing does not count here.
     """
-    return tuple(_identify(each.states, known) for each in estimate.objects)
+    return tuple(_identify(instance.states, known) for instance in estimate.objects)
 
 
 def _identify(states: Sequence[EstimatedState], known: KnownTruth) -> tuple[Identified | None, ...]:

@@ -85,13 +85,13 @@ def score_objects(estimate: EstimatedMap, truth: GroundTruth) -> ObjectScores:
         labelled=comparison.count(labelled),
         unlabelled=comparison.count(unlabelled),
         label_accuracy=share(labels_right, len(unlabelled)),
-        centroid_error_m=mean(each.centroid_error_m for each in matched),
-        iou=mean(each.iou for each in matched),
+        centroid_error_m=mean(pair.centroid_error_m for pair in matched),
+        iou=mean(pair.iou for pair in matched),
         countable_objects=len(comparison.countable),
         ignored_objects=len(known.standing) - len(comparison.countable),
         present_instances=len(comparison.present),
         ignored_instances=int(comparison.ignored.sum()),
-        people=tuple(each.id for each in comparison.present if same_label(each.label, PERSON)),
+        people=tuple(instance.id for instance in comparison.present if same_label(instance.label, PERSON)),
         matched=matched,
         missed=comparison.missed(labelled),
         false=comparison.false(labelled),
@@ -104,12 +104,12 @@ class EndOfMap:
     def __init__(self, estimate: EstimatedMap, known: KnownTruth) -> None:
         standing = [known.places[k] for k in known.standing]
         self.known = known
-        self.present = [each for each in estimate.objects if each.presence == "present"]
-        self.absent = [each for each in estimate.objects if each.presence != "present"]
+        self.present = [instance for instance in estimate.objects if instance.presence == "present"]
+        self.absent = [instance for instance in estimate.objects if instance.presence != "present"]
         self.countable = [place for place in standing if place.countable]
         self.close: Closeness = closeness(self.present, self.countable)
         self.agrees: BoolArray = label_agreement(
-            [each.label for each in self.present], [place.object.label for place in self.countable]
+            [instance.label for instance in self.present], [place.object.label for place in self.countable]
         )
         uncountable = [place for place in standing if not place.countable]
         near_uncountable = closeness(self.present, uncountable).near.sum(axis=1) > 0
@@ -146,8 +146,8 @@ class EndOfMap:
         objects = {row: self.countable[column].object.id for row, column in pairs}
         taken = {object_id: self.present[row].id for row, object_id in objects.items()}
         return tuple(
-            UnmatchedObject(each.id, each.label, self._why_false(row, taken))
-            for row, each in enumerate(self.present)
+            UnmatchedObject(instance.id, instance.label, self._why_false(row, taken))
+            for row, instance in enumerate(self.present)
             if row not in right and not self.ignored[row]
         )
 
@@ -192,7 +192,7 @@ class EndOfMap:
 
 def _nearest_within(place: Place, instances: Sequence[EstimatedObject]) -> EstimatedObject | None:
     """The instance of the place's label whose centroid is nearest, if within the gate's distance."""
-    offsets = [(float(np.linalg.norm(each.centroid - place.centroid)), k) for k, each in enumerate(instances)]
-    alike = [each for each in offsets if same_label(instances[each[1]].label, place.object.label)]
+    offsets = [(float(np.linalg.norm(instance.centroid - place.centroid)), k) for k, instance in enumerate(instances)]
+    alike = [offset for offset in offsets if same_label(instances[offset[1]].label, place.object.label)]
     distance_m, k = min(alike, default=(np.inf, -1))
     return instances[k] if distance_m < MATCH_DISTANCE_M else None

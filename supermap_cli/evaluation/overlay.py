@@ -45,7 +45,11 @@ def lay_over_truth(reader: MapReader, truth: GroundTruth) -> Overlay:
     keyframe lies in its time.
     """
     pairs = pair_traversals(reader, truth)
-    ways = {each.name: way for each in reader.traversals if (way := _true_and_mapped(reader, each, pairs[each.id]))}
+    ways = {
+        traversal.name: way
+        for traversal in reader.traversals
+        if (way := _true_and_mapped(reader, traversal, pairs[traversal.id]))
+    }
     if not ways:
         raise EvaluationError(
             "no keyframe of the map lies in the time of this truth",
@@ -73,8 +77,8 @@ def _true_and_mapped(
     stamps_ns, T_map_base = reader.poses(traversal.id)
     found = [
         (T_world_base[known], T_map_base[known])
-        for each in true
-        for T_world_base, known in [_true_way(each).at_many(stamps_ns - traversal.clock_shift_ns)]
+        for true_traversal in true
+        for T_world_base, known in [_true_way(true_traversal).at_many(stamps_ns - traversal.clock_shift_ns)]
         if known.any()
     ]
     if not found:

@@ -18,14 +18,14 @@ def pair_traversals(reader: MapReader, truth: GroundTruth) -> Pairs:
     Raises `EvaluationError` where the truth belongs to other recordings, and where the map holds a traversal that it
     does not know: what that one changed could not be judged.
     """
-    pairs = {each.id: _in_truth(each, truth) for each in reader.traversals}
+    pairs = {traversal.id: _in_truth(traversal, truth) for traversal in reader.traversals}
     if not any(pairs.values()):
         raise EvaluationError(
             "this truth belongs to other recordings than those in the map",
             where=reader.where,
             cure="give the truth.json that lies beside the recordings in the map",
         )
-    if strangers := [each.name for each in reader.traversals if not pairs[each.id]]:
+    if strangers := [traversal.name for traversal in reader.traversals if not pairs[traversal.id]]:
         raise EvaluationError(
             f"the truth does not know {', '.join(strangers)}, which the map holds: objects at its end cannot be judged",
             where=reader.where,
@@ -36,9 +36,9 @@ def pair_traversals(reader: MapReader, truth: GroundTruth) -> Pairs:
 
 def _in_truth(mapped: StoredTraversal, truth: GroundTruth) -> tuple[TrueTraversal, ...]:
     """By fingerprint; by time where the truth has none."""
-    same = [each for each in truth.traversals if _is_same_recording(mapped, each)]
-    unnamed = [each for each in truth.traversals if each.fingerprint is None]
-    return tuple(same or [each for each in unnamed if _meet(mapped, each)])
+    same = [true for true in truth.traversals if _is_same_recording(mapped, true)]
+    unnamed = [true for true in truth.traversals if true.fingerprint is None]
+    return tuple(same or [true for true in unnamed if _meet(mapped, true)])
 
 
 def _is_same_recording(mapped: StoredTraversal, true: TrueTraversal) -> bool:

@@ -83,14 +83,14 @@ class PassageScores:
 def score_passages(estimate: EstimatedMap, truth: GroundTruth) -> PassageScores:
     """Follow every person through every passage."""
     found = list(_passages(estimate, truth))
-    judged = [each for each in found if each.judged]
-    broken = tuple(each for each in judged if not each.followed)
+    judged = [passage for passage in found if passage.judged]
+    broken = tuple(passage for passage in judged if not passage.followed)
     return PassageScores(share(len(judged) - len(broken), len(judged)), len(found), len(judged), broken)
 
 
 def _passages(estimate: EstimatedMap, truth: GroundTruth) -> Iterator[Passage]:
     keyframes_ns = np.sort(estimate.keyframes_ns)
-    observers = _observers(estimate, [each for each in truth.objects if each.kind == "person"])
+    observers = _observers(estimate, [obj for obj in truth.objects if obj.kind == "person"])
     for traversal in truth.traversals:
         for number, person in enumerate(truth.objects):
             if person.kind == "person":
@@ -141,13 +141,13 @@ def _observers(estimate: EstimatedMap, people: Sequence[TrueObject]) -> dict[tup
 
 def _sightings(instance: EstimatedObject, people: Sequence[TrueObject]) -> Iterator[tuple[str, int, float]]:
     """(person, keyframe, distance) of those observations of an instance that are of some person in motion."""
-    for each in instance.observations:
-        here = [(person.id, place_at(person.motions, each.stamp_ns)) for person in people]
+    for observation in instance.observations:
+        here = [(person.id, place_at(person.motions, observation.stamp_ns)) for person in people]
         moving = {who: at[:2] for who, at in here if at is not None}
-        away = [(float(np.linalg.norm(each.centroid[:2] - at)), who) for who, at in moving.items()]
+        away = [(float(np.linalg.norm(observation.centroid[:2] - at)), who) for who, at in moving.items()]
         distance_m, who = min(away, default=(np.inf, ""))
         if distance_m < REACH_M and not _entangled(who, moving):
-            yield who, each.stamp_ns, distance_m
+            yield who, observation.stamp_ns, distance_m
 
 
 def _entangled(who: str, moving: Mapping[str, FloatArray]) -> bool:
@@ -157,7 +157,7 @@ def _entangled(who: str, moving: Mapping[str, FloatArray]) -> bool:
 
 def place_at(motions: Sequence[TrueMotion], stamp_ns: int) -> FloatArray | None:
     """Where (3,) a thing in motion is at a time; `None` outside its motions."""
-    for each in motions:
-        if each.stamps_ns[0] <= stamp_ns <= each.stamps_ns[-1]:
-            return np.array([np.interp(stamp_ns, each.stamps_ns, column) for column in each.centers_world.T])
+    for motion in motions:
+        if motion.stamps_ns[0] <= stamp_ns <= motion.stamps_ns[-1]:
+            return np.array([np.interp(stamp_ns, motion.stamps_ns, column) for column in motion.centers_world.T])
     return None

@@ -41,10 +41,10 @@ def draw(path: Path, estimate: EstimatedMap, truth: GroundTruth, scores: ObjectS
     if not changed and "map" in what:
         what = ["map"]
     heights = {"map": 7.0, "change": 1.2 + ROW_IN * max(len(changed), 1)}
-    figure = _figure((10.0, sum(heights[each] for each in what)))
-    panels = figure.subplots(len(what), squeeze=False, height_ratios=[heights[each] for each in what])[:, 0]
-    for panel, each in zip(panels, what, strict=True):
-        if each == "map":
+    figure = _figure((10.0, sum(heights[name] for name in what)))
+    panels = figure.subplots(len(what), squeeze=False, height_ratios=[heights[panel_name] for panel_name in what])[:, 0]
+    for panel, panel_name in zip(panels, what, strict=True):
+        if panel_name == "map":
             _draw_map(panel, estimate, truth, scores)
         else:
             _draw_changes(panel, estimate, known, changed)
@@ -80,25 +80,25 @@ def _figure(size_in: tuple[float, float]) -> Figure:
 
 
 def _draw_map(panel: Axes, estimate: EstimatedMap, truth: GroundTruth, scores: ObjectScores) -> None:
-    walls = [each.points_world[:, :2] for each in truth.surfaces if each.label in {"wall", "door", "window"}]
+    walls = [surface.points_world[:, :2] for surface in truth.surfaces if surface.label in {"wall", "door", "window"}]
     if walls:
         x, y = np.concatenate(walls).T
         panel.scatter(x, y, s=0.3, color=WALL, linewidths=0, rasterized=True)
     for traversal in truth.traversals:
         panel.plot(*traversal.T_world_base[:, :2, 3].T, color=WAY, lw=0.8, zorder=1)
-    right = {each.object_id for each in scores.matched}
-    missed = {each.id for each in scores.missed}
+    right = {match.object_id for match in scores.matched}
+    missed = {obj.id for obj in scores.missed}
     for true in truth.objects:
         state = true.state_at(int(estimate.keyframes_ns[-1]))
         if true.kind == "object" and state is not None:
             colour = GOOD if true.id in right else MISSED if true.id in missed else IGNORED
             _outline(panel, state.box, colour, style="--", text=true.id if true.id in missed else "")
-    right = {each.instance_id for each in scores.matched}
-    false = {each.id for each in scores.false}
-    for each in estimate.objects:
-        if each.presence == "present":
-            colour = GOOD if each.id in right else FALSE if each.id in false else IGNORED
-            _outline(panel, each.box, colour, style="-", text=each.id, filled=True)
+    right = {match.instance_id for match in scores.matched}
+    false = {instance.id for instance in scores.false}
+    for instance in estimate.objects:
+        if instance.presence == "present":
+            colour = GOOD if instance.id in right else FALSE if instance.id in false else IGNORED
+            _outline(panel, instance.box, colour, style="-", text=instance.id, filled=True)
     kinds = [("right", GOOD, "-"), ("its true box", GOOD, "--"), ("missed", MISSED, "--"), ("false", FALSE, "-")]
     _explain(panel, [*kinds, ("hardly shown: not judged", IGNORED, "--"), ("the robot's true way", WAY, "-")])
     panel.set(aspect="equal", xlabel="x (m)", ylabel="y (m)", title=f"The map over the truth: {truth.scenario}")
@@ -121,10 +121,11 @@ class TimeAxis:
     """Sensor time on paper: the traversals side by side in seconds, with a gap for the time between them."""
 
     def __init__(self, traversals: Sequence[TrueTraversal]) -> None:
-        lengths_s = [(each.end_ns - each.start_ns) / 1e9 for each in traversals]
+        lengths_s = [(traversal.end_ns - traversal.start_ns) / 1e9 for traversal in traversals]
         starts_s = np.cumsum([0.0, *(length_s + 0.04 * sum(lengths_s) for length_s in lengths_s)])[:-1]
         self.spans = [
-            (each.start_ns, each.end_ns, float(start_s)) for each, start_s in zip(traversals, starts_s, strict=True)
+            (traversal.start_ns, traversal.end_ns, float(start_s))
+            for traversal, start_s in zip(traversals, starts_s, strict=True)
         ]
 
     def at(self, stamps_ns: IntArray) -> FloatArray:

@@ -59,13 +59,15 @@ def read_estimate(reader: MapReader, truth: GroundTruth) -> EstimatedMap:
     overlay = lay_over_truth(reader, truth)
     to_world = ToWorld(overlay.T_world_map, _in_recorded_order(reader))
     return EstimatedMap(
-        objects=tuple(_object(reader, each, to_world) for each in reader.believed),
+        objects=tuple(_object(reader, instance, to_world) for instance in reader.believed),
         changes=_changes(reader, to_world),
-        answers=tuple(_answer(reader, each.text) for each in truth.questions),
+        answers=tuple(_answer(reader, question.text) for question in truth.questions),
         keyframes_ns=_keyframes_ns(reader),
         T_world_map=overlay.T_world_map,
         alignment_rmse_m=overlay.rmse_m,
-        doubted=tuple(_object(reader, each, to_world) for each in reader.instances if each.presence == "doubted"),
+        doubted=tuple(
+            _object(reader, instance, to_world) for instance in reader.instances if instance.presence == "doubted"
+        ),
     )
 
 
@@ -102,7 +104,7 @@ class ToWorld:
 
     def times(self, *stamps_ns: int | None) -> Iterator[int | None]:
         """Such times."""
-        return (None if each is None else self.time(each) for each in stamps_ns)
+        return (None if stamp_ns is None else self.time(stamp_ns) for stamp_ns in stamps_ns)
 
     def points(self, points_map: FloatArray) -> FloatArray:
         """Points (n, 3)."""
@@ -127,10 +129,10 @@ def _object(reader: MapReader, instance: StoredInstance, to_world: ToWorld) -> E
         centroid=to_world.point(instance.centroid_map),
         box=to_world.box(instance.box),
         points=to_world.points(_solid_points(reader, instance)),
-        states=tuple(_state(each, label_in_state(instance, each), to_world) for each in instance.states),
+        states=tuple(_state(state, label_in_state(instance, state), to_world) for state in instance.states),
         observations=tuple(
-            EstimatedObservation(to_world.time(each.stamp_ns), to_world.point(each.centroid_map))
-            for each in reader.observations(instance)
+            EstimatedObservation(to_world.time(observation.stamp_ns), to_world.point(observation.centroid_map))
+            for observation in reader.observations(instance)
         ),
     )
 
@@ -171,15 +173,15 @@ def _changes(reader: MapReader, to_world: ToWorld) -> tuple[EstimatedChange, ...
 
     return tuple(
         EstimatedChange(
-            kind=each.kind,
-            object_id=each.id,
-            label=each.label,
-            position_before=place(each.position_before),
-            position_after=place(each.position_after),
-            distance_m=each.distance_m if each.kind == "moved" else None,
+            kind=change.kind,
+            object_id=change.id,
+            label=change.label,
+            position_before=place(change.position_before),
+            position_after=place(change.position_after),
+            distance_m=change.distance_m if change.kind == "moved" else None,
         )
-        for each in diff(reader).changes
-        if each.kind in CHANGES
+        for change in diff(reader).changes
+        if change.kind in CHANGES
     )
 
 
@@ -188,9 +190,9 @@ def _answer(reader: MapReader, text: str) -> EstimatedAnswer:
         found = answer(text, reader, limit=sys.maxsize)
     except QueryError as error:
         return EstimatedAnswer(text, (), str(error))
-    return EstimatedAnswer(text, tuple(each.id for each in found.instances))
+    return EstimatedAnswer(text, tuple(instance.id for instance in found.instances))
 
 
 def _keyframes_ns(reader: MapReader) -> IntArray:
-    stamps_ns = [reader.poses(each.id)[0] - each.clock_shift_ns for each in reader.traversals]
+    stamps_ns = [reader.poses(traversal.id)[0] - traversal.clock_shift_ns for traversal in reader.traversals]
     return np.sort(np.concatenate([*stamps_ns, np.zeros(0, np.int64)]))

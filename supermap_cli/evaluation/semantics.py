@@ -75,10 +75,10 @@ def semantic_figures(
         union = points + int(is_predicted.sum()) - right
         classes.append(ClassFigures(label, points, right / union, right / points))
     figures = SemanticFigures(
-        miou=mean(each.iou for each in classes),
-        fmiou=share(sum(each.iou * each.points for each in classes), len(true)),
+        miou=mean(class_figures.iou for class_figures in classes),
+        fmiou=share(sum(class_figures.iou * class_figures.points for class_figures in classes), len(true)),
         accuracy=share(int((true == predicted).sum()), len(true)),
-        mean_accuracy=mean(each.accuracy for each in classes),
+        mean_accuracy=mean(class_figures.accuracy for class_figures in classes),
     )
     return figures, tuple(classes)
 
@@ -133,10 +133,10 @@ def score_semantics(estimate: EstimatedMap, truth: GroundTruth) -> SemanticScore
         nothing = SemanticFigures(None, None, None, None)
         return SemanticScores(nothing, nothing, 0, (), (), (), known.gap)
     surface = seen_surface(truth, known)
-    present = [each for each in estimate.objects if each.presence == "present"]
+    present = [instance for instance in estimate.objects if instance.presence == "present"]
     names = _names(surface)
     nearest = nearest_instances(surface.points, present)
-    label_of_instance = np.array([_number(each.label, names) for each in present] + [BACKGROUND], np.int64)
+    label_of_instance = np.array([_number(instance.label, names) for instance in present] + [BACKGROUND], np.int64)
     true, predicted = on_voxels(surface.points, _true_labels(surface, names), label_of_instance[nearest])
     with_background, classes = semantic_figures(true, predicted)
     without_background, _ = semantic_figures(true, predicted, without={BACKGROUND})
@@ -145,7 +145,10 @@ def score_semantics(estimate: EstimatedMap, truth: GroundTruth) -> SemanticScore
         without_background=without_background,
         voxels=int((true != VOID).sum()),
         background_labels=surface.fixture_labels,
-        labels=tuple(LabelFigures(names[each.label], each.points, each.iou, each.accuracy) for each in classes),
+        labels=tuple(
+            LabelFigures(names[class_figures.label], class_figures.points, class_figures.iou, class_figures.accuracy)
+            for class_figures in classes
+        ),
         confusions=_confusions(true, predicted, names),
     )
 

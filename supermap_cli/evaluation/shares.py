@@ -13,7 +13,7 @@ def share(part: float, whole: float) -> float | None:
 
 def mean(values: Iterable[float | None]) -> float | None:
     """The mean of those values that are defined; `None` where none is."""
-    defined = [float(each) for each in values if each is not None]
+    defined = [float(value) for value in values if value is not None]
     return sum(defined) / len(defined) if defined else None
 
 

@@ -61,9 +61,9 @@ def seen_surface(truth: GroundTruth, known: KnownTruth) -> SeenSurface:
 
 def nearest_instances(points: FloatArray, instances: Sequence[EstimatedObject]) -> IntArray:
     """(n,): the position of the instance that has the nearest point, `NOBODY` where none lies within `REACH_M`."""
-    cloud = np.concatenate([np.zeros((0, 3)), *(each.points for each in instances)])
+    cloud = np.concatenate([np.zeros((0, 3)), *(instance.points for instance in instances)])
     nearest = _nearest(points, cloud)
-    owner = np.append(_numbered(range(len(instances)), [each.points for each in instances]), NOBODY)
+    owner = np.append(_numbered(range(len(instances)), [instance.points for instance in instances]), NOBODY)
     return owner[nearest]
 
 

@@ -73,13 +73,13 @@ def _static_objects(known: KnownTruth) -> set[str]:
     stays: dict[str, list[Place]] = defaultdict(list)
     for place in known.places:
         stays[place.object.id].append(place)
-    return {each for each, places in stays.items() if len(places) == 1 and not places[0].object.motions}
+    return {object_id for object_id, places in stays.items() if len(places) == 1 and not places[0].object.motions}
 
 
 def _observations(instance: EstimatedObject) -> tuple[FloatArray, IntArray]:
     """Where (n, 3) and when (n,) an instance was observed."""
-    points = np.array([each.centroid for each in instance.observations], np.float64).reshape(-1, 3)
-    return points, np.array([each.stamp_ns for each in instance.observations], np.int64)
+    points = np.array([observation.centroid for observation in instance.observations], np.float64).reshape(-1, 3)
+    return points, np.array([observation.stamp_ns for observation in instance.observations], np.int64)
 
 
 def _own_object(
@@ -101,7 +101,7 @@ def _observed_places(
         return []
     fits = within([place.box for place in known.places], points, REACH_M) & known.present_at(stamps_ns).T
     ids = [place.object.id for place in known.places]
-    is_own = fits & np.array([[each == one for each in ids] for one in own], dtype=bool)
+    is_own = fits & np.array([[place_id == one for place_id in ids] for one in own], dtype=bool)
     candidates = np.where(is_own.any(axis=1, keepdims=True), is_own, fits)
     distances_m = np.linalg.norm(points[:, None] - centroids(known.places)[None], axis=2)
     nearest = np.argmin(np.where(candidates, distances_m, np.inf), axis=1)

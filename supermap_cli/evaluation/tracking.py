@@ -80,9 +80,9 @@ def _tracks(estimate: EstimatedMap, known: KnownTruth) -> list[Track]:
     tracks = []
     for number, instance in enumerate(estimate.objects):
         believed = [instance.state_at(stamp_ns) for stamp_ns in stamps_ns]
-        observed = np.isin(known.stamps_ns, [each.stamp_ns for each in instance.observations])
+        observed = np.isin(known.stamps_ns, [observation.stamp_ns for observation in instance.observations])
         for state in instance.states:
-            at = np.array([each is state for each in believed], dtype=bool)
+            at = np.array([current is state for current in believed], dtype=bool)
             if at.any():
                 tracks.append(Track(number, state, at, at & observed))
     return tracks
@@ -135,6 +135,6 @@ def _sequence(known: KnownTruth, tracks: list[Track], iou: FloatArray, in_view: 
 
 def _without_gaps(steps: list[list[int]]) -> tuple[int, list[IntArray]]:
     """How many different ids there are, and each step's with the smallest as 0, the next as 1, ..."""
-    ids = sorted({each for step in steps for each in step})
-    number = {each: k for k, each in enumerate(ids)}
-    return len(ids), [np.array([number[each] for each in step], np.int64) for step in steps]
+    ids = sorted({id_ for step in steps for id_ in step})
+    number = {id_: k for k, id_ in enumerate(ids)}
+    return len(ids), [np.array([number[id_] for id_ in step], np.int64) for step in steps]

@@ -392,7 +392,7 @@ def camera_from_json(text: str) -> Camera:
     try:
         values = json.loads(text)
         model = _MODELS[values.pop("model")]
-        known = {each.name for each in fields(model)}
+        known = {attribute.name for attribute in fields(model)}
         if not known >= values.keys():
             raise CalibrationError(f"unknown camera parameters: {sorted(values.keys() - known)}")
         if "distortion" in values:

@@ -2,14 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from functools import cached_property
-
 import numpy as np
 
-from supermap_cli.geometry.arrays import FloatArray
-from supermap_cli.geometry.boxes import Box3D, footprint_gap_m, footprint_overlap_m2
+from supermap_cli.types.relations import Pair, SpatialPredicate
 
 _BINS = frozenset({"basket", "bin", "bowl", "box", "bucket", "cart", "container", "pot", "suitcase", "trash can"})
 _FURNITURE = frozenset({"bookcase", "cabinet", "cupboard", "drawer", "shelf", "wardrobe"})
@@ -23,90 +18,6 @@ UPRIGHT_SURFACES = frozenset(
 
 CONTACT_M = 0.06
 """How far apart two touching surfaces may be measured: voxels, drift, and the unseen underside of things."""
-
-
-@dataclass(frozen=True)
-class GraphNode:
-    """An instance as the graph sees it: `points` (n, 3) are the centres of its solid voxels in the map frame."""
-
-    number: int
-    label: str
-    box: Box3D
-    points: FloatArray
-
-    @cached_property
-    def base_m2(self) -> float:
-        """Area of the footprint."""
-        return float(self.box.size[0] * self.box.size[1])
-
-    @cached_property
-    def radius_m(self) -> float:
-        """Half the box's diagonal."""
-        return float(np.linalg.norm(self.box.size)) / 2
-
-    def heights_over(self, other: Box3D) -> FloatArray:
-        """(k,) heights of this node's points over another's footprint, 5 cm wider: what a thing covers is not seen."""
-        c, s = np.cos(other.yaw), np.sin(other.yaw)
-        local = (self.points[:, :2] - other.center[:2]) @ np.array([[c, -s], [s, c]])
-        within = (np.abs(local) <= other.size[:2] / 2 + 0.05).all(axis=1)
-        heights: FloatArray = self.points[within, 2]
-        return heights
-
-
-@dataclass(frozen=True)
-class Pair:
-    """Two nodes, and what all predicates ask of them, worked out once."""
-
-    subject: GraphNode
-    other: GraphNode
-
-    @cached_property
-    def overlap_m2(self) -> float:
-        """Area that the footprints share."""
-        return footprint_overlap_m2(self.subject.box, self.other.box)
-
-    @cached_property
-    def gap_m(self) -> float:
-        """Horizontal distance between the footprints, 0 where they overlap."""
-        return 0.0 if self.overlap_m2 > 0 else footprint_gap_m(self.subject.box, self.other.box)
-
-    @cached_property
-    def surface_heights(self) -> FloatArray:
-        """(k,) heights of the other's points over the subject's footprint."""
-        return self.other.heights_over(self.subject.box)
-
-    @property
-    def overlap_share(self) -> float:
-        """Share of the subject's footprint that lies within the other's."""
-        return self.overlap_m2 / max(self.subject.base_m2, 1e-6)
-
-    @property
-    def shared_height_m(self) -> float:
-        """Height over which both stand side by side; negative: the clearance between them."""
-        a, b = self.subject.box, self.other.box
-        return min(a.z_max, b.z_max) - max(a.z_min, b.z_min)
-
-    @property
-    def scale_m(self) -> float:
-        """The larger thing's size on the floor, at most 1.5 m: nearness is measured with the things themselves."""
-        return min(max(float(self.subject.box.size[:2].max()), float(self.other.box.size[:2].max())), 1.5)
-
-    def turned(self) -> Pair:
-        """The same two the other way round."""
-        pair = Pair(self.other, self.subject)
-        pair.__dict__.update({name: self.__dict__[name] for name in ("overlap_m2", "gap_m") if name in self.__dict__})
-        return pair
-
-
-@dataclass(frozen=True)
-class SpatialPredicate:
-    """A named relation: `holds(pair, slack)` gives a confidence in (0, 1], or 0 where it does not hold.
-
-    `slack` is 1 for a relation that begins and more for one that held before: hysteresis, so that edges do not flicker.
-    """
-
-    name: str
-    holds: Callable[[Pair, float], float]
 
 
 def on(pair: Pair, slack: float) -> float:

@@ -7,8 +7,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from supermap_cli.graph.predicates import PREDICATES, GraphNode, Pair, SpatialPredicate
+from supermap_cli.graph.predicates import PREDICATES
 from supermap_cli.types.memory import SpatialEdge
+from supermap_cli.types.relations import GraphNode, Pair, SpatialPredicate
 
 REACH_M = 2.0
 """No relation reaches farther than this between the bounds of two things."""

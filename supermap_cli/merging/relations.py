@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from supermap_cli.graph.predicates import GraphNode
 from supermap_cli.graph.scene_graph import SceneGraph
 from supermap_cli.mapping.objects import ObjectMap
 from supermap_cli.types.memory import SpatialEdge
+from supermap_cli.types.relations import GraphNode
 
 Key = tuple[int, str, int, int]
 

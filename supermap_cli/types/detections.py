@@ -84,7 +84,7 @@ class Detections:
     @property
     def labels(self) -> tuple[str, ...]:
         """The best label of each detection."""
-        return tuple(each[0].label for each in self.hypotheses)
+        return tuple(labels[0].label for labels in self.hypotheses)
 
     def take(self, chosen: IntArray | BoolArray) -> Detections:
         """The chosen detections, by index or by a boolean mask."""
@@ -136,10 +136,10 @@ class Tracks:
 def joined_masks(first: RegionMask, second: RegionMask) -> RegionMask:
     """The mask that covers both."""
     u0, v0 = min(first.u0, second.u0), min(first.v0, second.v0)
-    u1 = max(each.u0 + each.pixels.shape[1] for each in (first, second))
-    v1 = max(each.v0 + each.pixels.shape[0] for each in (first, second))
+    u1 = max(mask.u0 + mask.pixels.shape[1] for mask in (first, second))
+    v1 = max(mask.v0 + mask.pixels.shape[0] for mask in (first, second))
     pixels = np.zeros((v1 - v0, u1 - u0), bool)
-    for each in (first, second):
-        h, w = each.pixels.shape
-        pixels[each.v0 - v0 : each.v0 - v0 + h, each.u0 - u0 : each.u0 - u0 + w] |= each.pixels
+    for mask in (first, second):
+        h, w = mask.pixels.shape
+        pixels[mask.v0 - v0 : mask.v0 - v0 + h, mask.u0 - u0 : mask.u0 - u0 + w] |= mask.pixels
     return RegionMask(u0, v0, pixels)

@@ -38,7 +38,7 @@ class EngineState:
     def of(cls, document: Mapping[str, Any]) -> EngineState:
         """From what `to_document` made. Raises `MemoryStoreError` for anything else."""
         try:
-            values = {each.name: document[each.name] for each in fields(cls)}
+            values = {field.name: document[field.name] for field in fields(cls)}
             state = cls(**values | {"viewpoints": {name: _cell(kept) for name, kept in values["viewpoints"].items()}})
             if state._is_whole():
                 return state
@@ -53,8 +53,12 @@ class EngineState:
         reals = [*self.label_logs.values(), self.unseen_log, self.looks, self.best_crop]
         reals += [cell[2] for cell in self.viewpoints.values()]
         whole = [self.state_index, self.state_first_seen_ns]
-        whole += [each for each in (self.state_empty_before_ns, self.gone_ns) if each is not None]
-        return bool(self.label_logs) and all(map(math.isfinite, reals)) and all(isinstance(each, int) for each in whole)
+        whole += [stamp_ns for stamp_ns in (self.state_empty_before_ns, self.gone_ns) if stamp_ns is not None]
+        return (
+            bool(self.label_logs)
+            and all(map(math.isfinite, reals))
+            and all(isinstance(number, int) for number in whole)
+        )
 
 
 def _cell(kept: list[float] | int) -> tuple[int, int, float]:

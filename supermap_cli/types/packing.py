@@ -51,7 +51,7 @@ def unpack(blob: bytes, classes: LeftOut) -> Any:
         content = zlib.decompress(blob[len(MAGIC) :])
         (length,) = _LENGTH.unpack_from(content)
         tree = json.loads(content[_LENGTH.size : _LENGTH.size + length])
-        return _Unpacker(memoryview(content)[_LENGTH.size + length :], {each.__name__: each for each in classes}).value(
+        return _Unpacker(memoryview(content)[_LENGTH.size + length :], {cls.__name__: cls for cls in classes}).value(
             tree
         )
     except (zlib.error, struct.error, ValueError, KeyError, TypeError, AttributeError) as error:
@@ -67,7 +67,7 @@ class _Packer:
     def packed(self, value: object) -> object:
         if value is None or type(value) in {bool, int, str} or (type(value) is float and math.isfinite(value)):
             return value
-        return [self.packed(each) for each in value] if isinstance(value, list) else self._marked(value)
+        return [self.packed(item) for item in value] if isinstance(value, list) else self._marked(value)
 
     def _marked(self, value: object) -> dict[str, object]:
         match value:
@@ -78,11 +78,11 @@ class _Packer:
             case bytes():
                 marked = {"bytes": self._chunk(value)}
             case tuple():
-                marked = {"tuple": [self.packed(each) for each in value]}
+                marked = {"tuple": [self.packed(item) for item in value]}
             case set() | frozenset():
-                marked = {"set": [self.packed(each) for each in value]}
+                marked = {"set": [self.packed(item) for item in value]}
             case Mapping():
-                marked = {"dict": [[self.packed(key), self.packed(each)] for key, each in value.items()]}
+                marked = {"dict": [[self.packed(key), self.packed(item)] for key, item in value.items()]}
             case _:
                 marked = self._instance(value)
         return marked
@@ -91,7 +91,7 @@ class _Packer:
         left_out = self.classes.get(type(value))
         if left_out is None:
             raise TypeError(f"a {type(value).__qualname__} cannot be packed")
-        kept = [each.name for each in fields(value) if each.name not in left_out]  # type: ignore[arg-type]
+        kept = [attribute.name for attribute in fields(value) if attribute.name not in left_out]  # type: ignore[arg-type]
         return {"is": type(value).__name__, "has": {name: self.packed(getattr(value, name)) for name in kept}}
 
     def _array(self, value: np.ndarray[Any, Any] | np.generic) -> dict[str, object]:
@@ -120,7 +120,7 @@ class _Unpacker:
 
     def value(self, tree: Any) -> Any:
         if isinstance(tree, list):
-            return [self.value(each) for each in tree]
+            return [self.value(item) for item in tree]
         return self._marked(tree) if isinstance(tree, dict) else tree
 
     def _marked(self, tree: dict[str, Any]) -> Any:
@@ -135,11 +135,11 @@ class _Unpacker:
             case {"bytes": at}:
                 value = bytes(self._chunk(at))
             case {"tuple": items}:
-                value = tuple(self.value(each) for each in items)
+                value = tuple(self.value(item) for item in items)
             case {"set": items}:
-                value = {self.value(each) for each in items}
+                value = {self.value(item) for item in items}
             case {"dict": pairs}:
-                value = {self.value(key): self.value(each) for key, each in pairs}
+                value = {self.value(key): self.value(item) for key, item in pairs}
             case _:
                 raise PackingError(f"a packed value is not understood: {sorted(tree)}")
         return value
@@ -156,12 +156,12 @@ class _Unpacker:
 
     def _instance(self, kind: type, has: dict[str, Any]) -> Any:
         made: Any = object.__new__(kind)
-        for each in fields(kind):
-            if each.name in has:
-                value = self.value(has[each.name])
-            elif callable(each.default_factory):
-                value = each.default_factory()
+        for attribute in fields(kind):
+            if attribute.name in has:
+                value = self.value(has[attribute.name])
+            elif callable(attribute.default_factory):
+                value = attribute.default_factory()
             else:
-                value = each.default
-            object.__setattr__(made, each.name, value)
+                value = attribute.default
+            object.__setattr__(made, attribute.name, value)
         return made

@@ -186,8 +186,8 @@ class GroundTruth:
 
     def object(self, object_id: str) -> TrueObject:
         """The object of an id."""
-        return next(each for each in self.objects if each.id == object_id)
+        return next(obj for obj in self.objects if obj.id == object_id)
 
     def traversal(self, name: str) -> TrueTraversal:
         """The traversal of a name."""
-        return next(each for each in self.traversals if each.name == name)
+        return next(traversal for traversal in self.traversals if traversal.name == name)

@@ -34,7 +34,7 @@ def test_a_simulated_world_is_built_as_it_is_and_without_each_component(world, t
     assert [row["switched_off"] for row in printed["rows"]] == [None, *COMPONENTS]
     assert all(row["f1"] is not None and row["change_recall"] is None for row in printed["rows"])
     kept = {path.name for path in (tmp_path / "kept").glob("*.db")}
-    assert kept == {f"without-{each}.db" for each in ("nothing", *COMPONENTS)}
+    assert kept == {f"without-{component}.db" for component in ("nothing", *COMPONENTS)}
 
 
 def test_an_earlier_comparison_is_not_overwritten(world, tmp_path):
@@ -66,5 +66,5 @@ def test_the_table_names_what_was_switched_off(monkeypatch, world):
     assert result.exit_code == 0, result.output
     assert "office, seed 4" in result.stdout
     assert "as it is" in result.stdout
-    (line,) = [each.split() for each in result.stdout.splitlines() if each.startswith("without tracker")]
+    (line,) = [line.split() for line in result.stdout.splitlines() if line.startswith("without tracker")]
     assert line[2:] == ["5", "/", "5", "/", "5", "0.500", "0.500", "0.500", "-", "1.250", "-", "60"]

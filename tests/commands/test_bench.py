@@ -40,15 +40,15 @@ def test_the_document_says_what_a_build_costs(earlier):
     found = json.loads(earlier.read_text(encoding="utf-8"))
     assert found["keyframes"] > 0
     assert found["objects"] > 0
-    assert {each["stage"] for each in found["stages"] if each["kind"] == "mapping"} == set(MAPPING)
-    assert sum(each["share"] for each in found["stages"]) == pytest.approx(1)
-    mapping_s = sum(each["total_s"] for each in found["stages"] if each["kind"] == "mapping")
+    assert {stage["stage"] for stage in found["stages"] if stage["kind"] == "mapping"} == set(MAPPING)
+    assert sum(stage["share"] for stage in found["stages"]) == pytest.approx(1)
+    mapping_s = sum(stage["total_s"] for stage in found["stages"] if stage["kind"] == "mapping")
     floor = found["floor"]
     assert floor["mapping_ms"] == pytest.approx(1000 * mapping_s / found["keyframes"])
     assert floor["ratio"] == pytest.approx(floor["mapping_ms"] / floor["decode_ms"])
     assert floor["peak_memory_mb"] < found["build"]["peak_memory_mb"]
     assert found["build"]["database_mb"] > 0
-    assert {each["module"]: each["paper_hz"] for each in found["rates"]} == {
+    assert {rate["module"]: rate["paper_hz"] for rate in found["rates"]} == {
         "pose": 10,
         "map": 3,
         "segmentation": 1,
@@ -66,7 +66,7 @@ def test_the_map_is_filled_up_with_copies(earlier):
 
 def test_figures_are_set_against_earlier_ones(recording, earlier, tmp_path):
     printed = document("bench", "bench", recording, "--end", "2", "--compare", earlier)
-    changes = {each["figure"]: each for each in printed["compared"]["changes"]}
+    changes = {change["figure"]: change for change in printed["compared"]["changes"]}
     then = json.loads(earlier.read_text(encoding="utf-8"))
     assert printed["compared"]["document"] == str(earlier)
     peak = changes["peak memory, MB"]

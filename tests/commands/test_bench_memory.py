@@ -100,22 +100,24 @@ def test_every_question_can_be_asked(memory, monkeypatch, asked):
 
 def test_every_kind_of_command_is_asked():
     asked = questions(courses(100, 56))
-    assert {each.command for each in asked} == {"query", "show", "history", "diff", "db info", "db sql"}
-    assert {each.bound for each in asked} == {"fixed", "listed", "grows"}
-    assert len({each.text for each in asked}) == len(asked)
+    assert {question.command for question in asked} == {"query", "show", "history", "diff", "db info", "db sql"}
+    assert {question.bound for question in asked} == {"fixed", "listed", "grows"}
+    assert len({question.text for question in asked}) == len(asked)
 
 
 def test_both_memories_are_made_asked_and_kept(tmp_path, monkeypatch):
-    chosen = [each for each in questions(courses(6, rooms_for(60))) if each.text in {"query piano", "db info"}]
+    chosen = [
+        question for question in questions(courses(6, rooms_for(60))) if question.text in {"query piano", "db info"}
+    ]
     monkeypatch.setattr(report, "questions", lambda _: chosen)
     arguments = ("bench", "memory", "--instances", "60,180", "--traversals", "6", "--folder", tmp_path)
     found = document("bench_memory", *arguments)
     assert (found["small"]["instances"], found["large"]["instances"]) == (60, 180)
     assert found["small"]["made_s"] > 0
-    assert [each["question"] for each in found["questions"]] == ["query piano", "db info"]
-    for each in found["questions"]:
-        assert each["ratio"] == pytest.approx(each["large"]["again_ms"] / each["small"]["again_ms"])
-    assert found["worst_ratio"] == max(each["ratio"] for each in found["questions"])
+    assert [row["question"] for row in found["questions"]] == ["query piano", "db info"]
+    for row in found["questions"]:
+        assert row["ratio"] == pytest.approx(row["large"]["again_ms"] / row["small"]["again_ms"])
+    assert found["worst_ratio"] == max(row["ratio"] for row in found["questions"])
     assert sorted(path.name for path in tmp_path.iterdir()) == ["memory-180-6-0.db", "memory-60-6-0.db"]
     result = supermap(*arguments)
     assert result.exit_code == 0, result.output

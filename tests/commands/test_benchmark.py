@@ -27,7 +27,7 @@ def test_kept_worlds_are_used_again_and_built_anew(worlds):
     for _ in range(2):
         printed = document("benchmark", "eval", "benchmark", "tiny", "--seeds", "2", "--keep", worlds)
     (table,) = printed["tables"]
-    figures = {each["name"]: each for each in table["figures"]}
+    figures = {figure["name"]: figure for figure in table["figures"]}
     assert (table["scenario"], table["seeds"]) == ("tiny", [2])
     assert figures["objects: F1"]["values"] == [figures["objects: F1"]["mean"]]
     assert figures["change: F1 of the diff"]["values"] == [None]

@@ -19,7 +19,9 @@ def with_plugins(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
     """Adds plugins that register commands by these functions."""
 
     def add(*registers: Callable[[typer.Typer], None]) -> None:
-        loaded = plugin_manager.load_plugins([SimpleNamespace(register_commands=hookimpl(each)) for each in registers])
+        loaded = plugin_manager.load_plugins(
+            [SimpleNamespace(register_commands=hookimpl(register)) for register in registers]
+        )
         monkeypatch.setattr(plugin_manager, "load_plugins", lambda: loaded)
 
     return add
@@ -123,7 +125,7 @@ def commands(group: object, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[
 
 
 @pytest.mark.parametrize(
-    ("path", "command"), list(commands(typer.main.get_command(make_app()))), ids=lambda each: repr(each)[:40]
+    ("path", "command"), list(commands(typer.main.get_command(make_app()))), ids=lambda value: repr(value)[:40]
 )
 def test_every_command_has_a_summary_of_one_sentence_and_an_example(path: tuple[str, ...], command: object) -> None:
     summary = (getattr(command, "help", None) or "").split("\n\n")[0]

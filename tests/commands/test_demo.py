@@ -48,8 +48,10 @@ def run(recorder: Recorder) -> None:
 
 
 def questions(*asked: tuple[str, tuple[str, ...]], changed: Sequence[str] = "abcd") -> GroundTruth:
-    changes = tuple(TrueChange("disappeared", each, 0, None, 5, 5, None, ("monday", "tuesday")) for each in changed)
-    return GroundTruth("world", 0, (), (), (), changes, tuple(TrueQuestion(*each) for each in asked))
+    changes = tuple(
+        TrueChange("disappeared", object_id, 0, None, 5, 5, None, ("monday", "tuesday")) for object_id in changed
+    )
+    return GroundTruth("world", 0, (), (), (), changes, tuple(TrueQuestion(*question) for question in asked))
 
 
 def test_it_shows_what_it_runs_and_runs_what_it_shows(tmp_path, capsys):
@@ -62,7 +64,7 @@ def test_it_shows_what_it_runs_and_runs_what_it_shows(tmp_path, capsys):
 def test_it_simulates_builds_asks_compares_and_evaluates(tmp_path):
     recorder = Recorder(tmp_path / "demo")
     run(recorder)
-    assert [each[0] for each in recorder.calls] == ["simulate", "build", "query", "diff", "eval"]
+    assert [call[0] for call in recorder.calls] == ["simulate", "build", "query", "diff", "eval"]
     simulate, build, query, *_ = recorder.calls
     assert simulate[simulate.index("--seed") + 1] == "3"
     assert build[1:3] == [str(tmp_path / "demo" / name) for name in ("monday.mcap", "tuesday.mcap")]
@@ -144,7 +146,7 @@ def test_it_ends_where_a_command_fails(tmp_path):
     recorder = Recorder(tmp_path, failing="build")
     with pytest.raises(typer.Exit):
         run(recorder)
-    assert [each[0] for each in recorder.calls] == ["simulate", "build"]
+    assert [call[0] for call in recorder.calls] == ["simulate", "build"]
 
 
 @pytest.mark.parametrize(

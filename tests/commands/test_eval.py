@@ -46,7 +46,7 @@ def test_all_prints_every_section(db, truth):
     assert set(SECTIONS) <= set(printed)
     found = printed["map"]["labelled"]
     assert (found["found"], found["missed"], found["recall"]) == (3, 0, 1.0)
-    assert {each["id"] for each in printed["map"]["false"]} >= {"tv-1", "lamp-1"}
+    assert {instance["id"] for instance in printed["map"]["false"]} >= {"tv-1", "lamp-1"}
     assert printed["change"]["reported"]["overall"]["f1"] == 1.0
     assert printed["identity"]["relocated_kept"] == 1.0
     assert printed["query"]["exact"] == 1.0
@@ -67,7 +67,7 @@ def test_a_table_says_what_every_figure_means(db, truth, section, said):
     result = supermap("eval", section, db, truth)
     assert result.exit_code == 0, result.output
     assert "kitchen, seed 7; the robot's way off its true way: monday 0.000 m, tuesday 0.000 m" in result.stdout
-    assert [each for each in ("what it says", *said) if each not in result.stdout] == []
+    assert [words for words in ("what it says", *said) if words not in result.stdout] == []
 
 
 @pytest.mark.parametrize("section", ["map", "change", "all"])
@@ -136,7 +136,8 @@ SPANS = {"monday": (0.0, 100.0), "tuesday": (1000.0, 1100.0)}
 def known_by_fingerprint(**content: str | None) -> GroundTruth:
     whole = all_of_it()
     return replace(
-        whole, traversals=tuple(replace(each, fingerprint=content.get(each.name)) for each in whole.traversals)
+        whole,
+        traversals=tuple(replace(traversal, fingerprint=content.get(traversal.name)) for traversal in whole.traversals),
     )
 
 

@@ -18,7 +18,7 @@ def test_a_world_is_built_once_for_each_way_of_perceiving(tmp_path: Path) -> Non
     assert printed["ways"] == list(ways_of_perceiving())
     (table,) = printed["tables"]
     assert (table["scenario"], table["seeds"]) == ("tiny", [2])
-    figures = {each["name"]: each["means"] for each in table["figures"]}
+    figures = {figure["name"]: figure["means"] for figure in table["figures"]}
     at_once, late, *_ = figures["objects: F1"]
     assert at_once == late
     assert "change: F1 of the diff" not in figures
@@ -32,5 +32,5 @@ def test_the_table_names_the_ways(monkeypatch: pytest.MonkeyPatch) -> None:
     assert result.exit_code == 0, result.output
     assert "office, mean of seeds 1, 2" in result.stdout
     assert all(way in result.stdout for way in ways_of_perceiving())
-    (line,) = [each.split() for each in result.stdout.splitlines() if each.startswith("objects: F1")]
+    (line,) = [line.split() for line in result.stdout.splitlines() if line.startswith("objects: F1")]
     assert line[2:] == ["0.900", "0.900", "0.875", "-"]

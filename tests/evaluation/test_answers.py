@@ -14,9 +14,9 @@ def answering(truth, **answers):
     """The perfect map with the given answers, by a word of the question."""
     estimate = e.perfect_map(truth)
     given = tuple(
-        EstimatedAnswer(each.text, tuple(map(e.instance_id, ids))) if ids is not None else each
-        for each in estimate.answers
-        for ids in [next((ids for word, ids in answers.items() if word in each.text), None)]
+        EstimatedAnswer(answer.text, tuple(map(e.instance_id, ids))) if ids is not None else answer
+        for answer in estimate.answers
+        for ids in [next((ids for word, ids in answers.items() if word in answer.text), None)]
     )
     return replace(estimate, answers=given)
 
@@ -64,8 +64,8 @@ def test_the_second_instance_of_one_thing_is_wrong():
     truth = e.still_life()
     estimate = e.doubled(e.perfect_map(truth), ["table-1"])
     answers = tuple(
-        replace(each, ids=("map-table-1", "map-table-1-again")) if each.text == "the table" else each
-        for each in estimate.answers
+        replace(answer, ids=("map-table-1", "map-table-1-again")) if answer.text == "the table" else answer
+        for answer in estimate.answers
     )
     [wrong] = score_answers(replace(estimate, answers=answers), truth).wrong
     assert (wrong.answered_objects, wrong.jaccard) == (("table-1", "table-1"), 0.5)
@@ -73,10 +73,10 @@ def test_the_second_instance_of_one_thing_is_wrong():
 
 def test_labels_do_not_matter_but_places_do():
     truth = e.still_life()
-    mislabelled = e.altered(e.perfect_map(truth), "table-1", lambda each: e.relabelled(each, "desk"))
+    mislabelled = e.altered(e.perfect_map(truth), "table-1", lambda instance: e.relabelled(instance, "desk"))
     assert score_answers(mislabelled, truth).exact == 1
-    shifted = e.altered(e.perfect_map(truth), "table-1", lambda each: e.shifted_object(each, (0, 0.35, 0)))
-    assert [each.text for each in score_answers(shifted, truth).wrong] == ["the table"]
+    shifted = e.altered(e.perfect_map(truth), "table-1", lambda instance: e.shifted_object(instance, (0, 0.35, 0)))
+    assert [answer.text for answer in score_answers(shifted, truth).wrong] == ["the table"]
 
 
 def test_of_a_map_that_lacks_a_traversal_nothing_is_asked():

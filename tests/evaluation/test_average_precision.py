@@ -74,7 +74,7 @@ def test_a_wrong_label_finds_nothing_and_classes_without_truth_do_not_count():
     labels, instances = scene((CHAIR, 1, 200), (TABLE, 2, 200))
     predictions = [predicted(0, 200), predicted(200, 400, label=3)]
     result = instance_average_precision(labels, instances, predictions)
-    assert [(each.label, each.ap50) for each in result.classes] == [(CHAIR, 1), (TABLE, 0)]
+    assert [(precision.label, precision.ap50) for precision in result.classes] == [(CHAIR, 1), (TABLE, 0)]
     assert result.ap50 == 0.5
 
 
@@ -125,7 +125,7 @@ def scenes(draw):
             )
         )
     ]
-    return labels[list(order)], instances[list(order)], [moved(each, order) for each in predictions]
+    return labels[list(order)], instances[list(order)], [moved(prediction, order) for prediction in predictions]
 
 
 def moved(prediction, order):
@@ -144,9 +144,9 @@ def plain_average_precision(labels, instances, predictions, label, threshold):
             true.setdefault(instance, set()).add(point)
     void = {point for point, own in enumerate(labels.tolist()) if own == VOID}
     masks = [
-        (set(each.points.tolist()), each.confidence)
-        for each in predictions
-        if each.label == label and len(each.points) >= SMALLEST
+        (set(prediction.points.tolist()), prediction.confidence)
+        for prediction in predictions
+        if prediction.label == label and len(prediction.points) >= SMALLEST
     ]
     large = [true[k] for k in sorted(true) if len(true[k]) >= SMALLEST]
     if not large:
@@ -178,7 +178,7 @@ def plain_average_precision(labels, instances, predictions, label, threshold):
 
 
 def mean_of_defined(values):
-    defined = [each for each in values if each is not None]
+    defined = [value for value in values if value is not None]
     return sum(defined) / len(defined) if defined else None
 
 
@@ -190,7 +190,7 @@ def test_it_agrees_with_a_plain_implementation(case):
     def plain(threshold):
         return [plain_average_precision(labels, instances, predictions, label, threshold) for label in (CHAIR, TABLE)]
 
-    strict = [each for k in range(9) for each in plain(0.5 + 0.05 * k)]
+    strict = [value for k in range(9) for value in plain(0.5 + 0.05 * k)]
     expected = (mean_of_defined(strict), mean_of_defined(plain(0.5)), mean_of_defined(plain(0.25)))
     for have, want in zip(figures(result), expected, strict=True):
         assert have == (want if want is None else pytest.approx(want))

@@ -20,7 +20,7 @@ def with_state(estimate, object_id, **changes):
     return e.altered(
         estimate,
         object_id,
-        lambda each: replace(each, states=(*each.states[:-1], replace(each.states[-1], **changes))),
+        lambda instance: replace(instance, states=(*instance.states[:-1], replace(instance.states[-1], **changes))),
     )
 
 
@@ -90,7 +90,7 @@ def test_a_wrong_label_is_no_detection_and_two_poolings_differ():
         e.traversal("tuesday", 100, 109, truth.objects, look),
     ]
     truth = replace(truth, traversals=tuple(traversals))
-    estimate = e.altered(e.perfect_map(truth), "plant-1", lambda each: e.relabelled(each, "tree"))
+    estimate = e.altered(e.perfect_map(truth), "plant-1", lambda instance: e.relabelled(instance, "tree"))
     scores = score_change_recall(estimate, truth)
     assert rows(scores)["plant-1", "disappeared"] == (0, 2, 0, 0)
     assert scores.per_object.detection_recall == 3 / 4
@@ -104,7 +104,9 @@ def test_a_shift_smaller_than_the_gate_must_be_noticed():
     perfect = e.perfect_map(truth)
     assert score_change_recall(perfect, truth).per_frame.change_recall == 1
     first = replace(perfect.objects[0].states[0], gone_ns=None)
-    scores = score_change_recall(e.altered(perfect, "chair-1", lambda each: replace(each, states=(first,))), truth)
+    scores = score_change_recall(
+        e.altered(perfect, "chair-1", lambda instance: replace(instance, states=(first,))), truth
+    )
     assert rows(scores) == {("chair-1", "moved away"): (5, 5, 0, 5), ("chair-1", "moved here"): (0, 5, 0, 0)}
 
 

@@ -32,7 +32,7 @@ def test_a_perfect_diff_is_perfect():
     scores = score_changes(e.perfect_map(truth), truth)
     assert scores.between == ("monday", "tuesday")
     assert counts(scores.overall) == counts(scores.lenient) == (3, 0, 0)
-    assert [counts(each) for each in (scores.appeared, scores.disappeared, scores.moved)] == [(1, 0, 0)] * 3
+    assert [counts(of_kind) for of_kind in (scores.appeared, scores.disappeared, scores.moved)] == [(1, 0, 0)] * 3
     assert scores.overall.f1 == 1
 
 
@@ -41,7 +41,7 @@ def test_an_empty_diff_misses_all():
     scores = score_changes(e.empty_map(truth), truth)
     assert counts(scores.overall) == (0, 0, 3)
     assert (scores.overall.precision, scores.overall.recall) == (None, 0)
-    assert [each.object_id for each in scores.missed] == ["plant-1", "cart-1", "bag-1"]
+    assert [change.object_id for change in scores.missed] == ["plant-1", "cart-1", "bag-1"]
 
 
 def test_a_doubled_report_is_right_once():
@@ -80,7 +80,7 @@ def test_a_static_object_reported_gone_is_false_and_counted_as_static():
     scores = score_changes(replace(estimate, changes=(*estimate.changes, gone, ghost)), truth)
     assert counts(scores.overall) == (3, 2, 0)
     assert scores.static_reported == 1
-    assert [(each.instance_id, each.unchanged_object) for each in scores.false] == [
+    assert [(change.instance_id, change.unchanged_object) for change in scores.false] == [
         ("map-chair-1", "chair-1"),
         ("map-ghost-1", None),
     ]

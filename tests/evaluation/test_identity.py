@@ -33,12 +33,14 @@ def handed_over(truth):
     )
 
 
-def parted(each):
+def parted(instance):
     """An instance with two states as two instances."""
-    old, new = each.states
+    old, new = instance.states
     return [
-        replace(each, id=f"{each.id}-old", presence="absent", centroid=old.centroid, box=old.box, states=(old,)),
-        replace(each, states=(new,)),
+        replace(
+            instance, id=f"{instance.id}-old", presence="absent", centroid=old.centroid, box=old.box, states=(old,)
+        ),
+        replace(instance, states=(new,)),
     ]
 
 
@@ -93,7 +95,7 @@ def test_a_hand_over_is_one_switch():
 
 def test_the_labels_do_not_matter():
     truth = one_chair()
-    estimate = e.altered(e.perfect_map(truth), "chair-1", lambda each: e.relabelled(each, "sofa"))
+    estimate = e.altered(e.perfect_map(truth), "chair-1", lambda instance: e.relabelled(instance, "sofa"))
     scores = score_identity(estimate, truth)
     assert (scores.instances_per_object, scores.tracking.idf1) == (1, 1)
 
@@ -112,11 +114,15 @@ def test_a_shifted_map_is_tracked_up_to_its_iou():
 def test_a_moved_thing_that_got_another_id_is_found_but_not_kept():
     truth = e.two_days()
     estimate = e.perfect_map(truth)
-    objects = [part for each in estimate.objects for part in (parted(each) if len(each.states) == 2 else [each])]
+    objects = [
+        part
+        for instance in estimate.objects
+        for part in (parted(instance) if len(instance.states) == 2 else [instance])
+    ]
     scores = score_identity(e.with_objects(estimate, objects), truth)
     assert (scores.relocated_found, scores.relocated_kept) == (1, 0)
     assert scores.instances_per_object == 6 / 5
-    assert [each.object_id for each in scores.several] == ["bag-1"]
+    assert [obj.object_id for obj in scores.several] == ["bag-1"]
 
 
 def nudged():
@@ -153,11 +159,11 @@ def test_the_state_in_the_new_place_begins_not_before_the_last_keyframe_before_t
 
 def test_a_ghost_is_stale_and_counts_against_idf1_while_its_place_is_in_view():
     truth = e.two_days()
-    never_gone = lambda each: replace(  # noqa: E731
-        each, presence="present", states=(replace(each.states[0], gone_ns=None),)
+    never_gone = lambda instance: replace(  # noqa: E731
+        instance, presence="present", states=(replace(instance.states[0], gone_ns=None),)
     )
     scores = score_identity(e.altered(e.perfect_map(truth), "plant-1", never_gone), truth)
-    assert [(each.instance_id, each.object_id, each.seen_empty) for each in scores.stale] == [
+    assert [(instance.instance_id, instance.object_id, instance.seen_empty) for instance in scores.stale] == [
         ("map-plant-1", "plant-1", True)
     ]
     assert scores.stale_share == 1 / 5
@@ -183,9 +189,9 @@ def test_an_instance_far_from_all_that_is_true_counts_only_when_it_is_observed()
 def test_an_observation_goes_to_what_its_instance_is_where_two_things_touch():
     objects = (e.thing("table-1", e.stay((0, 0, 0.2))), e.thing("vase-1", e.stay((0, 0, 0.6))))
     truth = e.world(objects, [e.traversal("monday", 0, 9, objects)])
-    high = lambda each: replace(  # noqa: E731
-        each,
-        observations=tuple(EstimatedObservation(o.stamp_ns, np.array([0, 0, 0.45])) for o in each.observations),
+    high = lambda instance: replace(  # noqa: E731
+        instance,
+        observations=tuple(EstimatedObservation(o.stamp_ns, np.array([0, 0, 0.45])) for o in instance.observations),
     )
     scores = score_identity(e.altered(e.perfect_map(truth), "table-1", high), truth)
     assert (scores.switches, scores.static_objects) == (0, 2)

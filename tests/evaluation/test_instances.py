@@ -28,14 +28,18 @@ def test_an_empty_map_scores_nothing_and_a_perfect_one_everything():
     assert figures(score_instances(e.empty_map(truth), truth)) == (0, 0, 0)
     perfect = score_instances(e.perfect_map(truth), truth)
     assert figures(perfect) == regardless(perfect) == (1, 1, 1)
-    assert [(each.label, each.instances) for each in perfect.labels] == [("chair", 2), ("plant", 1), ("table", 1)]
+    assert [(figures.label, figures.instances) for figures in perfect.labels] == [
+        ("chair", 2),
+        ("plant", 1),
+        ("table", 1),
+    ]
 
 
 def test_only_what_is_present_counts_as_things_stand_at_the_end():
     truth = e.two_days()
     scores = score_instances(e.perfect_map(truth), truth)
     assert figures(scores) == (1, 1, 1)
-    assert [each.object_id for each in scores.objects] == ["chair-1", "table-1", "cart-1", "bag-1"]
+    assert [obj.object_id for obj in scores.objects] == ["chair-1", "table-1", "cart-1", "bag-1"]
 
 
 def test_a_map_that_is_beside_itself_scores_nothing():
@@ -45,18 +49,18 @@ def test_a_map_that_is_beside_itself_scores_nothing():
 
 def test_a_wrong_label_costs_its_class_but_no_shape():
     truth = e.still_life()
-    estimate = e.altered(e.perfect_map(truth), "table-1", lambda each: e.relabelled(each, "desk"))
+    estimate = e.altered(e.perfect_map(truth), "table-1", lambda instance: e.relabelled(instance, "desk"))
     scores = score_instances(estimate, truth)
     assert figures(scores) == pytest.approx((2 / 3,) * 3)
     assert regardless(scores) == (1, 1, 1)
-    assert [each.label_right for each in scores.objects] == [True, True, False, True]
+    assert [obj.label_right for obj in scores.objects] == [True, True, False, True]
 
 
 def test_a_thing_held_twice_is_shared_out():
     truth = e.still_life()
     scores = score_instances(e.doubled(e.perfect_map(truth)), truth)
     assert figures(scores) == (0, 0, 1)
-    assert [each.iou for each in scores.objects] == [0.5] * 4
+    assert [obj.iou for obj in scores.objects] == [0.5] * 4
 
 
 def test_two_things_held_to_be_one_are_half_found():
@@ -84,7 +88,7 @@ def test_a_wall_close_by_costs_nothing_and_an_instance_on_the_wall_is_wrong():
 def test_bleeding_into_the_wall_lowers_the_iou():
     truth = replace(e.still_life(), surfaces=(e.wall(5.0),))
     wall = e.wall(5.0).points_world.astype(float)
-    bleed = lambda each: replace(each, points=np.concatenate([each.points, wall]))  # noqa: E731
+    bleed = lambda instance: replace(instance, points=np.concatenate([instance.points, wall]))  # noqa: E731
     scores = score_instances(e.altered(e.perfect_map(truth), "table-1", bleed), truth)
     assert scores.objects[2].iou == pytest.approx(384 / (384 + 6400))
 
@@ -93,7 +97,7 @@ def test_things_that_no_image_showed_well_are_void():
     objects = e.still_life().objects
     look = lambda object_id, state, second: e.Sight(pixels=99 if object_id == "plant-1" else 1000)  # noqa: E731
     truth = e.world(objects, [e.traversal("monday", 0, 9, objects, look)])
-    mistaken = e.altered(e.perfect_map(truth), "plant-1", lambda each: e.relabelled(each, "chair"))
+    mistaken = e.altered(e.perfect_map(truth), "plant-1", lambda instance: e.relabelled(instance, "chair"))
     scores = score_instances(mistaken, truth)
     assert figures(scores) == regardless(scores) == (1, 1, 1)
 

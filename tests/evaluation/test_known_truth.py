@@ -19,7 +19,7 @@ def test_an_empty_keyframe_list_knows_nothing():
 def test_a_traversal_that_was_not_mapped_is_left_out_with_all_that_began_later():
     truth = e.two_days()
     known = known_truth(replace(e.perfect_map(truth), keyframes_ns=truth.traversals[0].stamps_ns), truth)
-    assert [each.name for each in known.traversals] == ["monday"]
+    assert [traversal.name for traversal in known.traversals] == ["monday"]
     assert {known.places[k].object.id for k in known.standing} == {"chair-1", "table-1", "plant-1", "bag-1"}
     assert all(place.object.id != "cart-1" for place in known.places)
 

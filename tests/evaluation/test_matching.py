@@ -60,8 +60,8 @@ def test_a_state_is_what_stood_there_while_it_was_seen_not_what_it_was_believed_
     chair = estimate.objects[0]
     never_gone = replace(chair, states=(replace(chair.states[0], gone_ns=None),))
     known = known_truth(estimate, truth)
-    for each in (chair, never_gone):
-        [[what]] = identify(e.with_objects(estimate, [each]), known)
+    for alter in (chair, never_gone):
+        [[what]] = identify(e.with_objects(estimate, [alter]), known)
         assert (what.object_id, what.places) == ("chair-1", {0})
 
 

@@ -23,7 +23,7 @@ def test_an_empty_map_misses_all_and_its_precision_is_undefined():
     truth = e.still_life()
     scores = score_objects(e.empty_map(truth), truth)
     assert (scores.labelled.precision, scores.labelled.recall, scores.labelled.f1) == (None, 0, 0)
-    assert [each.id for each in scores.missed] == ["chair-1", "chair-2", "table-1", "plant-1"]
+    assert [obj.id for obj in scores.missed] == ["chair-1", "chair-2", "table-1", "plant-1"]
 
 
 def test_a_perfect_map_is_perfect():
@@ -54,7 +54,9 @@ def test_a_shifted_map_is_right_up_to_the_gate(offset_m, found, iou):
 
 def test_a_mislabelled_object_is_right_only_without_labels():
     truth = e.still_life()
-    scores = score_objects(e.altered(e.perfect_map(truth), "table-1", lambda each: e.relabelled(each, "desk")), truth)
+    scores = score_objects(
+        e.altered(e.perfect_map(truth), "table-1", lambda instance: e.relabelled(instance, "desk")), truth
+    )
     assert (counts(scores.labelled), counts(scores.unlabelled)) == ((3, 1, 1), (4, 0, 0))
     assert scores.label_accuracy == 0.75
     assert scores.missed[0].reason == "map-table-1 is there, labelled desk"
@@ -63,7 +65,9 @@ def test_a_mislabelled_object_is_right_only_without_labels():
 
 def test_labels_differ_not_by_case():
     truth = e.still_life()
-    scores = score_objects(e.altered(e.perfect_map(truth), "table-1", lambda each: e.relabelled(each, "Table")), truth)
+    scores = score_objects(
+        e.altered(e.perfect_map(truth), "table-1", lambda instance: e.relabelled(instance, "Table")), truth
+    )
     assert counts(scores.labelled) == (4, 0, 0)
 
 
@@ -76,7 +80,7 @@ def test_two_instances_between_two_chairs_are_both_used():
     )
     scores = score_objects(estimate, truth)
     assert counts(scores.labelled) == (2, 0, 0)
-    assert {each.object_id: each.instance_id for each in scores.matched} == {
+    assert {match.object_id: match.instance_id for match in scores.matched} == {
         "chair-1": "map-chair-2",
         "chair-2": "map-chair-1",
     }
@@ -95,13 +99,13 @@ def test_what_no_image_showed_well_need_not_be_found_and_is_no_error():
 
 def test_a_ghost_is_false_and_an_object_held_to_be_gone_is_missed():
     truth = e.two_days()
-    estimate = e.altered(e.perfect_map(truth), "plant-1", lambda each: replace(each, presence="present"))
-    estimate = e.altered(estimate, "chair-1", lambda each: replace(each, presence="absent"))
+    estimate = e.altered(e.perfect_map(truth), "plant-1", lambda instance: replace(instance, presence="present"))
+    estimate = e.altered(estimate, "chair-1", lambda instance: replace(instance, presence="absent"))
     scores = score_objects(estimate, truth)
-    assert [(each.id, each.reason) for each in scores.false] == [
+    assert [(instance.id, instance.reason) for instance in scores.false] == [
         ("map-plant-1", "plant-1 stood there and does so no more")
     ]
-    assert [(each.id, each.reason) for each in scores.missed] == [
+    assert [(obj.id, obj.reason) for obj in scores.missed] == [
         ("chair-1", "the map holds map-chair-1 to be gone from there")
     ]
 

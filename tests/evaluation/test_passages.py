@@ -39,7 +39,7 @@ def test_one_instance_must_have_nine_of_ten_observations(handed_over, followed):
     truth = walked()
     scores = scored(truth, [track(truth, "a", range(handed_over)), track(truth, "b", range(handed_over, 10))])
     assert scores.followed == followed
-    assert [each.instances for each in scores.broken] == ([] if followed else [("a", "b")])
+    assert [passage.instances for passage in scores.broken] == ([] if followed else [("a", "b")])
 
 
 def test_too_few_observations_tell_nothing():

@@ -43,13 +43,15 @@ def truth(
             start_ns=m.ns(seconds[0]),
             end_ns=m.ns(seconds[-1]),
             T_world_odom=np.eye(4),
-            stamps_ns=np.array([m.ns(each) for each in seconds]),
+            stamps_ns=np.array([m.ns(duration_s) for duration_s in seconds]),
             T_world_base=np.array(poses),
             sightings=NONE_SEEN,
         )
         for k, (seconds, poses) in enumerate(drives)
     )
-    return GroundTruth("hand-made", 0, traversals, (), (), (), tuple(TrueQuestion(each, answer) for each in questions))
+    return GroundTruth(
+        "hand-made", 0, traversals, (), (), (), tuple(TrueQuestion(question, answer) for question in questions)
+    )
 
 
 def keyframe(at: float, T_map_base: np.ndarray) -> KeyframeRecord:
@@ -133,7 +135,7 @@ T_WORLD_KITCHEN = motion(90, 10, 0)
 
 
 def dense(span: tuple[int, int]) -> tuple[list[float], list[np.ndarray]]:
-    seconds = [float(each) for each in range(*span)]
+    seconds = [float(stamp) for stamp in range(*span)]
     return seconds, [T_WORLD_KITCHEN] * len(seconds)
 
 
@@ -142,13 +144,15 @@ BOTH_DAYS = truth(dense((0, 101)), dense((1000, 1101)))
 
 def test_objects_stand_in_the_world_frame(in_the_kitchen):
     estimate = read_estimate(in_the_kitchen, BOTH_DAYS)
-    chair = next(each for each in estimate.objects if each.id == "chair-1")
+    chair = next(instance for instance in estimate.objects if instance.id == "chair-1")
     np.testing.assert_allclose(chair.centroid, transform_points(T_WORLD_KITCHEN, np.array([[-3.0, 3, 0.5]]))[0])
     assert chair.box.yaw == pytest.approx(np.pi / 2)
     assert (chair.label, chair.presence) == ("chair", "present")
-    assert [each.gone_ns for each in chair.states] == [m.ns(1001), None]
+    assert [state.gone_ns for state in chair.states] == [m.ns(1001), None]
     np.testing.assert_allclose(chair.states[0].centroid, [9, 0, 0.5], atol=1e-9)
-    assert [each.stamp_ns for each in chair.observations] == [m.ns(at) for at in (1, 40, 90, 1001, 1040, 1090)]
+    assert [observation.stamp_ns for observation in chair.observations] == [
+        m.ns(at) for at in (1, 40, 90, 1001, 1040, 1090)
+    ]
     np.testing.assert_allclose(chair.observations[0].centroid, [8, 1, 0.5], atol=1e-9)
 
 
@@ -159,7 +163,7 @@ def test_points_are_the_centres_of_the_solid_voxels(in_the_kitchen):
 
 
 def test_confidence_is_that_of_being_real_and_so_called(in_the_kitchen):
-    objects = {each.presence: each for each in read_estimate(in_the_kitchen, BOTH_DAYS).objects}
+    objects = {instance.presence: instance for instance in read_estimate(in_the_kitchen, BOTH_DAYS).objects}
     real = 1 / (1 + np.exp(-3))
     assert objects["present"].confidence == pytest.approx(0.9 * real)
     assert objects["absent"].confidence == pytest.approx(0.9 * (1 - real))
@@ -174,13 +178,13 @@ def test_doubted_objects_are_left_out(tmp_path):
     path = m.make_memory(tmp_path / "map.db", ("monday", (0, 10), delta))
     with open_store(str(path), read_only=True) as store, store.reader() as reader:
         estimate = read_estimate(reader, truth(([0.5, 1.5], [np.eye(4), np.eye(4)])))
-    assert [each.id for each in estimate.objects] == ["chair-1"]
+    assert [instance.id for instance in estimate.objects] == ["chair-1"]
     assert estimate.changes == ()
 
 
 def test_changes_are_those_of_the_diff_but_not_what_nobody_can_tell(in_the_kitchen):
-    changes = {each.object_id: each for each in read_estimate(in_the_kitchen, BOTH_DAYS).changes}
-    assert {each: change.kind for each, change in changes.items()} == {
+    changes = {change.object_id: change for change in read_estimate(in_the_kitchen, BOTH_DAYS).changes}
+    assert {instance_id: change.kind for instance_id, change in changes.items()} == {
         "cup-1": "disappeared",
         "chair-1": "moved",
         "vase-1": "appeared",
@@ -235,7 +239,7 @@ def test_times_of_a_shifted_traversal_are_compared_as_recorded(tmp_path):
     assert estimate.keyframes_ns.tolist() == [m.ns(1), m.ns(2), m.ns(3)]
     (chair,) = estimate.objects
     assert (chair.states[0].first_seen_ns, chair.states[0].last_seen_ns) == (m.ns(1), m.ns(3))
-    assert [each.stamp_ns for each in chair.observations] == [m.ns(1), m.ns(2), m.ns(3)]
+    assert [observation.stamp_ns for observation in chair.observations] == [m.ns(1), m.ns(2), m.ns(3)]
 
 
 def test_traversals_built_in_another_order_than_recorded_are_not_compared(tmp_path):

@@ -27,7 +27,10 @@ def test_without_points_nothing_is_defined():
 def test_figures_worked_out_by_hand():
     # Class 1: 2 of 3 right, 3 predicted, IoU 2/4. Class 2: 1 of 1 right, 2 predicted, IoU 1/2. Class 9 is no class.
     figures, classes = semantic_figures(labels(1, 1, 1, 2, VOID), labels(1, 1, 2, 2, 9))
-    assert [(each.label, each.points, each.iou, each.accuracy) for each in classes] == [
+    assert [
+        (class_figures.label, class_figures.points, class_figures.iou, class_figures.accuracy)
+        for class_figures in classes
+    ] == [
         (1, 3, pytest.approx(2 / 3), pytest.approx(2 / 3)),
         (2, 1, 1 / 2, 1),
     ]
@@ -98,7 +101,7 @@ def test_a_doubled_map_is_as_good_as_a_single_one():
 
 def test_a_mislabelled_table_costs_the_table_and_the_plant():
     truth = e.still_life()
-    estimate = e.altered(e.perfect_map(truth), "table-1", lambda each: e.relabelled(each, "plant"))
+    estimate = e.altered(e.perfect_map(truth), "table-1", lambda instance: e.relabelled(instance, "plant"))
     scores = score_semantics(estimate, truth)
     # Voxels: 768 of chairs, 384 of the plant, 384 of the table. IoU 1, 1/2, 0.
     assert values(scores.without_background) == pytest.approx((1 / 2, (768 + 192) / 1536, 1152 / 1536, 2 / 3))
@@ -108,7 +111,7 @@ def test_a_mislabelled_table_costs_the_table_and_the_plant():
 
 def test_a_label_that_the_truth_does_not_have_is_just_wrong():
     truth = e.still_life()
-    estimate = e.altered(e.perfect_map(truth), "table-1", lambda each: e.relabelled(each, "desk"))
+    estimate = e.altered(e.perfect_map(truth), "table-1", lambda instance: e.relabelled(instance, "desk"))
     scores = score_semantics(estimate, truth)
     assert values(scores.with_background) == pytest.approx((2 / 3, 1152 / 1536, 1152 / 1536, 2 / 3))
     assert scores.confusions[0].predicted == "another label"
@@ -118,4 +121,4 @@ def test_a_shifted_map_leaves_all_objects_to_the_background():
     truth = e.still_life()
     scores = score_semantics(e.shifted_map(e.perfect_map(truth), (0, 0, 3)), truth)
     assert values(scores.with_background) == (0, 0, 0, 0)
-    assert {each.predicted for each in scores.confusions} == {"background"}
+    assert {confusion.predicted for confusion in scores.confusions} == {"background"}

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from supermap_cli.graph.predicates import PREDICATES, GraphNode, Pair
+from supermap_cli.graph.predicates import PREDICATES
+from supermap_cli.types.relations import GraphNode, Pair
 from support.graph_nodes import Point, node, table
 
 CUP: Point = (0.08, 0.08, 0.1)

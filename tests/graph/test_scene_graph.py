@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from supermap_cli.graph.predicates import PREDICATES, GraphNode, Pair, SpatialPredicate
+from supermap_cli.graph.predicates import PREDICATES
 from supermap_cli.graph.scene_graph import SceneGraph, neighbours
 from supermap_cli.types.memory import SpatialEdge
+from supermap_cli.types.relations import GraphNode, Pair, SpatialPredicate
 from support.graph_nodes import node, table
 
 

@@ -124,7 +124,7 @@ def test_masks_are_decoded_inside_the_box(tmp_path: Path) -> None:
 def test_all_likely_labels_are_kept_as_hypotheses(tmp_path: Path) -> None:
     model = write_constant_model(tmp_path / "m.onnx", [ultralytics((32, 32, 20, 20, 0.5, 0.05, 0.3))], SIZE, NAMES)
     (hypotheses,) = OnnxDetector(options(model)).detect(frame()).hypotheses
-    assert [each.label for each in hypotheses] == ["cup", "book"]
+    assert [hypothesis.label for hypothesis in hypotheses] == ["cup", "book"]
 
 
 def test_one_thing_found_under_two_names_is_one_detection(tmp_path: Path) -> None:
@@ -132,7 +132,7 @@ def test_one_thing_found_under_two_names_is_one_detection(tmp_path: Path) -> Non
     model = write_constant_model(tmp_path / "m.onnx", [rows], SIZE, NAMES)
     found = OnnxDetector(options(model)).detect(frame())
     assert found.labels == ("cup", "cup")
-    assert [each.label for each in found.hypotheses[0]] == ["cup", "book"]
+    assert [hypothesis.label for hypothesis in found.hypotheses[0]] == ["cup", "book"]
 
 
 def test_eighty_nameless_classes_are_cocos(tmp_path: Path) -> None:

@@ -37,7 +37,7 @@ class FakeRecording:
     passes: list[int] = field(default_factory=list)
 
     def detection_stamps_ns(self) -> IntArray:
-        return np.array([each.stamp_ns for each in self.arrays], np.int64)
+        return np.array([array.stamp_ns for array in self.arrays], np.int64)
 
     def detections(self) -> Iterator[Detections]:
         self.passes.append(1)

@@ -119,7 +119,7 @@ found = st.tuples(st.integers(0, 600), st.sampled_from(["cup", "chair"]), st.sam
 
 
 @settings(max_examples=40, deadline=None)
-@given(st.lists(st.lists(found, max_size=6, unique_by=lambda each: each[0]), min_size=1, max_size=5))
+@given(st.lists(st.lists(found, max_size=6, unique_by=lambda detection: detection[0]), min_size=1, max_size=5))
 def test_ids_are_unique_and_follow_their_detections(images: list[list[tuple[int, str, float]]]) -> None:
     straight, shuffled = ByteTracker(ByteTrackOptions()), ByteTracker(ByteTrackOptions())
     for index, image in enumerate(images):

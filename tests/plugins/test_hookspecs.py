@@ -42,7 +42,7 @@ def test_every_hook_has_a_docstring_and_typed_arguments(name: str) -> None:
     assert len(inspect.getdoc(HOOKS[name]) or "") > 20
     signature = inspect.signature(HOOKS[name])
     assert signature.return_annotation is not inspect.Signature.empty
-    assert all(each.annotation is not inspect.Parameter.empty for each in signature.parameters.values())
+    assert all(parameter.annotation is not inspect.Parameter.empty for parameter in signature.parameters.values())
 
 
 @pytest.mark.parametrize("name", sorted(CALLS))
@@ -57,7 +57,7 @@ def test_a_plugin_implements_the_hook(name: str) -> None:
 def test_a_plugin_registers_a_backend_of_each_kind(kind: str, hook: str) -> None:
     plugin = SimpleNamespace(**{hook: hookimpl(lambda register: register("mine", lambda options, *args: args))})
     loaded = load_plugins([plugin])
-    (registry,) = (each for each in loaded.registries if "mine" in each)
+    (registry,) = (candidate for candidate in loaded.registries if "mine" in candidate)
     assert registry.kind == kind
     assert registry.make("mine", {}, "an argument") == ("an argument",)
 

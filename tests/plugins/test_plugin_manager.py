@@ -37,7 +37,7 @@ def broken_error(given: object) -> str:
     """The error that the given plugin is reported with; the first-party plugins work all the same."""
     loaded = load_plugins([given])
     assert {"onnx", "recorded"} <= set(loaded.detectors.names())
-    (broken,) = (each for each in loaded.broken if each.distribution == "given by the caller")
+    (broken,) = (plugin for plugin in loaded.broken if plugin.distribution == "given by the caller")
     return broken.error
 
 
@@ -58,12 +58,12 @@ def test_installed_plugins_are_loaded_once_a_process() -> None:
 
 def test_the_hooks_of_one_plugin_can_be_called_alone() -> None:
     loaded = load_plugins([plugin(spatial_predicates=lambda: ["a"]), plugin(spatial_predicates=lambda: ["b"])])
-    assert [each.hook.spatial_predicates() for each in loaded.working[-2:]] == [[["a"]], [["b"]]]
+    assert [plugin.hook.spatial_predicates() for plugin in loaded.working[-2:]] == [[["a"]], [["b"]]]
 
 
 def test_every_option_of_ours_is_described() -> None:
-    for each in load_plugins().working:
-        for backend in each.backends:
+    for plugin in load_plugins().working:
+        for backend in plugin.backends:
             for name, field in backend.options.model_fields.items():
                 assert field.description, f"{backend.name}.{name}"
 
@@ -141,7 +141,7 @@ def test_one_plugin_under_two_names_is_loaded_once() -> None:
     twice = sight()
     loaded = load_plugins([twice, twice])
     assert loaded.detectors.make("sight") == (SightOptions(),)
-    assert [each.error for each in loaded.broken] == ["PluginError: it is loaded already, under another name"]
+    assert [plugin.error for plugin in loaded.broken] == ["PluginError: it is loaded already, under another name"]
 
 
 @pytest.mark.parametrize("error", [ImportError("no module named torch"), RuntimeError("no GPU"), SystemExit(3)])

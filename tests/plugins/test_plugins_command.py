@@ -29,7 +29,9 @@ def test_json_holds_everything() -> None:
     listed = json.loads(run("--json"))
     assert set(listed) == {"plugins", "broken", "conflicts"}
     assert listed["broken"] == listed["conflicts"] == []
-    backends = {(each["kind"], each["name"]): each for plugin in listed["plugins"] for each in plugin["backends"]}
+    backends = {
+        (backend["kind"], backend["name"]): backend for plugin in listed["plugins"] for backend in plugin["backends"]
+    }
     onnx = {option["name"]: option for option in backends["detector", "onnx"]["options"]}
     assert onnx["score_floor"]["default"] == 0.1
     assert onnx["model"] == {

@@ -29,7 +29,7 @@ rgb[10:30, 20:40] = (220, 20, 20)
 rgb[50:53, 5:8] = (220, 20, 20)
 found = detector.detect(CameraFrame(7, "camera", rgb, None, PinholeCamera(80, 60, 60, 60, 40, 30), np.eye(4)))
 print(json.dumps({
-    "broken": [each.error for each in plugins.broken],
+    "broken": [plugin.error for plugin in plugins.broken],
     "origin": plugins.detectors.get("red").origin,
     "boxes": found.boxes_xyxy.tolist(),
     "labels": found.labels,
@@ -83,7 +83,7 @@ def test_a_third_partys_detector_is_found_and_used(installed: Path) -> None:
 
 def test_the_command_line_lists_it(installed: Path) -> None:
     listed = json.loads(python(installed, "-m", "supermap_cli.main", "plugins", "--json"))
-    assert "supermap-example-detector" in {each["distribution"] for each in listed["plugins"]}
+    assert "supermap-example-detector" in {plugin["distribution"] for plugin in listed["plugins"]}
 
 
 @pytest.mark.parametrize(
@@ -105,4 +105,4 @@ def test_a_broken_distribution_is_reported_and_the_rest_works(tmp_path: Path, co
     (broken,) = listed["broken"]
     assert (broken["name"], broken["distribution"], broken["version"]) == ("broken", "broken-plugin", "1.2")
     assert error in broken["error"]
-    assert {"onnx", "recorded"} <= {each["name"] for each in listed["plugins"]}
+    assert {"onnx", "recorded"} <= {plugin["name"] for plugin in listed["plugins"]}

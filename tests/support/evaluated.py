@@ -89,12 +89,12 @@ def traversal(name, start, end, objects, look=lambda object_id, state, second: S
     """A recording of [start, end] seconds; `look` says what a second's image shows of a place (`None`: nothing)."""
     rows = []
     for frame, second in enumerate(range(start, end + 1)):
-        for number, each in enumerate(objects):
-            moving = any(way.stamps_ns[0] <= ns(second) <= way.stamps_ns[-1] for way in each.motions)
-            if moving and (sight := look(each.id, -1, second)) is not None:
+        for number, obj in enumerate(objects):
+            moving = any(way.stamps_ns[0] <= ns(second) <= way.stamps_ns[-1] for way in obj.motions)
+            if moving and (sight := look(obj.id, -1, second)) is not None:
                 rows.append((frame, number, -1, True, sight.visible, sight.pixels))
-            for index, state in enumerate(each.states):
-                if (sight := look(each.id, index, second)) is not None:
+            for index, state in enumerate(obj.states):
+                if (sight := look(obj.id, index, second)) is not None:
                     present = state.covers(ns(second))
                     pixels = sight.pixels if present else 0
                     rows.append((frame, number, index, present, sight.visible, pixels))
@@ -175,7 +175,7 @@ def two_days():
 
 
 def keyframes(truth):
-    return np.concatenate([each.stamps_ns for each in truth.traversals])
+    return np.concatenate([traversal.stamps_ns for traversal in truth.traversals])
 
 
 def instance_id(object_id):
@@ -193,25 +193,25 @@ def estimated_state(state, label, stamps_ns):
     return EstimatedState(there[0], there[-1], gone_ns, empty_ns, state.centroid, state.box, label)
 
 
-def estimated_object(each, stamps_ns):
-    states = tuple(s for state in each.states if (s := estimated_state(state, each.label, stamps_ns)) is not None)
+def estimated_object(obj, stamps_ns):
+    states = tuple(s for state in obj.states if (s := estimated_state(state, obj.label, stamps_ns)) is not None)
     if not states:
         return None
-    newest = each.states[-1] if len(each.states) == len(states) else each.states[0]
+    newest = obj.states[-1] if len(obj.states) == len(states) else obj.states[0]
     observations = tuple(
         EstimatedObservation(stamp, state.centroid)
         for stamp in stamps_ns.tolist()
-        for state in each.states
+        for state in obj.states
         if state.covers(stamp)
     )
     return EstimatedObject(
-        id=instance_id(each.id),
-        label=each.label,
+        id=instance_id(obj.id),
+        label=obj.label,
         presence="present" if states[-1].gone_ns is None else "absent",
         confidence=0.9,
         centroid=states[-1].centroid,
         box=states[-1].box,
-        points=each.surface_world(newest),
+        points=obj.surface_world(newest),
         states=states,
         observations=observations,
     )
@@ -220,14 +220,14 @@ def estimated_object(each, stamps_ns):
 def perfect_map(truth):
     """The map that holds exactly the truth; an object keeps its identity, whatever becomes of it."""
     stamps_ns = keyframes(truth)
-    objects = tuple(o for each in truth.objects if (o := estimated_object(each, stamps_ns)) is not None)
+    objects = tuple(o for obj in truth.objects if (o := estimated_object(obj, stamps_ns)) is not None)
     return EstimatedMap(
         objects=objects,
-        changes=tuple(reported(each, truth) for each in truth.changes),
+        changes=tuple(reported(change, truth) for change in truth.changes),
         answers=tuple(EstimatedAnswer(q.text, tuple(map(instance_id, q.answer))) for q in truth.questions),
         keyframes_ns=stamps_ns,
         T_world_map=np.eye(4),
-        alignment_rmse_m={each.name: 0.0 for each in truth.traversals},
+        alignment_rmse_m={traversal.name: 0.0 for traversal in truth.traversals},
     )
 
 
@@ -251,42 +251,42 @@ def with_objects(estimate, objects):
 
 def altered(estimate, object_id, alter):
     """The map in which one instance is altered; `None` takes it out."""
-    objects = [alter(each) if each.id == instance_id(object_id) else each for each in estimate.objects]
-    return with_objects(estimate, [each for each in objects if each is not None])
+    objects = [alter(instance) if instance.id == instance_id(object_id) else instance for instance in estimate.objects]
+    return with_objects(estimate, [instance for instance in objects if instance is not None])
 
 
-def shifted_object(each, offset):
+def shifted_object(instance, offset):
     """An instance that lies beside its true place, in all its states."""
     offset = np.array(offset, np.float64)
     return replace(
-        each,
-        centroid=each.centroid + offset,
-        box=replace(each.box, center=each.box.center + offset),
-        points=each.points + offset,
+        instance,
+        centroid=instance.centroid + offset,
+        box=replace(instance.box, center=instance.box.center + offset),
+        points=instance.points + offset,
         states=tuple(
             replace(s, centroid=s.centroid + offset, box=replace(s.box, center=s.box.center + offset))
-            for s in each.states
+            for s in instance.states
         ),
-        observations=tuple(replace(o, centroid=o.centroid + offset) for o in each.observations),
+        observations=tuple(replace(o, centroid=o.centroid + offset) for o in instance.observations),
     )
 
 
 def shifted_map(estimate, offset):
-    return with_objects(estimate, [shifted_object(each, offset) for each in estimate.objects])
+    return with_objects(estimate, [shifted_object(instance, offset) for instance in estimate.objects])
 
 
-def relabelled(each, label):
-    return replace(each, label=label, states=tuple(replace(state, label=label) for state in each.states))
+def relabelled(instance, label):
+    return replace(instance, label=label, states=tuple(replace(state, label=label) for state in instance.states))
 
 
 def doubled(estimate: EstimatedMap, object_ids: Sequence[str] | None = None):
     """The map that holds things twice, the second time less surely; the two share a thing's points, one by one."""
-    chosen = {each.id for each in estimate.objects} if object_ids is None else set(map(instance_id, object_ids))
+    chosen = {instance.id for instance in estimate.objects} if object_ids is None else set(map(instance_id, object_ids))
     objects = []
-    for each in estimate.objects:
-        if each.id in chosen:
-            objects.append(replace(each, points=each.points[::2]))
-            objects.append(replace(each, id=f"{each.id}-again", points=each.points[1::2], confidence=0.5))
+    for instance in estimate.objects:
+        if instance.id in chosen:
+            objects.append(replace(instance, points=instance.points[::2]))
+            objects.append(replace(instance, id=f"{instance.id}-again", points=instance.points[1::2], confidence=0.5))
         else:
-            objects.append(each)
+            objects.append(instance)
     return with_objects(estimate, objects)

@@ -14,13 +14,13 @@ from pydantic import Field
 from supermap_cli.config import BuildConfig
 from supermap_cli.geometry.arrays import IntArray
 from supermap_cli.geometry.se3 import inverse, make_transform
-from supermap_cli.graph.predicates import SpatialPredicate
 from supermap_cli.hookspecs import Options, RecordingRequest, Register, hookimpl
 from supermap_cli.plugin_manager import Plugins, load_plugins
 from supermap_cli.protocols import Recording
 from supermap_cli.recordings.fingerprint import window_fingerprint
 from supermap_cli.types.detections import Detections, RegionMask, TrackPrior, Tracks
 from supermap_cli.types.memory import KeyframeRecord, MapDelta
+from supermap_cli.types.relations import SpatialPredicate
 from supermap_cli.types.sensing import CameraFrame, ImuSample, StampedPose, Sweep
 from support import scenes as s
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from supermap_cli.geometry.boxes import Box3D
-from supermap_cli.graph.predicates import GraphNode
+from supermap_cli.types.relations import GraphNode
 
 Point = tuple[float, float, float]
 

@@ -39,7 +39,8 @@ def kitchen_truth(seconds: Sequence[Sequence[float]] = (MONDAY, TUESDAY)) -> Gro
         scenario="kitchen",
         seed=7,
         traversals=tuple(
-            traversal(name, each, objects) for name, each in zip(("monday", "tuesday"), seconds, strict=False)
+            traversal(name, duration_s, objects)
+            for name, duration_s in zip(("monday", "tuesday"), seconds, strict=False)
         ),
         objects=objects,
         surfaces=(TrueSurface("wall", np.float32([[-5, y, 1] for y in np.linspace(-2, 4, 60)])),),
@@ -75,12 +76,12 @@ def thing(name: str, label: str, size: m.Point, *stays: tuple[m.Point, float | N
 
 def traversal(name: str, seconds: Sequence[float], objects: Sequence[TrueObject]) -> TrueTraversal:
     """A robot that stands still at the map's origin and sees every place in every image."""
-    stamps_ns = np.array([m.ns(each) for each in seconds])
+    stamps_ns = np.array([m.ns(duration_s) for duration_s in seconds])
     rows = [
         (frame, number, index, state.covers(stamp_ns))
         for frame, stamp_ns in enumerate(stamps_ns.tolist())
-        for number, each in enumerate(objects)
-        for index, state in enumerate(each.states)
+        for number, obj in enumerate(objects)
+        for index, state in enumerate(obj.states)
     ]
     frame, number, index, present = (np.array(column) for column in zip(*rows, strict=True))
     all_of_it = np.ones(len(rows), np.float32)

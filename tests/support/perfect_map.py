@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
-from supermap_cli.graph.predicates import GraphNode
 from supermap_cli.graph.scene_graph import SceneGraph
 from supermap_cli.memory import open_store
 from supermap_cli.query.answers import answer
 from supermap_cli.types.memory import InstanceRecord, MapDelta, SpatialEdge, StateRecord, Visit
+from supermap_cli.types.relations import GraphNode
 from supermap_cli.types.truth import GroundTruth, TrueState, TrueTraversal
 from support import memories as m
 
@@ -38,9 +38,9 @@ def wrong_answers(truth: GroundTruth, path: Path) -> list[str]:
     """The truth's questions that its perfect map does not answer with exactly the right ids."""
     names = write_perfect_map(path, truth)
     with open_store(str(path), read_only=True) as store, store.reader() as reader:
-        found = {each.text: answer(each.text, reader).instances for each in truth.questions}
-    answers = {text: tuple(sorted(names[each.id] for each in instances)) for text, instances in found.items()}
-    return [each.text for each in truth.questions if answers[each.text] != each.answer]
+        found = {question.text: answer(question.text, reader).instances for question in truth.questions}
+    answers = {text: tuple(sorted(names[instance.id] for instance in instances)) for text, instances in found.items()}
+    return [question.text for question in truth.questions if answers[question.text] != question.answer]
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,9 @@ def _delta(truth: GroundTruth, traversal: int, numbers: dict[int, int], graph: S
         if not supported:
             continue
         number = numbers.setdefault(k, len(numbers) + 1)
-        records = [_record(number, at, each, supported, thing.states, thing.label) for at, each in enumerate(supported)]
+        records = [
+            _record(number, at, support, supported, thing.states, thing.label) for at, support in enumerate(supported)
+        ]
         newest, is_gone = thing.states[supported[-1].index], records[-1].gone_ns is not None
         states += records
         center = tuple(map(float, newest.centroid))
@@ -75,7 +77,7 @@ def _delta(truth: GroundTruth, traversal: int, numbers: dict[int, int], graph: S
                 instance, box=newest.box, first_seen_ns=records[0].first_seen_ns, last_seen_ns=records[-1].last_seen_ns
             )
         )
-        seen = [each.in_last for each in supported if each.in_last is not None]
+        seen = [support.in_last for support in supported if support.in_last is not None]
         visits.append(
             Visit(number, len(seen), len(seen) + is_gone, int(is_gone), *(seen[-1] if seen else (None, None)))
         )
@@ -97,10 +99,10 @@ def _delta(truth: GroundTruth, traversal: int, numbers: dict[int, int], graph: S
 def _supported(truth: GroundTruth, k: int, last: int) -> Iterator[_Support]:
     """The states of an object that the traversals up to the last one showed."""
     for index, state in enumerate(truth.objects[k].states):
-        seen = [_support_ns(each, k, index) for each in truth.traversals[: last + 1]]
+        seen = [_support_ns(traversal, k, index) for traversal in truth.traversals[: last + 1]]
         seen_ns = np.concatenate(seen)
         if len(seen_ns) >= SUPPORT_FRAMES:
-            empty = [_empty_ns(each, k, index, state) for each in truth.traversals[: last + 1]]
+            empty = [_empty_ns(traversal, k, index, state) for traversal in truth.traversals[: last + 1]]
             gone_ns = int(np.concatenate(empty)[0]) if len(np.concatenate(empty)) else None
             in_last = (int(seen[-1][0]), int(seen[-1][-1])) if len(seen[-1]) else None
             yield _Support(index, int(seen_ns[0]), int(seen_ns[-1]), gone_ns, in_last)
@@ -120,17 +122,17 @@ def _empty_ns(traversal: TrueTraversal, k: int, index: int, state: TrueState) ->
 
 
 def _record(
-    number: int, at: int, each: _Support, supported: list[_Support], states: tuple[TrueState, ...], label: str
+    number: int, at: int, support: _Support, supported: list[_Support], states: tuple[TrueState, ...], label: str
 ) -> StateRecord:
     """A state ends when its place is seen empty, or when the thing is seen elsewhere."""
-    state = states[each.index]
-    ends = [each.gone_ns, *(later.first_ns for later in supported[at + 1 :])]
+    state = states[support.index]
+    ends = [support.gone_ns, *(later.first_ns for later in supported[at + 1 :])]
     gone_ns = min((end for end in ends if end is not None), default=None)
     record = m.state(number, at, (0, 1), label=label)
     return replace(
         record,
-        first_seen_ns=each.first_ns,
-        last_seen_ns=each.last_ns,
+        first_seen_ns=support.first_ns,
+        last_seen_ns=support.last_ns,
         gone_ns=gone_ns,
         centroid_map=state.centroid,
         box=state.box,

@@ -100,7 +100,7 @@ def _traversals(draw: st.DrawFn, name: str, objects: tuple[TrueObject, ...]) -> 
 def truths(draw: st.DrawFn) -> GroundTruth:
     """Any truth whose indices and ids point at something."""
     objects = tuple(draw(_objects(f"thing-{k}")) for k in range(draw(st.integers(0, 3))))
-    ids = st.sampled_from([each.id for each in objects]) if objects else st.nothing()
+    ids = st.sampled_from([obj.id for obj in objects]) if objects else st.nothing()
     change = st.builds(
         TrueChange,
         st.sampled_from(["appeared", "disappeared", "moved"]),

@@ -9,7 +9,7 @@ from pydantic import Field
 from supermap_cli import Options, hookimpl
 
 if TYPE_CHECKING:
-    from supermap_cli.hookspecs import Register
+    from supermap_cli import Register
     from supermap_cli.protocols import Detector, Recording
 
 

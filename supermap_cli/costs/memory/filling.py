@@ -47,7 +47,7 @@ def make_memory(path: Path, things: int, traversals: int, seed: int, progress: P
     planned = courses(traversals, rooms_for(things))
     visits = visits_by_room(planned)
     writer = BulkWriter(path)
-    lives = [live(each, visits[each.room], rng) for each in furnish(things, rng) if each.room in visits]
+    lives = [live(thing, visits[thing.room], rng) for thing in furnish(things, rng) if thing.room in visits]
     _blur(lives, rng)
     progress(f"{len(lives)} instances live through {traversals} traversals")
     seen_in: dict[int, list[Life]] = defaultdict(list)
@@ -94,17 +94,17 @@ def _write_lives(writer: BulkWriter, lives: Sequence[Life], rng: np.random.Gener
     for start in range(0, len(lives), 5000):
         part = lives[start : start + 5000]
         writer.add(
-            "instance", (_instance(each, named(each.thing.label), looks[each.thing.number], clouds) for each in part)
+            "instance", (_instance(life, named(life.thing.label), looks[life.thing.number], clouds) for life in part)
         )
-        states = [(state, at) for each in part for state, at in zip(each.states, each.written_by, strict=True)]
+        states = [(state, at) for life in part for state, at in zip(life.states, life.written_by, strict=True)]
         writer.add("state", (rows.state_values(state, at) for state, at in states))
-        writer.add("visit", (rows.visit_values(visit, at) for each in part for at, visit in each.visits))
-    for each in lives:
-        writer.add("temporal_edge", (rows.temporal_edge_values(edge, at) for at, edge in each.events))
+        writer.add("visit", (rows.visit_values(visit, at) for life in part for at, visit in life.visits))
+    for life in lives:
+        writer.add("temporal_edge", (rows.temporal_edge_values(edge, at) for at, edge in life.events))
     rooms: dict[int, list[Life]] = defaultdict(list)
-    for each in lives:
-        if each.merged_into is None:
-            rooms[each.thing.room].append(each)
+    for life in lives:
+        if life.merged_into is None:
+            rooms[life.thing.room].append(life)
     for inside in rooms.values():
         writer.add("spatial_edge", (rows.spatial_edge_values(edge, at) for edge, at in edges_of_room(inside)))
 
@@ -118,10 +118,10 @@ def _traversal(course: Course, seen: int) -> dict[str, object]:
 
 def _looks(lives: Sequence[Life]) -> dict[int, int]:
     """How often each was observed, with what is a part of it."""
-    looks = {each.thing.number: len(each.seen) * LOOKS for each in lives}
-    for each in lives:
-        if each.merged_into is not None:
-            looks[each.merged_into] += len(each.seen) * LOOKS
+    looks = {life.thing.number: len(life.seen) * LOOKS for life in lives}
+    for life in lives:
+        if life.merged_into is not None:
+            looks[life.merged_into] += len(life.seen) * LOOKS
     return looks
 
 
@@ -176,7 +176,7 @@ def _observe(
     if not seen:
         return 0
     order = {room: at for at, room in enumerate(course.rooms)}
-    ranks = np.repeat([order[each.thing.room] for each in seen], LOOKS)
+    ranks = np.repeat([order[life.thing.room] for life in seen], LOOKS)
     looks = np.tile(np.arange(LOOKS), len(seen))
     which = np.repeat(np.arange(len(seen)), LOOKS)
     sequence = np.lexsort((which, looks, ranks))
@@ -186,7 +186,7 @@ def _observe(
     scores = np.round(rng.uniform(0.35, 0.98, n), 4).tolist()
     corners = np.round(rng.uniform(0, 600, (n, 2)), 2)
     boxes = np.hstack((corners, corners + 40)).tolist()
-    centers = np.array([each.thing.box.center for each in seen])[which[sequence]]
+    centers = np.array([life.thing.box.center for life in seen])[which[sequence]]
     places = np.round(centers + rng.normal(0, 0.01, (n, 3)), 4).tolist()
     crops = [None if look % 101 else crop_jpeg for look in (which[sequence] * LOOKS + looks[sequence]).tolist()]
     writer.add_values(

@@ -100,7 +100,7 @@ def _close(life: Life, first_ns: int, empty_ns: int | None, gone_ns: int | None)
         0.97,
     )
     life.states.append(state)
-    life.written_by.append(next(each.course.number for each in life.seen if each.last_ns >= first_ns))
+    life.written_by.append(next(visit.course.number for visit in life.seen if visit.last_ns >= first_ns))
 
 
 def _count(life: Life, visit: Visit, *, seen: bool) -> None:

@@ -15,7 +15,7 @@ ON = {"monitor", "keyboard", "cup", "lamp", "vase", "globe", "laptop", "bottle",
 
 def edges_of_room(inside: Sequence[Life]) -> Iterator[tuple[SpatialEdge, int]]:
     """Between the newest states of things that are still there, and the traversal that wrote each."""
-    known = [(each, each.states[-1]) for each in inside if each.states]
+    known = [(life, life.states[-1]) for life in inside if life.states]
     for at, (one, state) in enumerate(known):
         for other, its in known[at + 1 :]:
             if abs(state.box.center - its.box.center)[:2].max() > 2.5:

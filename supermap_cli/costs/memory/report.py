@@ -66,9 +66,11 @@ def measure_memories(
     instances: tuple[int, int], traversals: int, seed: int, folder: Path, progress: Progress
 ) -> MemoryBench:
     """Make up two memories, unless they are in the folder, and ask both everything."""
-    paths = [folder / f"memory-{each}-{traversals}-{seed}.db" for each in instances]
-    check_disk(folder, [each for each, path in zip(instances, paths, strict=True) if not path.exists()])
-    small, large = (_made(path, each, traversals, seed, progress) for path, each in zip(paths, instances, strict=True))
+    paths = [folder / f"memory-{count}-{traversals}-{seed}.db" for count in instances]
+    check_disk(folder, [count for count, path in zip(instances, paths, strict=True) if not path.exists()])
+    small, large = (
+        _made(path, count, traversals, seed, progress) for path, count in zip(paths, instances, strict=True)
+    )
     rows = []
     for asked in questions(courses(traversals, rooms_for(instances[0]))):
         row = _row(asked, *(_ask(asked, path, folder) for path in paths))

@@ -25,8 +25,9 @@ from itertools import islice
 
 import numpy as np
 
-from supermap_cli.graph.predicates import GraphNode, Pair, above, near, on, under
+from supermap_cli.graph.predicates import above, near, on, under
 from supermap_cli.simulation.recording.witness import Unsure, Witness
+from supermap_cli.types.relations import GraphNode, Pair
 from supermap_cli.types.truth import GroundTruth, TrueQuestion, TrueState
 
 STRICT, WIDE = 1 / 1.4, 1.3 * 1.4
