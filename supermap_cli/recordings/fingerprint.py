@@ -6,8 +6,9 @@ import hashlib
 from collections.abc import Sequence
 from pathlib import Path
 
+from supermap_cli.recordings.containers import open_storage, storage_files
 from supermap_cli.recordings.notes import Notes
-from supermap_cli.recordings.storage import Channel, open_storage, storage_files
+from supermap_cli.recordings.storage import Channel
 
 _END_BYTES = 1 << 18
 

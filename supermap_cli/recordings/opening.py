@@ -12,13 +12,14 @@ import numpy as np
 from supermap_cli.errors import CalibrationError, ConfigError, RecordingError
 from supermap_cli.hookspecs import RecordingRequest
 from supermap_cli.recordings import messages
+from supermap_cli.recordings.containers import open_storage
 from supermap_cli.recordings.decoding import Decoder
 from supermap_cli.recordings.messages import PoseMessage
 from supermap_cli.recordings.motion import PoseSource, find_base_frame, find_pose_source
 from supermap_cli.recordings.notes import Notes
 from supermap_cli.recordings.probing import Topic, probe_topics
 from supermap_cli.recordings.rig import Rig, RigBuilder, camera_frame
-from supermap_cli.recordings.storage import Storage, open_storage
+from supermap_cli.recordings.storage import Storage
 from supermap_cli.recordings.topics import TopicPlan, plan_topics
 from supermap_cli.recordings.transforms import MovingTransforms, TransformTree
 

@@ -5,11 +5,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from supermap_cli.recordings.containers import open_storage
 from supermap_cli.recordings.decoding import Decoder
 from supermap_cli.recordings.definitions import LIVOX_PACKAGES
 from supermap_cli.recordings.notes import Notes
 from supermap_cli.recordings.pointclouds import point_stamps, read_points
-from supermap_cli.recordings.storage import open_storage
 from support import bags
 
 STAMP = bags.START_NS

@@ -8,8 +8,9 @@ import pytest
 from mcap.writer import CompressionType
 
 from supermap_cli.errors import RecordingError
+from supermap_cli.recordings.containers import open_storage
 from supermap_cli.recordings.notes import Notes
-from supermap_cli.recordings.storage import Channel, RawMessage, merge_lazily, open_storage
+from supermap_cli.recordings.storage import Channel, RawMessage, merge_lazily
 from support import bags
 
 FORMATS = ["run.mcap", "run.db3", "run.bag", "run"]

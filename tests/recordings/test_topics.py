@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from supermap_cli.errors import ConfigError, RecordingError
+from supermap_cli.recordings.containers import open_storage
 from supermap_cli.recordings.decoding import Decoder
 from supermap_cli.recordings.notes import Notes
 from supermap_cli.recordings.probing import probe_topics
-from supermap_cli.recordings.storage import open_storage
 from supermap_cli.recordings.topics import is_rectified, namespace_of, plan_topics
 from support import bags
 
