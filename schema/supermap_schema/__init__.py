@@ -9,7 +9,7 @@
 Importing this package imports none of them.
 """
 
-SCHEMA_VERSION = 2
+SCHEMA_VERSION = 3
 """The version this program reads and writes: the number of the newest migration.
 
 SQLite keeps it as `PRAGMA user_version`, PostgreSQL in Alembic's own table.

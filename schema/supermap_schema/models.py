@@ -61,7 +61,8 @@ class Traversal(Base):
 
     `fingerprint` tells recordings apart; `config` and `versions` say how it was built; `timings` holds seconds per
     stage and is the only volatile column of the database; `status` is "building" while a build runs (or was stopped);
-    `mapped_ns` is the stamp of the newest keyframe committed; `keyframes` and `observations` count what it has of them.
+    `mapped_ns` is the stamp of the newest keyframe committed; `keyframes` and `observations` count what it has of them;
+    `warnings` is a JSON list of the sentences that the recording, the odometry and the build warned with.
 
     All times of a traversal are its recording's plus `clock_shift_ns`, which is 0 unless its clock says that
     it was made before the end of what is in the map: the map's time goes forward in the order of building. Most crops,
@@ -90,6 +91,7 @@ class Traversal(Base):
     thumbnails_kept_from_ns: Mapped[int | None] = mapped_column(Int64)
     keyframes: Mapped[int] = mapped_column(Int64, server_default=text("0"))
     observations: Mapped[int] = mapped_column(Int64, server_default=text("0"))
+    warnings: Mapped[str] = mapped_column(Json, server_default=text("'[]'"))
 
     __table_args__ = (
         CheckConstraint("end_ns >= start_ns", name="span"),
@@ -102,6 +104,7 @@ class Keyframe(Base):
     """One mapped image: where the robot and the camera were, and a small depth image of what was seen empty.
 
     `depth_png` is a 16-bit PNG in millimetres, 0 = no return, one pixel for every `depth_step` pixels of the camera.
+    `camera` is the camera's model as JSON, `camera_id` its name among those of the rig, which may share a stamp.
     """
 
     __tablename__ = "keyframe"
@@ -116,9 +119,10 @@ class Keyframe(Base):
     depth_step: Mapped[int] = mapped_column(Int64)
     depth_png: Mapped[bytes] = mapped_column(Blob)
     thumbnail_jpeg: Mapped[bytes | None] = mapped_column(Blob)
+    camera_id: Mapped[str] = mapped_column(Label)
 
     __table_args__ = (
-        UniqueConstraint("traversal_id", "stamp_ns"),
+        UniqueConstraint("traversal_id", "stamp_ns", "camera_id"),
         CheckConstraint("detected IN (0, 1)", name="detected"),
         CheckConstraint("depth_step >= 1", name="depth_step"),
         STRICT,

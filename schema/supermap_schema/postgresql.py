@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 
-from supermap_schema.views import Words, views_0002
+from supermap_schema.views import Words, trajectory_0003, views_0002
 
 MARK = "SuperMap 4D memory"
 """The comment on table `traversal`: tells a SuperMap schema from any other."""
@@ -35,7 +35,7 @@ _MARK = (f"COMMENT ON TABLE traversal IS '{MARK}'",)
 _NUMBERS_ARE_GIVEN = ("ALTER TABLE instance ALTER COLUMN number DROP DEFAULT", "DROP SEQUENCE instance_number_seq")
 """A whole-number key counts by itself in PostgreSQL, unless it is told not to."""
 
-JSON_COLUMNS = (
+_JSON_COLUMNS_0002 = (
     ("traversal", "T_map_odom"),
     ("traversal", "config"),
     ("traversal", "versions"),
@@ -48,6 +48,8 @@ JSON_COLUMNS = (
     ("observation", "hypotheses"),
     ("before_image", "content"),
 )
+_JSON_COLUMNS_0003 = (("traversal", "warnings"),)
+JSON_COLUMNS = _JSON_COLUMNS_0002 + _JSON_COLUMNS_0003
 
 
 def json_constraint(table: str, column: str) -> str:
@@ -55,11 +57,13 @@ def json_constraint(table: str, column: str) -> str:
     return f"ck_{table}_{column.lower()}_json"
 
 
-_VALID_JSON = tuple(
-    f'ALTER TABLE {table} ADD CONSTRAINT {json_constraint(table, column)} CHECK (("{column}"::json) IS NOT NULL'
-    f' OR "{column}" IS NULL)'
-    for table, column in JSON_COLUMNS
-)
+def _valid_json(columns: tuple[tuple[str, str], ...]) -> tuple[str, ...]:
+    return tuple(
+        f'ALTER TABLE {table} ADD CONSTRAINT {json_constraint(table, column)} CHECK (("{column}"::json) IS NOT NULL'
+        f' OR "{column}" IS NULL)'
+        for table, column in columns
+    )
+
 
 _OBSERVATION_BUT_CROP = (
     *("id", "keyframe_id", "instance_number", "track_id", "label", "score", "u_min", "v_min", "u_max", "v_max"),
@@ -194,7 +198,7 @@ def _quoted(column: str) -> str:
 OBJECTS_0002 = (
     _MARK
     + _NUMBERS_ARE_GIVEN
-    + _VALID_JSON
+    + _valid_json(_JSON_COLUMNS_0002)
     + _IMMUTABLE_OBSERVATIONS
     + _DISJOINT_STATES
     + _STATE_BOXES
@@ -203,6 +207,8 @@ OBJECTS_0002 = (
 )
 """Version 2 is the first that PostgreSQL can hold, so that everything is made here."""
 
+OBJECTS_0003 = _valid_json(_JSON_COLUMNS_0003) + trajectory_0003(_WORDS)
+
 _TRIGGER = re.compile(r"\s*CREATE TRIGGER (\w+)")
 _FUNCTION = re.compile(r"\s*CREATE FUNCTION (\w+)\(\) RETURNS trigger .* AS \$\$(.*)\$\$\s*", re.DOTALL)
 
@@ -210,7 +216,7 @@ _FUNCTION = re.compile(r"\s*CREATE FUNCTION (\w+)\(\) RETURNS trigger .* AS \$\$
 def definitions() -> dict[str, str]:
     """The statements that made the triggers, and the bodies of their functions, by name."""
     made: dict[str, str] = {}
-    for statement in OBJECTS_0002:
+    for statement in OBJECTS_0002 + OBJECTS_0003:
         if (trigger := _TRIGGER.match(statement)) is not None:
             made[trigger[1]] = statement
         elif (function := _FUNCTION.fullmatch(statement)) is not None:

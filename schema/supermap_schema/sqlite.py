@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 
-from supermap_schema.views import Words, views_0002
+from supermap_schema.views import Words, trajectory_0003, views_0002
 
 APPLICATION_ID = 0x534D4150
 """`PRAGMA application_id` of a SuperMap database, "SMAP": tells it from any other SQLite file."""
@@ -199,13 +199,15 @@ _READABLE_VIEWS = (
 
 OBJECTS_0002 = _GIVEN_UP_OBSERVATIONS + _READABLE_VIEWS
 
+OBJECTS_0003 = trajectory_0003(_WORDS)
+
 _STATEMENT = re.compile(r"\s*(CREATE|DROP) (?:VIRTUAL TABLE|TRIGGER|VIEW) (\w+)")
 
 
 def definitions() -> dict[str, str]:
     """The statements that made the objects of the newest version, by their names."""
     made: dict[str, str] = {}
-    for statement in OBJECTS_0001 + OBJECTS_0002:
+    for statement in OBJECTS_0001 + OBJECTS_0002 + OBJECTS_0003:
         if (found := _STATEMENT.match(statement)) is not None:
             made.pop(found[2], None)
             if found[1] == "CREATE":

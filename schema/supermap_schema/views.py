@@ -9,7 +9,7 @@ once released (the first version's views stand in `sqlite`).
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 WALL_TIME_NS = 946_684_800 * 10**9
@@ -159,11 +159,29 @@ def _relations(words: Words) -> str:
 
 def _trajectory(words: Words) -> str:
     """One row for every keyframe: where the robot was."""
-    place = (f"{words.element('keyframe.T_map_base', row, 3)} AS {axis}" for row, axis in enumerate("xyz"))
     return f"""
     CREATE VIEW trajectory AS
     SELECT traversal.name AS traversal, {words.time("keyframe.stamp_ns", "at")},
-           {words.reals(*place)}, keyframe.stamp_ns
+           {words.reals(*_robot_position(words))}, keyframe.stamp_ns
     FROM keyframe JOIN traversal ON traversal.id = keyframe.traversal_id
     ORDER BY traversal.number, keyframe.stamp_ns
     """  # noqa: S608 - all of it stands in this file
+
+
+def trajectory_0003(words: Words) -> tuple[str, ...]:
+    """The statements that replace the view of trajectories: one row for every keyframe, with its camera's name."""
+    return (
+        "DROP VIEW trajectory",
+        f"""
+    CREATE VIEW trajectory AS
+    SELECT traversal.name AS traversal, {words.time("keyframe.stamp_ns", "at")},
+           {words.reals(*_robot_position(words))}, keyframe.camera_id, keyframe.stamp_ns
+    FROM keyframe JOIN traversal ON traversal.id = keyframe.traversal_id
+    ORDER BY traversal.number, keyframe.stamp_ns, keyframe.camera_id
+    """,  # noqa: S608 - all of it stands in this file
+    )
+
+
+def _robot_position(words: Words) -> Iterator[str]:
+    """The translation of `T_map_base` as columns x, y, z."""
+    return (f"{words.element('keyframe.T_map_base', row, 3)} AS {axis}" for row, axis in enumerate("xyz"))

@@ -142,6 +142,9 @@ def print_traversals(traversals: tuple[TraversalView, ...], clock: Clock) -> Non
     if shifted:
         out().print("shifted: its clock starts before what was built earlier ends; the order of building is kept, and")
         out().print("its times in the database and in JSON are those of its recording plus that much")
+    for traversal in traversals:
+        for warning in traversal.warnings:
+            out().print(f"{traversal.name}: warning: {warning}", markup=False)
 
 
 def _print_details(shown: ObjectDetails, clock: Clock) -> None:

@@ -69,8 +69,10 @@ def _violations(connection: Connection, invariant: Invariant) -> Iterator[Proble
 def _traversal_problems(connection: Connection) -> Iterator[Problem]:
     """What a traversal says of itself is read by name."""
     traversal = models.Traversal
-    columns = select(traversal.name, traversal.config, traversal.versions, traversal.timings)
-    for name, *documents in connection.execute(columns.order_by(traversal.number)):
+    columns = select(traversal.name, traversal.config, traversal.versions, traversal.timings, traversal.warnings)
+    for name, *documents, warnings in connection.execute(columns.order_by(traversal.number)):
+        if not _is_list_of_texts(_json(warnings)):
+            yield Problem("traversal", name, "has warnings that are no JSON list of texts")
         for column, document in zip(("config", "versions", "timings"), documents, strict=True):
             if document is not None and not isinstance(_json(document), dict):
                 yield Problem("traversal", name, f"has a {column} that is no JSON object")
@@ -118,6 +120,10 @@ def _instance_problems(connection: Connection) -> Iterator[Problem]:
                 blobs.decode_embedding(row.embedding)
         except MemoryStoreError as error:
             yield Problem("instance", row.id, error.what)
+
+
+def _is_list_of_texts(value: Any) -> bool:
+    return isinstance(value, list) and all(isinstance(text, str) for text in value)
 
 
 def _is_belief(shares: Any) -> bool:

@@ -13,6 +13,7 @@ from sqlalchemy import select
 from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.memory.numbers import batches
 from supermap_cli.memory.reading import MapReader
+from supermap_cli.types.sensing import MAIN_CAMERA
 from supermap_schema import models
 
 
@@ -29,13 +30,16 @@ class Crop:
 
 @dataclass(frozen=True)
 class SmallImage:
-    """A keyframe's small image (JPEG), its camera as JSON in full size, and `T_map_camera` (4, 4)."""
+    """A keyframe's small image (JPEG), its camera as JSON in full size, and `T_map_camera` (4, 4). `camera_id` names
+    the camera among those of the rig.
+    """
 
     keyframe_id: int
     stamp_ns: int
     jpeg: bytes
     camera: str
     T_map_camera: FloatArray
+    camera_id: str = MAIN_CAMERA
 
 
 def crops_of(reader: MapReader, numbers: Collection[int]) -> dict[int, list[Crop]]:
@@ -72,15 +76,19 @@ def crop_jpegs(reader: MapReader, observations: Collection[int]) -> dict[int, by
     return jpegs
 
 
-def small_images(reader: MapReader, stamps_ns: Collection[int]) -> dict[int, SmallImage]:
-    """The small images of the keyframes with these stamps, by stamp, as far as they are kept."""
+def small_images(reader: MapReader, stamps_ns: Collection[int]) -> dict[int, list[SmallImage]]:
+    """The small images of the keyframes with these stamps, as far as they are kept: by stamp those of all cameras, in
+    the order of the keyframes.
+    """
     keyframe = models.Keyframe
-    images: dict[int, SmallImage] = {}
+    images: dict[int, list[SmallImage]] = defaultdict(list)
     for batch in batches(sorted(stamps_ns)):
         statement = select(
-            keyframe.id, keyframe.stamp_ns, keyframe.thumbnail_jpeg, keyframe.camera, keyframe.T_map_camera
+            *(keyframe.id, keyframe.stamp_ns, keyframe.thumbnail_jpeg, keyframe.camera, keyframe.T_map_camera),
+            keyframe.camera_id,
         ).where(keyframe.stamp_ns.in_(batch), keyframe.thumbnail_jpeg.is_not(None))
-        for row in reader.connection.execute(statement):
+        for row in reader.connection.execute(statement.order_by(keyframe.id)):
             pose = np.array(json.loads(row.T_map_camera), np.float64).reshape(4, 4)
-            images[row.stamp_ns] = SmallImage(row.id, row.stamp_ns, row.thumbnail_jpeg, row.camera, pose)
+            image = SmallImage(row.id, row.stamp_ns, row.thumbnail_jpeg, row.camera, pose, row.camera_id)
+            images[row.stamp_ns].append(image)
     return images

@@ -259,15 +259,17 @@ class MapReader:
         return stamps_ns, T_map_base[:, :3, 3]
 
     def poses(self, traversal_id: int) -> tuple[IntArray, FloatArray]:
-        """One traversal's keyframes: (n,) stamps and (n, 4, 4) `T_map_base`."""
+        """One traversal's keyframes, each stamp once, however many cameras share it: (n,) stamps and (n, 4, 4)
+        `T_map_base`.
+        """
         statement = (
             select(models.Keyframe.stamp_ns, models.Keyframe.T_map_base)
             .where(models.Keyframe.traversal_id == traversal_id)
-            .order_by(models.Keyframe.stamp_ns)
+            .order_by(models.Keyframe.stamp_ns, models.Keyframe.id)
         )
-        found = self.connection.execute(statement).all()
-        poses = [json.loads(row.T_map_base) for row in found]
-        return np.array([row.stamp_ns for row in found], np.int64), np.array(poses, np.float64).reshape(-1, 4, 4)
+        found = {row.stamp_ns: row.T_map_base for row in self.connection.execute(statement)}
+        poses = [json.loads(T_map_base) for T_map_base in found.values()]
+        return np.array(list(found), np.int64), np.array(poses, np.float64).reshape(-1, 4, 4)
 
     # The whole
 

@@ -110,6 +110,7 @@ def stored_traversal(row: Row) -> StoredTraversal:
         observations_kept_from_ns=row.observations_kept_from_ns,
         thumbnails_kept_from_ns=row.thumbnails_kept_from_ns,
         observations=row.observations,
+        warnings=tuple(json.loads(row.warnings)),
     )
 
 
@@ -125,6 +126,7 @@ def keyframe_values(keyframe: KeyframeRecord, traversal_id: int) -> Values:
         "depth_step": int(keyframe.depth_step),
         "depth_png": keyframe.depth_png,
         "thumbnail_jpeg": keyframe.thumbnail_jpeg,
+        "camera_id": keyframe.camera_id,
     }
 
 
@@ -139,6 +141,7 @@ def keyframe_record(row: Row) -> KeyframeRecord:
         depth_step=row.depth_step,
         thumbnail_jpeg=None,
         detected=bool(row.detected),
+        camera_id=row.camera_id,
     )
 
 

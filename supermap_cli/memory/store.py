@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Self
 
@@ -147,14 +147,25 @@ class MapStore:
         return Checkpoint(found[0].stamp_ns, {row.part: row.content for row in found}) if found else None
 
     def finish_traversal(
-        self, traversal_id: int, timings: Mapping[str, float] | None = None, *, end_ns: int | None = None
+        self,
+        traversal_id: int,
+        timings: Mapping[str, float] | None = None,
+        warnings: Sequence[str] = (),
+        *,
+        end_ns: int | None = None,
     ) -> None:
-        """The build is complete. `timings` is seconds per stage; `end_ns` corrects the span's end."""
+        """The build is complete. `timings` is seconds per stage, `warnings` what its recording, its odometry and itself
+        warned with; `end_ns` corrects the span's end.
+        """
         with self._writing() as connection:
             measure_moves(connection, traversal_id)
             drop_before_images(connection, traversal_id)
             connection.execute(delete(models.Checkpoint).where(models.Checkpoint.traversal_id == traversal_id))
-            changes: dict[str, Any] = {"status": "complete", "timings": rows.to_json(dict(timings or {}))}
+            changes: dict[str, Any] = {
+                "status": "complete",
+                "timings": rows.to_json(dict(timings or {})),
+                "warnings": rows.to_json(list(warnings)),
+            }
             if end_ns is not None:
                 changes["end_ns"] = int(end_ns)
             _update_traversal(connection, traversal_id, **changes)

@@ -66,7 +66,7 @@ def stream_keyframes(
     """All keyframes without their images, by traversal and time; or only those of one, and those until a time."""
     columns = [column for column in Keyframe.__table__.columns if column.name not in {"depth_png", "thumbnail_jpeg"}]
     statement = select(*columns).where(*_within(traversal_id, until_ns))
-    return _stream(reader, statement.order_by(Keyframe.traversal_id, Keyframe.stamp_ns))
+    return _stream(reader, statement.order_by(Keyframe.traversal_id, Keyframe.stamp_ns, Keyframe.id))
 
 
 def stream_spatial_edges(reader: MapReader) -> Iterator[AnyRow]:

@@ -42,7 +42,8 @@ class TraversalStart:
 @dataclass(frozen=True)
 class StoredTraversal:
     """A traversal in the map. `number` counts from 1 in the order of building; `timings` is seconds per stage;
-    `keyframes` and `observations` are how many it has.
+    `keyframes` and `observations` are how many it has; `warnings` are what its recording, its odometry and its build
+    warned with.
 
     Its times are its recording's plus `clock_shift_ns`. Most crops, observations and thumbnails of keyframes before
     `crops_kept_from_ns`, `observations_kept_from_ns` and `thumbnails_kept_from_ns` were given up.
@@ -67,6 +68,7 @@ class StoredTraversal:
     observations_kept_from_ns: int | None = None
     thumbnails_kept_from_ns: int | None = None
     observations: int = 0
+    warnings: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

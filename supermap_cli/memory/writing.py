@@ -117,19 +117,23 @@ def _taken(connection: Connection, slugs: Iterable[str]) -> Iterator[str]:
 def _add_observations(connection: Connection, traversal_id: int, observations: Sequence[Observation]) -> None:
     if not observations:
         return
-    stamps_ns = sorted({int(each.stamp_ns) for each in observations})
+    keys = {(int(observation.stamp_ns), observation.camera_id) for observation in observations}
+    keyframe = models.Keyframe
     found = connection.execute(
-        select(models.Keyframe.stamp_ns, models.Keyframe.id).where(
-            models.Keyframe.traversal_id == traversal_id, models.Keyframe.stamp_ns.in_(stamps_ns)
+        select(keyframe.stamp_ns, keyframe.camera_id, keyframe.id).where(
+            keyframe.traversal_id == traversal_id, keyframe.stamp_ns.in_({stamp_ns for stamp_ns, _ in keys})
         )
     )
-    keyframe_ids = {row.stamp_ns: row.id for row in found}
-    missing = [stamp_ns for stamp_ns in stamps_ns if stamp_ns not in keyframe_ids]
+    keyframe_ids = {(row.stamp_ns, row.camera_id): row.id for row in found}
+    missing = sorted(keys - keyframe_ids.keys())
     if missing:
-        raise ValueError(f"observations at stamps that have no keyframe: {missing}")
+        raise ValueError(f"observations at stamps of cameras that have no keyframe: {missing}")
     connection.execute(
         insert(models.Observation),
-        [rows.observation_values(each, keyframe_ids[each.stamp_ns]) for each in observations],
+        [
+            rows.observation_values(observation, keyframe_ids[int(observation.stamp_ns), observation.camera_id])
+            for observation in observations
+        ],
     )
     added = {"observations": models.Traversal.observations + len(observations)}
     connection.execute(update(models.Traversal).where(models.Traversal.id == traversal_id).values(added))

@@ -125,6 +125,7 @@ class TraversalView:
     crops_kept_from_ns: int | None = field(default=None, metadata={"optional": True})
     observations_kept_from_ns: int | None = field(default=None, metadata={"optional": True})
     thumbnails_kept_from_ns: int | None = field(default=None, metadata={"optional": True})
+    warnings: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -188,6 +189,7 @@ def traversal_view(traversal: StoredTraversal) -> TraversalView:
         crops_kept_from_ns=traversal.crops_kept_from_ns,
         observations_kept_from_ns=traversal.observations_kept_from_ns,
         thumbnails_kept_from_ns=traversal.thumbnails_kept_from_ns,
+        warnings=traversal.warnings,
     )
 
 

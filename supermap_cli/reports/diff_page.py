@@ -62,7 +62,7 @@ class ChangePictures:
     """What there is to show of each side of the changes."""
 
     crops: dict[int, bytes]
-    images: dict[int, SmallImage]
+    images: dict[int, list[SmallImage]]
     clock: Clock
 
     @classmethod
@@ -86,14 +86,21 @@ class ChangePictures:
         if own is not None and crop in self.crops:
             return picture(data_uri(self.crops[crop]), f"{'before' if before else 'after'}: observation {crop}")
         place = own or change.interval_after or change.interval_before
-        for stamp_ns in _keyframe_stamps(change, before=before):
-            image = self.images.get(stamp_ns)
-            cut = None if place is None or image is None else crop_around_box(image, box_of(place.box))
-            if cut is not None:
-                what = "seen" if own is not None else "its place, seen empty"
-                return picture(data_uri(cut), f"{'before' if before else 'after'}: {what} {self.clock.brief(stamp_ns)}")
+        shown = None if place is None else self._shown(place, _keyframe_stamps(change, before=before))
+        if shown is not None:
+            stamp_ns, cut = shown
+            what = "seen" if own is not None else "its place, seen empty"
+            return picture(data_uri(cut), f"{'before' if before else 'after'}: {what} {self.clock.brief(stamp_ns)}")
         nothing = "not there" if own is None else "no picture"
         return picture(None, "before" if before else "after", nothing)
+
+    def _shown(self, place: IntervalView, stamps_ns: Iterable[int]) -> tuple[int, bytes] | None:
+        """The first keyframe in which a camera has the place in view: its stamp, and the place cut out as a JPEG."""
+        for stamp_ns in stamps_ns:
+            for image in self.images.get(stamp_ns, ()):
+                if (cut := crop_around_box(image, box_of(place.box))) is not None:
+                    return stamp_ns, cut
+        return None
 
 
 def _keyframe_stamps(change: ObjectChange, *, before: bool) -> Sequence[int]:

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from supermap_cli.errors import MemoryStoreError
+from supermap_cli.memory import open_store
 from supermap_cli.memory.databases import database_of
 from supermap_schema import SCHEMA_VERSION
 from support import kitchen
@@ -29,6 +30,15 @@ def test_info_tells_counts_versions_and_timings(db: Path) -> None:
     printed = supermap("db", "info", "--db", db).stdout
     assert "detect" in printed
     assert "66.7 x real time" in printed
+
+
+def test_info_tells_what_a_build_warned_of(tmp_path: Path) -> None:
+    db = tmp_path / "map.db"
+    with open_store(str(db), create=True) as store:
+        store.finish_traversal(store.begin_traversal(m.start("monday", (0, 10))), {}, ["no IMU in the recording"])
+    assert document("db_info", "db", "info", "--db", db)["traversals"][0]["warnings"] == ["no IMU in the recording"]
+    for command in (("db", "info"), ("show",)):
+        assert "monday: warning: no IMU in the recording" in supermap(*command, "--db", db).stdout
 
 
 def test_a_sound_map_passes_the_check(db: Path) -> None:

@@ -179,6 +179,14 @@ def test_a_checkpoint_replaces_the_last_one_and_goes_with_the_build(tmp_path: Pa
         assert store.unfinished() is None
 
 
+def test_what_a_build_warned_of_is_stored_with_its_traversal(tmp_path: Path) -> None:
+    warnings = ("no IMU: sweeps are not deskewed", "12 frames without a pose")
+    with open_store(str(tmp_path / "map.db"), create=True) as store:
+        store.finish_traversal(store.begin_traversal(m.start("monday", (0, 10))), {"detect": 1.5}, warnings)
+        store.finish_traversal(store.begin_traversal(m.start("tuesday", (20, 30))))
+        assert [traversal.warnings for traversal in store.traversals()] == [warnings, ()]
+
+
 def test_a_recording_may_be_built_once_more(tmp_path: Path) -> None:
     path = m.make_memory(tmp_path / "map.db", ("monday", (0, 10), CHAIR))
     with open_store(str(path)) as store:

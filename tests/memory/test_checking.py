@@ -189,6 +189,8 @@ DAMAGES: tuple[tuple[str | tuple[str, str | None], str, str], ...] = (
     ("UPDATE traversal SET config = '3'", "traversal", "a config that is no JSON object"),
     ("UPDATE traversal SET versions = '[]'", "traversal", "a versions that is no JSON object"),
     ("UPDATE traversal SET timings = '1.5'", "traversal", "a timings that is no JSON object"),
+    ("UPDATE traversal SET warnings = '{}'", "traversal", "warnings that are no JSON list of texts"),
+    ("UPDATE traversal SET warnings = '[1]'", "traversal", "warnings that are no JSON list of texts"),
     ("UPDATE instance SET engine_state = '{}' WHERE number = 1", "instance", "engine state is damaged"),
     (
         "UPDATE instance SET engine_state = replace(engine_state, '-3.0', '9e999')",

@@ -152,6 +152,28 @@ def test_pictures_are_read_by_number_and_stamp(reader: MapReader) -> None:
     assert set(small_images(reader, [m.ns(1), m.ns(2)])) == {m.ns(1)}
 
 
+def test_of_several_cameras_the_one_that_has_the_place_in_view_is_shown(reader: MapReader, tmp_path: Path) -> None:
+    def with_rear_camera(delta: MapDelta) -> MapDelta:
+        pictured = with_pictures(delta)
+        backwards = LOOKING_ALONG_X @ np.diag([-1.0, 1.0, -1.0, 1.0])
+        rear = tuple(
+            replace(keyframe, camera_id="rear", T_map_camera=backwards, thumbnail_jpeg=jpeg((200, 10, 10)))
+            for keyframe in pictured.keyframes
+        )
+        return replace(pictured, keyframes=rear + pictured.keyframes)
+
+    path = m.make_memory(
+        tmp_path / "rig.db",
+        ("monday", (0, 100), with_rear_camera(kitchen.monday)),
+        ("tuesday", (1000, 1100), with_rear_camera(kitchen.tuesday)),
+    )
+    pictures = re.compile(r"data:image/jpeg;base64,[^\"]+")
+    with open_store(str(path), read_only=True) as store, store.reader() as rig:
+        shown = pictures.findall(diff_page(diff(rig), rig))
+    assert shown == pictures.findall(diff_page(diff(reader), reader))
+    assert shown
+
+
 @pytest.mark.parametrize("suffix", ["png", "svg", "pdf"])
 def test_the_picture_is_drawn(reader: MapReader, tmp_path: Path, suffix: str) -> None:
     path = tmp_path / "pictures" / f"changes.{suffix}"

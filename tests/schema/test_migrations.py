@@ -18,6 +18,7 @@ from supermap_cli.types.memory import MapDelta
 from supermap_schema import SCHEMA_VERSION, postgresql, sqlite
 from supermap_schema.models import Base
 from supermap_schema.upgrading import alembic_config, upgrade
+from support import databases
 from support import memories as m
 
 CLAUSES = re.compile(r"\n|, (?=\w+ (?:INTEGER|TEXT|REAL|BLOB)\b)")
@@ -145,6 +146,51 @@ def test_a_lifted_memory_has_what_a_new_one_has(released: Path) -> None:
     with create_engine("sqlite://").connect() as connection:
         upgrade(connection)
         assert lifted == tables(connection)
+
+
+@pytest.mark.sqlite_only("no map of the first version lies in PostgreSQL")
+def test_keyframes_of_a_lifted_memory_are_of_its_only_camera(released: Path) -> None:
+    observed = "SELECT id, keyframe_id FROM observation ORDER BY id"
+    before = databases.query(released, "SELECT * FROM keyframe ORDER BY id"), databases.query(released, observed)
+    upgrade_database(str(released))
+    keyframes = databases.query(released, "SELECT * FROM keyframe ORDER BY id")
+    assert keyframes == [(*row, "camera") for row in before[0]]
+    assert databases.query(released, observed) == before[1]
+    assert databases.query(released, "PRAGMA foreign_key_check") == []
+    assert databases.query(released, "SELECT DISTINCT warnings FROM traversal") == [("[]",)]
+
+
+@pytest.mark.postgresql_only
+def test_keyframes_of_a_lifted_schema_are_of_its_only_camera(tmp_path: Path) -> None:
+    path = tmp_path / "map.db"
+    m.make_memory(path, ("monday", (0, 10), MapDelta(keyframes=(m.keyframe(1), m.keyframe(2)))))
+    with open_store(str(path)) as store, store._writing() as connection:
+        for statement in (*TO_VERSION_2, *postgresql_trajectory_0002()):
+            connection.exec_driver_sql(statement.replace("%", "%%"))
+    assert upgrade_database(str(path)) == (2, SCHEMA_VERSION)
+    assert databases.query(path, "SELECT stamp_ns, camera_id FROM keyframe ORDER BY id") == [
+        (m.ns(1), "camera"),
+        (m.ns(2), "camera"),
+    ]
+    with open_store(str(path), read_only=True) as store, store.reader() as reader:
+        context = MigrationContext.configure(reader.connection, opts={"compare_type": True, "include_name": _is_model})
+        assert compare_metadata(context, Base.metadata) == []
+        assert check(reader) == []
+
+
+TO_VERSION_2 = (
+    "DROP VIEW trajectory",
+    "ALTER TABLE keyframe DROP CONSTRAINT uq_keyframe_traversal_id_stamp_ns_camera_id",
+    "ALTER TABLE keyframe ADD CONSTRAINT uq_keyframe_traversal_id_stamp_ns UNIQUE (traversal_id, stamp_ns)",
+    "ALTER TABLE keyframe DROP COLUMN camera_id",
+    "ALTER TABLE traversal DROP COLUMN warnings",
+    "UPDATE alembic_version SET version_num = '0002'",
+)
+"""Takes a schema back to what version 2 made, for a map of PostgreSQL cannot be kept as a file."""
+
+
+def postgresql_trajectory_0002() -> tuple[str, ...]:
+    return tuple(sql for sql in postgresql.OBJECTS_0002 if "CREATE VIEW trajectory" in sql)
 
 
 def test_a_memory_of_every_earlier_version_is_kept() -> None:

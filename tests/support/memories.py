@@ -26,7 +26,8 @@ from supermap_cli.types.memory import (
     Visit,
     VoxelCloud,
 )
-from support.databases import run_sql  # noqa: F401 - beside what makes memories
+from supermap_cli.types.sensing import MAIN_CAMERA
+from support.databases import query, run_sql  # noqa: F401 - beside what makes memories
 
 EPOCH_S = 1_767_603_600  # 2026-01-05T09:00:00Z, a Monday
 SIZE = (0.5, 0.5, 1.0)
@@ -113,13 +114,15 @@ def state(
     )
 
 
-def keyframe(at: float, x: float = 0.0) -> KeyframeRecord:
+def keyframe(at: float, x: float = 0.0, camera_id: str = MAIN_CAMERA) -> KeyframeRecord:
     T = np.eye(4)
     T[0, 3] = x
-    return KeyframeRecord(ns(at), T, T, CAMERA, DEPTH_PNG, 8, None, detected=True)
+    return KeyframeRecord(ns(at), T, T, CAMERA, DEPTH_PNG, 8, None, detected=True, camera_id=camera_id)
 
 
-def observation(number: int, at: float, label: str = "chair", score: float = 0.8) -> Observation:
+def observation(
+    number: int, at: float, label: str = "chair", score: float = 0.8, camera_id: str = MAIN_CAMERA
+) -> Observation:
     return Observation(
         stamp_ns=ns(at),
         object_number=number,
@@ -131,6 +134,7 @@ def observation(number: int, at: float, label: str = "chair", score: float = 0.8
         evidence_for=100,
         evidence_against=2,
         track_id=number,
+        camera_id=camera_id,
     )
 
 

@@ -22,7 +22,7 @@ _WORDS = table("instance_label", *map(column, ("rowid", "number", "words")))
 
 
 _JSON = (
-    ("traversal", "name", ('"T_map_odom"', "config", "versions", "timings")),
+    ("traversal", "name", ('"T_map_odom"', "config", "versions", "timings", "warnings")),
     ("keyframe", "id", ('"T_map_base"', '"T_map_camera"', "camera")),
     ("observation", "id", ("hypotheses",)),
     ("instance", "id", ("label_belief", "engine_state")),
