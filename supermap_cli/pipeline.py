@@ -26,6 +26,7 @@ from supermap_cli.graph.scene_graph import SceneGraph
 from supermap_cli.mapping.drift import DriftCorrection
 from supermap_cli.mapping.engine import MappingEngine
 from supermap_cli.mapping.free_space import encode_small_depth
+from supermap_cli.mapping.lifting import LiftedDetection
 from supermap_cli.mapping.objects import MapObject
 from supermap_cli.mapping.restoring import restore_objects
 from supermap_cli.mapping.snapshot import restore_drift, restore_engine
@@ -101,8 +102,9 @@ class FramePipeline:
         """Go on from what earlier traversals left: objects, open relations, and which space was seen empty when."""
         with self.clock.stage("restore"):
             objects = restore_objects(store.load_instances(), store.next_object_number())
-            self.engine = MappingEngine(self.config.mapping, frozenset(self.config.ablate), objects)
-            self.engine.floor_z = placement.floor_z
+            self.engine = MappingEngine(
+                self.config.mapping, frozenset(self.config.ablate), objects, floor_z=placement.floor_z
+            )
             self.drift = DriftCorrection() if self.config.mapping.correct_drift else None
             for traversal in store.traversals():
                 for record in store.keyframe_depths([traversal.id]):
@@ -119,8 +121,7 @@ class FramePipeline:
         """
         with self.clock.stage("restore"), _damage_told(store.where):
             state = read_checkpoint(checkpoint)
-            self.engine = MappingEngine(self.config.mapping, frozenset(self.config.ablate))
-            restore_engine(self.engine, checkpoint.parts["engine"])
+            self.engine = restore_engine(checkpoint.parts["engine"], self.config.mapping, frozenset(self.config.ablate))
             self.drift = restore_drift(checkpoint.parts["drift"]) if "drift" in checkpoint.parts else None
             for traversal in store.traversals():
                 until_ns = checkpoint.stamp_ns if traversal.id == stopped.id else None
@@ -226,7 +227,7 @@ class FramePipeline:
                 yield self._take_batch(records, edges)
                 records, edges = [], {}
         if self.tally.keyframes:
-            self.engine.leave()
+            self.engine.end_traversal()
             self._relate(self.newest_ns, edges)
             yield self._take_batch(records, edges)
 
@@ -238,15 +239,21 @@ class FramePipeline:
     ) -> KeyframeRecord:
         """SuperMap's loop: visibility, tracking with the map's prior, association and fusion, scene graph."""
         with self.clock.stage("visibility"):
-            look = self.engine.look(keyframe)
+            view = self.engine.compare_depth(keyframe, self.engine.get_neighbor_objects(keyframe))
         track_ids = None
         if detections is not None:
             self.tally.perceived += 1
             with self.clock.stage("track"):
                 size = (keyframe.camera.width, keyframe.camera.height)
-                track_ids = self.backends.tracker.update(detections, self.engine.track_priors(look), size).track_ids
+                track_ids = self.backends.tracker.update(detections, self.engine.update_from_map(view), size).track_ids
         with self.clock.stage("map"):
-            self.engine.integrate(look, detections, track_ids)
+            lifted: list[LiftedDetection] = []
+            if detections is not None:
+                view, lifted = self.engine.unproject(view, detections, track_ids)
+            matched = self.engine.obj_merge(view, lifted)
+            missed = self.engine.check_semantic_consistency(view, matched, detections)
+            self.engine.obj_negate(view, missed)
+            self.engine.map_merge(keyframe.stamp_ns, matched)
         with self.clock.stage("graph"):
             self._relate(keyframe.stamp_ns, edges)
         with self.clock.stage("record"):

@@ -7,15 +7,13 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
-from supermap_cli.geometry.arrays import BoolArray
 from supermap_cli.mapping.association import pixels_in_region
 from supermap_cli.mapping.belief import Vantage
 from supermap_cli.mapping.lifting import LiftedDetection
 from supermap_cli.mapping.objects import MapObject
-from supermap_cli.mapping.recall import RecallModel, ScoreModel, miss_log_ratio
+from supermap_cli.mapping.recall import ScoreModel, miss_log_ratio
 from supermap_cli.mapping.visibility import ObjectView
 from supermap_cli.mapping.voxel_map import LOG_ODDS_MAX
-from supermap_cli.types.detections import RegionMask
 
 HIT_LOG_ODDS = 0.85
 MISS_LOG_ODDS = -0.6
@@ -85,36 +83,3 @@ def area_share(view: ObjectView, image_area_px: int) -> float:
     observable = np.count_nonzero(view.observable | view.unmeasured)
     seen = observable / max(1, int(np.count_nonzero(view.on_image)))
     return float((box[2] - box[0] + 1) * (box[3] - box[1] + 1)) * seen / image_area_px
-
-
-def expected_recall(
-    model: RecallModel, seen: MapObject, view: ObjectView, image_area_px: int, truncated: bool
-) -> float:
-    """P(the detector fires | the object is there and looks as it does now)."""
-    return model.expected(seen.label, area_share(view, image_area_px), truncated)
-
-
-def claimed_by_smaller(masks: list[RegionMask | None], labels: tuple[str, ...]) -> list[RegionMask | None]:
-    """Take out of each mask what a much smaller detection with another label claims: the cup is not the table."""
-    areas = [0 if mask is None else np.count_nonzero(mask.pixels) for mask in masks]
-    result: list[RegionMask | None] = []
-    for i, mask in enumerate(masks):
-        if mask is None:
-            result.append(None)
-            continue
-        pixels = mask.pixels.copy()
-        for j, other in enumerate(masks):
-            if other is not None and labels[i] != labels[j] and areas[j] < 0.3 * areas[i]:
-                _subtract(pixels, mask, other)
-        result.append(RegionMask(mask.u0, mask.v0, pixels))
-    return result
-
-
-def _subtract(pixels: BoolArray, mask: RegionMask, other: RegionMask) -> None:
-    h, w = pixels.shape
-    oh, ow = other.pixels.shape
-    left, top = max(mask.u0, other.u0), max(mask.v0, other.v0)
-    right, bottom = min(mask.u0 + w, other.u0 + ow), min(mask.v0 + h, other.v0 + oh)
-    if left < right and top < bottom:
-        part = other.pixels[top - other.v0 : bottom - other.v0, left - other.u0 : right - other.u0]
-        pixels[top - mask.v0 : bottom - mask.v0, left - mask.u0 : right - mask.u0] &= ~part

@@ -8,14 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from supermap_cli.mapping.absence import ABSENT_LOOKS, ABSENT_SHARE, LEAST_THROUGH, OBSERVABLE_SHARE
-from supermap_cli.mapping.belief import LabelBelief, Vantage
+from supermap_cli.mapping.belief import LabelBelief
 from supermap_cli.mapping.lifting import LiftedDetection
 from supermap_cli.mapping.objects import MapObject, ObjectMap, OpenState
-from supermap_cli.mapping.recall import miss_log_ratio
-from supermap_cli.mapping.visibility import ObjectView
 from supermap_cli.mapping.voxel_map import FINEST_VOXEL_M, VoxelMap
-from supermap_cli.types.keyframe import Keyframe
 from supermap_cli.types.labels import ANIMATE
 
 BIRTH_LOG_ODDS = -1.0
@@ -37,20 +33,8 @@ FORGET_LOG_ODDS = -1.5
 DOUBT_LOG_ODDS = 0.0
 """A confirmed object below this is more likely not there than there: it leaves the answers until confirmed anew."""
 
-SHIFTED_LOOKS = 2
-"""Images in a row that must show a thing beside its empty place: one may have a bad pose, and says nothing."""
 
-UNCOVERED_SHARE = 0.6
-"""Share of a thing beneath all rays that must be free of other masks before the detector's silence counts."""
-
-GONE_LOG_ODDS, SILENT_NS, FOUND_SHARE = 4.0, 2_000_000_000, 0.5
-"""Gone, too, where no ray can tell: silence of that weight and so long, after it was found in that share of looks."""
-
-THROUGH_LOG_ODDS = -1.0
-"""What the few rays say that reach the top of such a thing, and go through at least `LEAST_THROUGH` voxels of it."""
-
-
-def give_birth(number: int, detection: LiftedDetection, stamp_ns: int) -> MapObject:
+def initialize(number: int, detection: LiftedDetection, stamp_ns: int) -> MapObject:
     """A tentative object from one unexplained detection; its evidence is fused by the caller."""
     return MapObject(
         number,
@@ -71,64 +55,6 @@ def ready_to_confirm(tentative: MapObject) -> bool:
     if tentative.last_seen_ns - tentative.first_seen_ns < CONFIRM_SPAN_NS:
         return False
     return max(tentative.labels.probabilities().values()) >= CONFIRM_LABEL
-
-
-def watch_presence(watched: MapObject, view: ObjectView, stamp_ns: int) -> int | None:
-    """Take in a look at an object's place that did not find it; since when it has been seen to be gone, if it is.
-
-    Either looks in a row saw through it, or looks at parts of it did that make up enough of the whole.
-    """
-    whole, emptied = view.observable_share >= OBSERVABLE_SHARE, view.contradicted_share > ABSENT_SHARE
-    if whole and emptied:
-        watched.absent_looks += 1
-        if watched.absent_looks == 1:
-            watched.first_absent_ns = stamp_ns
-    run = watched.empty_run
-    if whole and not emptied:
-        watched.absent_looks = 0
-        run.end()
-    else:
-        run.take_in(watched.voxels.codes, view.observable & view.solid, view.contradicted & view.solid, stamp_ns)
-    if not watched.present:
-        return None
-    if watched.absent_looks >= ABSENT_LOOKS:
-        return watched.first_absent_ns
-    return run.began_ns if run.shows_absence(view.reachable) else None
-
-
-def fallen_silent(watched: MapObject, view: ObjectView, keyframe: Keyframe, expected_recall: float) -> bool:
-    """Take in one more look that did not find a thing that no ray can reach; whether it has gone: it was found at most
-    looks, and then at none for some time.
-
-    What was never real is found now and then; it is doubted, as all that the detector imagines.
-    """
-    visit = watched.visit
-    vantage = Vantage(keyframe.stamp_ns, keyframe.T_map_camera[:3, 3], watched.shape.centroid)
-    if watched.silence == 0:
-        watched.first_silent_ns = keyframe.stamp_ns
-    against = miss_log_ratio(expected_recall)
-    if int(view.contradicted.sum()) >= LEAST_THROUGH and view.contradicted_share > ABSENT_SHARE:
-        against += THROUGH_LOG_ODDS
-    watched.silence += watched.silent_views.miss(vantage, against)
-    return (
-        watched.confirmed
-        and watched.silence < -GONE_LOG_ODDS
-        and keyframe.stamp_ns - watched.first_silent_ns > SILENT_NS
-        and visit.supported > FOUND_SHARE * visit.in_view_then
-    )
-
-
-def has_shifted(seen: MapObject, view: ObjectView | None, detection: LiftedDetection, covered: float) -> bool:
-    """Whether a matched object no longer stands where it stood: its old place is empty and the detection lies beside
-    it.
-    """
-    if view is None or view.observable_share < OBSERVABLE_SHARE:
-        return False
-    return (
-        view.contradicted_share > ABSENT_SHARE
-        and covered < 0.6
-        and float(np.linalg.norm(detection.centroid_map - seen.shape.centroid)) > 0.1
-    )
 
 
 def same_thing(first: MapObject, second: MapObject, *, seen_apart: bool) -> bool:

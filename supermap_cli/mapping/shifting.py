@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from supermap_cli.geometry.arrays import FloatArray
+from supermap_cli.mapping.absence import ABSENT_SHARE, OBSERVABLE_SHARE
 from supermap_cli.mapping.depth import DepthView
 from supermap_cli.mapping.lifting import LiftedDetection
 from supermap_cli.mapping.objects import MapObject
@@ -27,6 +28,9 @@ SURE_GAIN, SETTLED_LOOKS = 0.6, 3
 """So much must looks in a row add up to; and to twice as much of a thing that was found in its place so often in this
 visit: it would have been pushed aside before the robot's eyes.
 """
+
+SHIFTED_LOOKS = 2
+"""Images in a row that must show a thing beside its empty place: one may have a bad pose, and says nothing."""
 
 COARSE_M, FINE_M = 0.1, 0.03
 _SAMPLES = 250
@@ -60,6 +64,19 @@ def shifted_since_ns(seen: MapObject, stamp_ns: int) -> tuple[int, int]:
     if stood_before and before_ns is not None and first_ns is not None and not settled(seen):
         return before_ns, first_ns
     return seen.last_seen_ns, seen.first_shifted_ns if seen.first_shifted_ns > seen.last_seen_ns else stamp_ns
+
+
+def has_left_place(obj: MapObject, view: ObjectView | None, detection: LiftedDetection, covered: float) -> bool:
+    """Whether a matched object no longer stands where it stood: its old place is empty and the detection lies beside
+    it.
+    """
+    if view is None or view.observable_share < OBSERVABLE_SHARE:
+        return False
+    return (
+        view.contradicted_share > ABSENT_SHARE
+        and covered < 0.6
+        and float(np.linalg.norm(detection.centroid_map - obj.shape.centroid)) > 0.1
+    )
 
 
 def find_shift(depth: DepthView, seen: MapObject, view: ObjectView, detection: LiftedDetection) -> Shift | None:

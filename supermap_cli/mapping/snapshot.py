@@ -10,11 +10,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from supermap_cli.config import Ablation, MappingConfig
 from supermap_cli.geometry.boxes import Box3D
 from supermap_cli.mapping.absence import EmptyRun
 from supermap_cli.mapping.belief import Cell, LabelBelief, Spell, Viewpoints
 from supermap_cli.mapping.drift import DriftCorrection, DriftMark
 from supermap_cli.mapping.engine import MappingEngine
+from supermap_cli.mapping.free_space import FreeSpaceMemory
+from supermap_cli.mapping.map_update import IdentityLinks
 from supermap_cli.mapping.motion import Course, MotionState
 from supermap_cli.mapping.objects import MapObject, ObjectMap, ObjectShape, OpenState, VisitCount
 from supermap_cli.mapping.pair_evidence import PairEvidence
@@ -30,7 +33,7 @@ CLASSES: Mapping[type, tuple[str, ...]] = {
     VoxelMap: ("_keys", "_centers", "_sphere"),
     LabelBelief: ("_known",),
     **dict.fromkeys((ObjectShape, OpenState, VisitCount, EmptyRun, Cell, Spell, Viewpoints, Course, MotionState), ()),
-    **dict.fromkeys((PairEvidence, RecallModel, ScoreModel, Halves, SplitEvidence), ()),
+    **dict.fromkeys((PairEvidence, RecallModel, ScoreModel, Halves, SplitEvidence, IdentityLinks), ()),
     **dict.fromkeys((Observation, Hypothesis, Box3D, DriftMark), ()),
 }
 """What a snapshot consists of -> what is left out: what is worked out anew when it is asked for."""
@@ -48,24 +51,38 @@ def engine_snapshot(engine: MappingEngine) -> bytes:
             "scores": engine.scores,
             "pairs": engine.pairs,
             "splits": engine.splits,
-            "linked": engine.linked,
-            "merged": engine.merged,
+            "links": engine.links,
         },
         CLASSES,
     )
 
 
-def restore_engine(engine: MappingEngine, snapshot: bytes) -> None:
-    """Bring a new engine to where another one was. Raises `packing.PackingError` for bytes that are no snapshot."""
+def restore_engine(
+    snapshot: bytes,
+    config: MappingConfig | None = None,
+    ablate: frozenset[Ablation] = frozenset(),
+    free_space: FreeSpaceMemory | None = None,
+) -> MappingEngine:
+    """A new engine that is where another one was; only the free space, which the memory holds, is given to it.
+
+    Raises `packing.PackingError` for bytes that are no snapshot.
+    """
     kept = unpack(snapshot, CLASSES)
-    objects: ObjectMap = engine.objects
-    objects.next_number = kept["next_number"]
-    for each in kept["objects"]:
-        objects.add(each)
-    engine.floor_z = kept["floor_z"]
-    engine.recall, engine.scores = kept["recall"], kept["scores"]
-    engine.pairs, engine.splits = kept["pairs"], kept["splits"]
-    engine.linked, engine.merged = kept["linked"], kept["merged"]
+    objects = ObjectMap(kept["next_number"])
+    for obj in kept["objects"]:
+        objects.add(obj)
+    return MappingEngine(
+        config or MappingConfig(),
+        ablate,
+        objects,
+        free_space or FreeSpaceMemory(),
+        kept["floor_z"],
+        kept["recall"],
+        kept["scores"],
+        kept["pairs"],
+        kept["splits"],
+        kept["links"],
+    )
 
 
 def drift_snapshot(drift: DriftCorrection, mark: DriftMark) -> bytes:

@@ -41,12 +41,12 @@ class Transitions:
     changes: Changes = field(default_factory=Changes)
     touched: set[int] = field(default_factory=set)
 
-    def touch(self, changed: MapObject) -> None:
+    def mark_changed(self, changed: MapObject) -> None:
         """The object must be written again, and its relations looked at."""
         self.changes.dirty.add(changed.number)
         self.touched.add(changed.number)
 
-    def observe(self, observation: Observation) -> None:
+    def add_observation(self, observation: Observation) -> None:
         """Keep an observation: at once if its object is confirmed, else with the object until it is."""
         of = self.objects[observation.object_number]
         if of.confirmed:
@@ -54,7 +54,7 @@ class Transitions:
         else:
             of.pending.append(observation)
 
-    def enter(self, confirmed: MapObject) -> None:
+    def confirm(self, confirmed: MapObject) -> None:
         """A tentative object enters the map; it appeared if its place had been seen empty before."""
         confirmed.entered = True
         self._flush(confirmed)
@@ -62,16 +62,16 @@ class Transitions:
         if state.empty_before_ns is not None:
             self._note("appeared", confirmed, None, (state.empty_before_ns, state.first_seen_ns))
 
-    def go(self, gone: MapObject, gone_ns: int) -> None:
+    def mark_absent(self, gone: MapObject, gone_ns: int) -> None:
         """An object was seen to be gone, the first time at `gone_ns`, or since it was last seen."""
         gone_ns = max(gone_ns, gone.last_seen_ns + 1)
         gone.present, gone.gone_ns, gone.track_id = False, gone_ns, -1
         if gone.confirmed:
             self.changes.closed_states.append(open_state(gone, gone_ns))
             self._note("disappeared", gone, gone.state.index, (gone.last_seen_ns, gone_ns))
-            self.touch(gone)
+            self.mark_changed(gone)
 
-    def come_back(self, back: MapObject, stamp_ns: int) -> None:
+    def reactivate(self, back: MapObject, stamp_ns: int) -> None:
         """An object that was gone stands in its old place again; its cloud starts anew."""
         before, gone_ns = back.state.index, back.gone_ns
         back.present, back.gone_ns = True, None
@@ -82,7 +82,7 @@ class Transitions:
         if back.confirmed:
             self._note("reappeared", back, before, (gone_ns, stamp_ns))
 
-    def shift(self, moved: MapObject, to: Whereabouts, since_ns: int) -> None:
+    def displace(self, moved: MapObject, to: Whereabouts, since_ns: int) -> None:
         """An object stands beside its old place since `since_ns`, or is on the move: its cloud comes along where it is
         known how far, else it starts anew.
         """
@@ -100,7 +100,7 @@ class Transitions:
             moved.touched()
         moved.shifted_looks, moved.shifted_to, moved.shifted_gain = 0, None, 0.0
 
-    def take_over(self, old: MapObject, found: MapObject) -> None:
+    def relocate(self, old: MapObject, found: MapObject) -> None:
         """`old`, which was gone, is what was `found` elsewhere; a stored `found` becomes part of it."""
         origin, before, gone_ns, left_ns = old.shape.box, old.state.index, old.gone_ns, old.last_seen_ns
         if gone_ns is None or gone_ns > found.state.first_seen_ns:
@@ -142,8 +142,8 @@ class Transitions:
 
     def split(self, whole: MapObject, part: MapObject) -> None:
         """Two things were one object up to now; `part` goes on as an object of its own, which nobody saw come."""
-        self.touch(whole)
-        self.touch(part)
+        self.mark_changed(whole)
+        self.mark_changed(part)
         bounds_ns = (whole.first_seen_ns, part.first_seen_ns)
         self._link("split", (whole.number, whole.state.index), part, bounds_ns)
 
@@ -153,15 +153,15 @@ class Transitions:
         self.changes.merged.append(instance_record(retired, merged_into=into.number))
         self._link("merged", (retired.number, retired.state.index), into, (retired.first_seen_ns, stamp_ns))
 
-    def doubt(self, each: MapObject, *, doubted: bool) -> None:
+    def set_demoted(self, obj: MapObject, *, demoted: bool) -> None:
         """A confirmed object is believed in no more, or again."""
-        each.doubted = doubted
-        self.touch(each)
+        obj.doubted = demoted
+        self.mark_changed(obj)
 
     def _flush(self, confirmed: MapObject) -> None:
         self.changes.observations += confirmed.pending
         confirmed.pending = []
-        self.touch(confirmed)
+        self.mark_changed(confirmed)
 
     @staticmethod
     def _restart_cloud(moved: MapObject) -> None:

@@ -14,12 +14,12 @@ import numpy as np
 
 from supermap_cli.geometry.arrays import Float32Array
 from supermap_cli.geometry.cameras import camera_from_json
-from supermap_cli.mapping import lifecycle
 from supermap_cli.mapping.absence import ABSENT_SHARE, OBSERVABLE_SHARE
 from supermap_cli.mapping.belief import Vantage
 from supermap_cli.mapping.depth import DepthView
 from supermap_cli.mapping.free_space import decode_small_depth
-from supermap_cli.mapping.fusion import believe_less, expected_recall
+from supermap_cli.mapping.fusion import area_share, believe_less
+from supermap_cli.mapping.geometric_negation import update_absence
 from supermap_cli.mapping.lifting import is_truncated
 from supermap_cli.mapping.objects import MapObject, ObjectMap
 from supermap_cli.mapping.recall import RecallModel
@@ -76,7 +76,7 @@ class Witness:
     ) -> None:
         if seen.number in self.aside and view.observable_share >= TOLD_SHARE:
             self.aside[seen.number].look(depth, seen, keyframe.stamp_ns)
-        gone_ns = lifecycle.watch_presence(seen, view, keyframe.stamp_ns)
+        gone_ns = update_absence(seen, view, keyframe.stamp_ns)
         if view.contradicted_share > ABSENT_SHARE:
             self.visits.setdefault((traversal, seen.number), Testimony()).contradicted += 1
         if gone_ns is not None:
@@ -86,7 +86,7 @@ class Witness:
         if stands and keyframe.detected and seen.number not in self.found:
             box, area_px = view.box_xyxy, depth.camera.width * depth.camera.height
             truncated = box is not None and is_truncated(box, depth.camera)
-            rate = expected_recall(self.recall, seen, view, area_px, truncated)
+            rate = self.recall.expected(seen.label, area_share(view, area_px), truncated)
             believe_less(seen, rate, Vantage(keyframe.stamp_ns, keyframe.T_map_camera[:3, 3], seen.shape.centroid))
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from supermap_cli.mapping.engine import MappingEngine
 from support import scenes as s
 
 
@@ -42,8 +43,7 @@ def test_a_thing_that_was_there_from_the_first_look_has_not() -> None:
 def test_what_an_earlier_traversal_saw_empty_counts() -> None:
     monday = s.Run()
     monday.walk(s.ROOM, 4)
-    tuesday = s.Run(traversal=2, at_s=86_400)
-    tuesday.engine.free_space = monday.engine.free_space
+    tuesday = s.Run(engine=MappingEngine(free_space=monday.engine.free_space), traversal=2, at_s=86_400)
     tuesday.walk((*s.ROOM, s.CHAIR), 4)
     (edge,) = tuesday.take().temporal_edges
     assert edge.kind == "appeared"

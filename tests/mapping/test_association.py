@@ -26,7 +26,7 @@ def assign(
 ) -> tuple[Association, list[LiftedDetection]]:
     """Hold the detections of some things of the scene against the map."""
     found = [s.lifted(scene, index, label) for index in indices]
-    look = run.engine.look(scene.keyframe)
+    look = s.view_of(run.engine, scene.keyframe)
     return associate(found, list(run.map.values()), look.views), found
 
 
@@ -102,7 +102,7 @@ def test_a_thing_on_another_is_not_the_other() -> None:
 def test_another_label_in_the_same_place_fits_worse_but_may_still_fit() -> None:
     run = mapped(s.CHAIR)
     scene = s.render((*s.ROOM, s.CHAIR), s.looking((0, 0, 1.2), (1.6, 0, 0.4)))
-    look, chair = run.engine.look(scene.keyframe), run.map[1]
+    look, chair = s.view_of(run.engine, scene.keyframe), run.map[1]
     same, other = (affinity(s.lifted(scene, 2, label), chair, look.views[1]) for label in ("chair", "couch"))
     assert same.log_ratio > other.log_ratio > 0
 
@@ -111,7 +111,7 @@ def test_its_own_track_fits_better_and_another_worse() -> None:
     run = mapped(s.CHAIR)
     chair = run.map[1]
     scene = s.render((*s.ROOM, s.CHAIR), s.looking((0, 0, 1.2), (1.6, 0, 0.4)))
-    view = run.engine.look(scene.keyframe).views[1]
+    view = s.view_of(run.engine, scene.keyframe).views[1]
 
     def fit(track_id: int) -> float:
         chair.track_id = track_id
@@ -130,5 +130,5 @@ def test_each_object_is_given_away_once() -> None:
 def test_the_gate_holds_back_what_fits_badly() -> None:
     run = mapped(s.CHAIR)
     scene = s.render((*s.ROOM, s.CHAIR), s.looking((0, 0, 1.2), (1.6, 0, 0.4)))
-    views = run.engine.look(scene.keyframe).views
+    views = s.view_of(run.engine, scene.keyframe).views
     assert associate([s.lifted(scene, 2)], list(run.map.values()), views, gate=np.inf).free == (0,)

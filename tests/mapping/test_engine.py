@@ -130,14 +130,14 @@ def test_an_image_no_detector_looked_at_speaks_by_its_geometry_alone() -> None:
 
 
 def priors_of(run: s.Run, *things: s.Thing) -> dict[int, tuple[np.ndarray, bool]]:
-    look = run.engine.look(s.render((*s.ROOM, *things), s.looking((0, 0.3, 1.2), (1.6, 0, 0.4))).keyframe)
-    return {each.track_id: (each.box_xyxy, each.hidden) for each in run.engine.track_priors(look)}
+    look = s.view_of(run.engine, s.render((*s.ROOM, *things), s.looking((0, 0.3, 1.2), (1.6, 0, 0.4))).keyframe)
+    return {each.track_id: (each.box_xyxy, each.hidden) for each in run.engine.update_from_map(look)}
 
 
 def tracked_chair(run: s.Run) -> s.Run:
     run.walk(CHAIR_WORLD)
     scene = s.render(CHAIR_WORLD, s.looking((0, 0, 1.2), (1.6, 0, 0.4)), run.at_s)
-    run.engine.integrate(run.engine.look(scene.keyframe), s.detect(scene, run.at_s), np.array([41]))
+    s.integrate(run.engine, s.view_of(run.engine, scene.keyframe), s.detect(scene, run.at_s), np.array([41]))
     return run
 
 
@@ -174,10 +174,10 @@ def test_without_the_tracker_a_new_track_is_a_new_thing() -> None:
         for track_id in (41, 42):
             for y in np.linspace(-0.5, 0.5, 6):
                 scene = s.render(CHAIR_WORLD, s.looking((0, float(y), 1.2), s.CHAIR.center), run.at_s)
-                look = run.engine.look(scene.keyframe)
+                look = s.view_of(run.engine, scene.keyframe)
                 if name == "ablated":
-                    assert run.engine.track_priors(look) == ()
-                run.engine.integrate(look, s.detect(scene, run.at_s), np.array([track_id]))
+                    assert run.engine.update_from_map(look) == ()
+                s.integrate(run.engine, look, s.detect(scene, run.at_s), np.array([track_id]))
                 run.at_s += 1 / 3
         things[name] = len(run.standing("chair"))
     assert things == {"whole": 1, "ablated": 2}

@@ -16,7 +16,6 @@ from supermap_cli.mapping.fusion import (
     area_share,
     believe_less,
     believe_more,
-    claimed_by_smaller,
     fuse_geometry,
     fuse_mask,
     fuse_points,
@@ -25,7 +24,6 @@ from supermap_cli.mapping.objects import MapObject
 from supermap_cli.mapping.recall import ScoreModel
 from supermap_cli.mapping.visibility import ObjectView
 from supermap_cli.mapping.voxel_map import LOG_ODDS_MAX
-from supermap_cli.types.detections import RegionMask
 from support import scenes as s
 
 EYE = s.looking((0, 0, 1.2), (1.6, 0, 0.4))
@@ -42,7 +40,7 @@ def chair() -> MapObject:
 def view_of(each: MapObject, *things: s.Thing) -> ObjectView:
     run = s.Run()
     run.engine.objects.add(each)
-    return run.engine.look(s.render(things, EYE).keyframe).views[each.number]
+    return s.view_of(run.engine, s.render(things, EYE).keyframe).views[each.number]
 
 
 def upper_half(scene: s.Scene) -> s.Scene:
@@ -126,39 +124,6 @@ def test_the_visible_area_is_that_of_what_can_be_seen(chair: MapObject) -> None:
     assert whole == pytest.approx(s.render((*s.ROOM, s.CHAIR), EYE).mask(2).mean(), rel=0.35)
     assert half == pytest.approx(whole / 2, rel=0.25)
     assert area_share(view_of(chair, s.Thing("", (0.8, 0, 1), (0.1, 5, 5))), AREA) == 0.0
-
-
-def square(u0: int, v0: int, side: int) -> RegionMask:
-    return RegionMask(u0, v0, np.ones((side, side), bool))
-
-
-def pixels(mask: RegionMask | None) -> NDArray[np.bool_]:
-    assert mask is not None
-    return mask.full(60, 60)
-
-
-def test_the_cup_is_taken_out_of_the_tables_mask() -> None:
-    table, cup = claimed_by_smaller([square(0, 0, 40), square(10, 10, 5)], ("table", "cup"))
-    assert pixels(table).sum() == 40 * 40 - 5 * 5
-    assert not (pixels(table) & pixels(cup)).any()
-
-
-def test_only_the_part_that_lies_in_the_mask_is_taken_out() -> None:
-    table, _ = claimed_by_smaller([square(10, 10, 20), square(7, 7, 5)], ("table", "cup"))
-    assert pixels(table).sum() == 20 * 20 - 2 * 2
-
-
-@pytest.mark.parametrize(
-    ("labels", "side"), [(("cup", "cup"), 5), (("table", "cup"), 39)], ids=["same label", "nearly as large"]
-)
-def test_masks_of_the_same_label_or_size_are_left_alone(labels: tuple[str, str], side: int) -> None:
-    table, _ = claimed_by_smaller([square(0, 0, 40), square(10, 10, side)], labels)
-    assert pixels(table).sum() == 40 * 40
-
-
-def test_detections_without_masks_stay_without() -> None:
-    assert claimed_by_smaller([], ()) == []
-    assert claimed_by_smaller([None, None], ("a", "b")) == [None, None]
 
 
 def test_an_object_never_loses_its_last_voxel(chair: MapObject) -> None:

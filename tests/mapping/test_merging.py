@@ -128,6 +128,6 @@ def test_what_the_other_half_was_last_seen_at_was_not_yet_empty() -> None:
     joined.last_seen_ns = s.ns(2.0)
     join(kept, joined)
     assert (kept.last_seen_ns, kept.absent_looks) == (s.ns(2.0), 0)
-    run.engine.turns.go(kept, s.ns(1.9))
+    run.engine.transitions.mark_absent(kept, s.ns(1.9))
     assert kept.gone_ns is not None
     assert kept.gone_ns > kept.last_seen_ns

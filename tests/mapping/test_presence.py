@@ -51,8 +51,8 @@ def test_two_looks_at_an_empty_place_are_not_enough(run: s.Run) -> None:
 
 def test_a_thing_that_is_hidden_stays(run: s.Run) -> None:
     run.walk((*s.ROOM, SCREEN), 10)
-    assert run.last_look is not None
-    assert run.last_look.views[1].hidden
+    assert run.last_view is not None
+    assert run.last_view.views[1].hidden
     delta = run.take()
     assert run.standing("chair")
     assert delta.temporal_edges == ()
@@ -86,8 +86,8 @@ def through_slits(run: s.Run, world: tuple[s.Thing, ...], slits: Iterable[float]
     """Looks of which none can speak of so much of the chair's place that it counts as a look at the whole."""
     for y in slits:
         run.see((*world, *slit(float(y))), (0, 0, 1.2))
-        assert run.last_look is not None
-        assert run.last_look.views[1].observable_share < OBSERVABLE_SHARE
+        assert run.last_view is not None
+        assert run.last_view.views[1].observable_share < OBSERVABLE_SHARE
 
 
 def test_looks_at_parts_of_an_empty_place_add_up(run: s.Run) -> None:
@@ -209,7 +209,7 @@ def test_a_person_in_the_last_image_is_not_left_standing_when_the_traversal_ends
     run = s.Run()
     run.walk((*s.ROOM, s.PERSON))
     assert run.standing("person")
-    run.engine.leave()
+    run.engine.end_traversal()
     assert run.standing("person") == []
     assert "present" not in [each.presence for each in run.take().instances]
 
@@ -217,5 +217,5 @@ def test_a_person_in_the_last_image_is_not_left_standing_when_the_traversal_ends
 def test_a_chair_in_the_last_image_is() -> None:
     run = s.Run()
     run.walk(CHAIR_WORLD)
-    run.engine.leave()
+    run.engine.end_traversal()
     assert run.standing("chair")

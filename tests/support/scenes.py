@@ -17,8 +17,8 @@ from supermap_cli.geometry.se3 import make_transform
 from supermap_cli.mapping.depth import depth_view
 from supermap_cli.mapping.engine import MappingEngine
 from supermap_cli.mapping.free_space import encode_small_depth
+from supermap_cli.mapping.keyframe_view import KeyframeView
 from supermap_cli.mapping.lifting import LiftedDetection, lift
-from supermap_cli.mapping.looks import Look
 from supermap_cli.mapping.objects import MapObject
 from supermap_cli.types.detections import Detections, Hypothesis, RegionMask, cut_mask
 from supermap_cli.types.keyframe import Keyframe
@@ -157,6 +157,24 @@ def small_record(keyframe: Keyframe, step_px: int = 4) -> KeyframeRecord:
     )
 
 
+def view_of(engine: MappingEngine, keyframe: Keyframe) -> KeyframeView:
+    """Compare a keyframe with what the map has near by."""
+    return engine.compare_depth(keyframe, engine.get_neighbor_objects(keyframe))
+
+
+def integrate(
+    engine: MappingEngine, view: KeyframeView, found: Detections | None, track_ids: NDArray[np.int64] | None = None
+) -> None:
+    """The steps of Algorithm 1 after the tracker's; `found` `None`: no detector looked."""
+    lifted_detections: list[LiftedDetection] = []
+    if found is not None:
+        view, lifted_detections = engine.unproject(view, found, track_ids)
+    matched = engine.obj_merge(view, lifted_detections)
+    missed = engine.check_semantic_consistency(view, matched, found)
+    engine.obj_negate(view, missed)
+    engine.map_merge(view.stamp_ns, matched)
+
+
 Detector = Callable[[Scene, float], Detections | None]
 
 
@@ -169,15 +187,15 @@ class Run:
     traversal: int = 1
     at_s: float = 0.0
     target: Point = (1.6, 0.0, 0.4)
-    last_look: Look | None = None
+    last_view: KeyframeView | None = None
 
     def see(self, things: Sequence[Thing], eye: ArrayLike, target: ArrayLike | None = None) -> Scene:
         """Map one keyframe."""
         scene = render(things, looking(eye, self.target if target is None else target), self.at_s)
-        look = self.engine.look(scene.keyframe)
-        self.engine.integrate(look, self.detector(scene, self.at_s))
+        view = view_of(self.engine, scene.keyframe)
+        integrate(self.engine, view, self.detector(scene, self.at_s))
         self.engine.free_space.recall(self.traversal, small_record(scene.keyframe))
-        self.last_look = look
+        self.last_view = view
         self.at_s += 1 / 3
         return scene
 

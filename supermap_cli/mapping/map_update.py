@@ -1,0 +1,129 @@
+"""MapMerge (Algorithm 1, step 5): what a keyframe's evidence amounts to for the map as a whole.
+
+Objects are confirmed, recognized elsewhere (relocation), merged with what they turned out to be, and forgotten. The
+paper's MapMerge only writes the neighbours back; the rest is needed for objects that keep their identity.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from supermap_cli.config import Ablation
+from supermap_cli.mapping import lifecycle
+from supermap_cli.mapping.association import ANIMATE_MEMORY_NS
+from supermap_cli.mapping.free_space import FreeSpaceMemory
+from supermap_cli.mapping.objects import MapObject, ObjectMap
+from supermap_cli.mapping.pair_evidence import PairEvidence
+from supermap_cli.mapping.recall import ScoreModel
+from supermap_cli.mapping.splitting import SplitEvidence
+from supermap_cli.mapping.transitions import Transitions
+from supermap_cli.types.labels import ANIMATE
+
+
+@dataclass
+class IdentityLinks:
+    """Pairs (absent, found) that are written as identity candidates already, and the objects that have absorbed
+    another one since identities were last compared.
+    """
+
+    candidates: set[tuple[int, int]] = field(default_factory=set)
+    absorbed: set[int] = field(default_factory=set)
+
+
+@dataclass
+class MapUpdate:
+    """Carries out, for the whole map, what `lifecycle` decides."""
+
+    objects: ObjectMap
+    transitions: Transitions
+    free_space: FreeSpaceMemory
+    scores: ScoreModel
+    pairs: PairEvidence
+    splits: SplitEvidence
+    links: IdentityLinks
+    ablate: frozenset[Ablation]
+
+    def update(self, stamp_ns: int, matched: set[int]) -> None:
+        """After a keyframe that has `matched` these objects."""
+        self.lose_dynamic(stamp_ns)
+        self._confirm()
+        if "tracker" not in self.ablate:
+            self._merge(matched, stamp_ns)
+        self.forget()
+
+    def lose_dynamic(self, stamp_ns: int | None) -> None:
+        """What moves by itself is believed in only while it is seen: nobody saw it go, but nothing keeps it there.
+
+        `None`: nobody looks any more.
+        """
+        for obj in self.objects:
+            lost = stamp_ns is None or stamp_ns - obj.last_seen_ns > ANIMATE_MEMORY_NS
+            if lost and obj.present and obj.label in ANIMATE:
+                obj.existence = min(obj.existence, lifecycle.FORGET_LOG_ODDS)
+
+    def forget(self) -> None:
+        """Drop tentative objects that nothing speaks for; demote confirmed ones, until they are confirmed again.
+
+        What was dropped for misses alone was clutter; what went away, or moves by itself, had been there.
+        """
+        for obj in list(self.objects):
+            if not obj.confirmed:
+                if obj.existence <= lifecycle.FORGET_LOG_ODDS or not obj.present:
+                    if obj.present and obj.label not in ANIMATE:
+                        self.scores.record_clutter(observation.score for observation in obj.pending)
+                    self.objects.remove(obj.number)
+                continue
+            demoted = obj.existence <= (lifecycle.CONFIRM_LOG_ODDS if obj.doubted else lifecycle.DOUBT_LOG_ODDS)
+            if demoted != obj.doubted:
+                self.transitions.set_demoted(obj, demoted=demoted)
+
+    def _confirm(self) -> None:
+        newly = [obj for obj in self.objects if not obj.confirmed and lifecycle.ready_to_confirm(obj)]
+        for obj in newly:
+            points = obj.shape.points
+            empty_ns = self.free_space.last_seen_empty(points, obj.voxels.voxel_m, obj.state.first_seen_ns)
+            obj.state.empty_before_ns = empty_ns
+            obj.confirmed = True
+        relocated = set() if "tracker" in self.ablate else self._relocate(newly)
+        for obj in newly:
+            if obj.number not in relocated:
+                self.transitions.confirm(obj)
+
+    def _relocate(self, newly: Sequence[MapObject]) -> set[int]:
+        """Objects found that are absent objects: they take over the identity, if the evidence singles it out.
+
+        A pair is judged at the later of two events: the one confirmed, the other seen to be gone; either may be noticed
+        first. It is judged again when two that were found have turned out to be one: that may end an ambiguity.
+        """
+        gone, found, standing = lifecycle.by_presence(self.objects)
+        news = {obj.number for obj in newly} | {obj.number for obj in gone if obj.number in self.transitions.touched}
+        news |= self.links.absorbed
+        self.links.absorbed = set()
+        if not gone or not news:
+            return set()
+        taken = set()
+        for match in lifecycle.relocations(gone, found, standing):
+            if news.isdisjoint((match.gone, match.found)):
+                continue
+            old, new = self.objects[match.gone], self.objects[match.found]
+            if match.certain:
+                self.transitions.relocate(old, new)
+                taken.add(new.number)
+            elif (old.number, new.number) not in self.links.candidates:
+                self.links.candidates.add((old.number, new.number))
+                self.transitions.link_candidate(old, new, match.probability)
+        return taken
+
+    def _merge(self, matched: set[int], stamp_ns: int) -> None:
+        for first, second in lifecycle.near_pairs(self.objects, matched):
+            if first.number not in self.objects.by_number or second.number not in self.objects.by_number:
+                continue
+            apart = self.pairs.seen_apart(first.number, second.number)
+            as_one = self.pairs.seen_as_one(first.number, second.number)
+            if as_one or lifecycle.same_thing(first, second, seen_apart=apart):
+                kept, joined = lifecycle.older(first, second)
+                self.transitions.merge(kept, joined, stamp_ns)
+                self.pairs.forget(joined.number)
+                self.splits.forget(joined.number)
+                self.links.absorbed.add(kept.number)
