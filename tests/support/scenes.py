@@ -176,7 +176,7 @@ class Run:
         scene = render(things, looking(eye, self.target if target is None else target), self.at_s)
         look = self.engine.look(scene.keyframe)
         self.engine.integrate(look, self.detector(scene, self.at_s))
-        self.engine.free_space.recall(self.traversal, small_record(scene.keyframe))
+        self.engine.free_space.add_record(self.traversal, small_record(scene.keyframe))
         self.last_look = look
         self.at_s += 1 / 3
         return scene
