@@ -139,7 +139,7 @@ class FreeSpaceMemory:
     def last_seen_empty(self, points_map: FloatArray, voxel_m: float, before_ns: int) -> int | None:
         """The latest time before `before_ns` at which the place of (n, 3) points was seen empty, `None` if never."""
         sample = points_map[:: max(1, len(points_map) // self.parameters.max_points)]
-        earlier = _that_may_see(
+        earlier = _facing_views(
             sample, [view for kept in self.views.values() for view in kept if view.stamp_ns < before_ns]
         )
         for view in sorted(earlier, key=lambda view: -view.stamp_ns):
@@ -148,7 +148,7 @@ class FreeSpaceMemory:
         return None
 
 
-def _that_may_see(points_map: FloatArray, views: Sequence[SmallView]) -> list[SmallView]:
+def _facing_views(points_map: FloatArray, views: Sequence[SmallView]) -> list[SmallView]:
     """Those of the views that do not look past all of (n, 3) points: only these are worth a test of every point."""
     if not views:
         return []
