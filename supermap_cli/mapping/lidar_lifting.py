@@ -69,15 +69,15 @@ def lift_returns(
     rays = mask_rays(keyframe.camera, keyframe.T_map_camera, u + mask.u0, v + mask.v0)
     below = view.lowest.below(rays.u, rays.v)
     shown, kept = np.zeros((0, 3)), np.zeros(len(u), bool)
-    standing = None
+    on_floor = None
     if view.floor_z is not None and below.mean() > parameters.min_below_share:
         covered = covered_below(mask, masks, rays.u, rays.v, parameters.covered_gap_px)
         focal_px = keyframe.camera.focal_px()
-        standing = place_on_floor(rays, view.lowest, focal_px, view.floor_z, covered, parameters=fov_parameters)
-    if standing is not None and (
-        len(cluster) < least or _is_beyond(cluster, standing, rays.origin, parameters.beyond_m)
+        on_floor = place_on_floor(rays, view.lowest, focal_px, view.floor_z, covered, parameters=fov_parameters)
+    if on_floor is not None and (
+        len(cluster) < least or _is_beyond(cluster, on_floor, rays.origin, parameters.beyond_m)
     ):
-        measured, cluster, shown, kept = measured[:0], cluster[:0], standing, np.ones(len(u), bool)
+        measured, cluster, shown, kept = measured[:0], cluster[:0], on_floor, np.ones(len(u), bool)
     elif len(cluster) >= least and below.any():
         below &= core[v, u]
         shown, kept = extend_down(rays.take(below), cluster, view.returns.u[measured], view.floor_z)
@@ -121,8 +121,8 @@ def _measured_cluster(
     return chosen[main], transform_points(keyframe.T_map_camera, points_camera[main])
 
 
-def _is_beyond(cluster: FloatArray, standing: FloatArray, origin: FloatArray, beyond_m: float) -> bool:
+def _is_beyond(cluster: FloatArray, on_floor: FloatArray, origin: FloatArray, beyond_m: float) -> bool:
     """Whether returns lie clearly behind where a thing must stand: a mask of a thing below bleeds onto the wall."""
     distance_m = np.linalg.norm(cluster[:, :2] - origin[:2], axis=1)
-    farthest_m = np.linalg.norm(standing[:, :2] - origin[:2], axis=1).max()
+    farthest_m = np.linalg.norm(on_floor[:, :2] - origin[:2], axis=1).max()
     return bool(np.median(distance_m) > farthest_m + beyond_m)

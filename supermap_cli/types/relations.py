@@ -10,15 +10,55 @@ import numpy as np
 
 from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.geometry.boxes import Box3D, footprint_gap_m, footprint_overlap_m2
+from supermap_cli.types.parameters import parameter
 
-SURFACE_MARGIN_M = 0.05
-"""Metres around a footprint within which a surface counts as under it: what a thing covers is not seen. Tuned on seeds
-1-3 of `office`.
-"""
-LARGEST_SCALE_M = 1.5
-"""Metres: the side from which larger things do not reach farther. Tuned on seeds 1-3 of `office`."""
-_LEAST_AREA_M2 = 1e-6
-"""Square metres: keeps the division by a footprint finite."""
+_DESIGN = "chosen by hand, held by the cases of tests/graph"
+
+
+@dataclass(frozen=True)
+class PredicateParameters:
+    """What the relations ask for. Shares are of the subject's footprint or height where nothing else is said."""
+
+    contact_m: float = parameter(
+        0.06, "m", "gap that two touching surfaces may be measured apart: voxels, drift, unseen undersides", _DESIGN
+    )
+    footprint_margin_m: float = parameter(
+        0.05, "m", "margin about a footprint over which another thing's surface is looked for", _DESIGN
+    )
+    max_scale_m: float = parameter(1.5, "m", "size of a thing, at most, that nearness is measured by", _DESIGN)
+    falling_confidence: float = parameter(
+        0.5, "1", "confidence lost between contact and the greatest gap", _DESIGN, at_most=1
+    )
+    on_overlap: float = parameter(0.5, "1", "on: share over the other, at least", "paper sec. IV-C, gamma")
+    on_surface_percentile: float = parameter(
+        90.0, "%", "on: percentile of the other's heights that is its surface", _DESIGN, at_most=100
+    )
+    on_reach_share: float = parameter(
+        0.25, "1", "on: share of the subject's height that the gap may be larger", _DESIGN
+    )
+    on_reach_height_m: float = parameter(0.2, "m", "on: height of the subject, at most, that this share is of", _DESIGN)
+    on_higher_m: float = parameter(0.02, "m", "on: how far the subject's middle may lie below the surface", _DESIGN)
+    under_overlap: float = parameter(0.3, "1", "under: share below the other, at least", _DESIGN)
+    under_covered: float = parameter(0.5, "1", "under: share of the other's heights above the top, at least", _DESIGN)
+    under_margin_m: float = parameter(0.05, "m", "under: how far below the top these may lie", _DESIGN)
+    inside_share: float = parameter(0.6, "1", "inside: share of the subject's box in the other's, at least", _DESIGN)
+    above_clearance_m: float = parameter(0.12, "m", "above: clearance, at least", "twice contact_m")
+    above_overlap: float = parameter(0.3, "1", "above: share of the smaller footprint, at least", _DESIGN)
+    beside_shared_height: float = parameter(0.2, "1", "beside: share of the lower height, at least", _DESIGN)
+    beside_min_height_m: float = parameter(0.05, "m", "beside: height that the lower thing counts as at least", _DESIGN)
+    beside_max_overlap: float = parameter(0.3, "1", "beside: share of the smaller footprint, at most", _DESIGN)
+    beside_gap_m: float = parameter(0.15, "m", "beside: gap between the outlines, at most", _DESIGN)
+    beside_gap_share: float = parameter(0.3, "1", "beside: the same, added by the larger thing's size", _DESIGN)
+    near_gap_m: float = parameter(0.5, "m", "near: gap between the boxes, at most", _DESIGN)
+    near_gap_share: float = parameter(0.6, "1", "near: the same, added by the larger thing's size", _DESIGN)
+    attached_clearance_m: float = parameter(
+        0.3, "m", "attached to: height of the subject's lower side, at least", _DESIGN
+    )
+    attached_shared_height: float = parameter(0.5, "1", "attached to: share of the height, at least", _DESIGN)
+    attached_gap_m: float = parameter(0.12, "m", "attached to: gap to the upright surface, at most", "twice contact_m")
+
+
+DEFAULT = PredicateParameters()
 
 
 @dataclass(frozen=True)
@@ -40,21 +80,22 @@ class GraphNode:
         """Half the box's diagonal."""
         return float(np.linalg.norm(self.box.size)) / 2
 
-    def heights_over(self, other: Box3D) -> FloatArray:
-        """(k,) heights of this node's points over another's footprint, `SURFACE_MARGIN_M` wider."""
+    def heights_over(self, other: Box3D, margin_m: float = DEFAULT.footprint_margin_m) -> FloatArray:
+        """(k,) heights of this node's points over another's footprint, and a margin: what is covered is not seen."""
         c, s = np.cos(other.yaw), np.sin(other.yaw)
         local = (self.points[:, :2] - other.center[:2]) @ np.array([[c, -s], [s, c]])
-        within = (np.abs(local) <= other.size[:2] / 2 + SURFACE_MARGIN_M).all(axis=1)
+        within = (np.abs(local) <= other.size[:2] / 2 + margin_m).all(axis=1)
         heights: FloatArray = self.points[within, 2]
         return heights
 
 
 @dataclass(frozen=True)
 class Pair:
-    """Two nodes and the measures that predicates share, each computed once."""
+    """Two nodes, and what all predicates ask of them, worked out once."""
 
     subject: GraphNode
     other: GraphNode
+    parameters: PredicateParameters = DEFAULT
 
     @cached_property
     def overlap_m2(self) -> float:
@@ -69,12 +110,12 @@ class Pair:
     @cached_property
     def surface_heights(self) -> FloatArray:
         """(k,) heights of the other's points over the subject's footprint."""
-        return self.other.heights_over(self.subject.box)
+        return self.other.heights_over(self.subject.box, self.parameters.footprint_margin_m)
 
     @property
     def overlap_share(self) -> float:
         """Share of the subject's footprint that lies within the other's."""
-        return self.overlap_m2 / max(self.subject.base_m2, _LEAST_AREA_M2)
+        return self.overlap_m2 / max(self.subject.base_m2, 1e-6)
 
     @property
     def shared_height_m(self) -> float:
@@ -84,12 +125,17 @@ class Pair:
 
     @property
     def scale_m(self) -> float:
-        """The longer side of the larger footprint, at most `LARGEST_SCALE_M`: "near" depends on the things' size."""
-        return min(max(float(self.subject.box.size[:2].max()), float(self.other.box.size[:2].max())), LARGEST_SCALE_M)
+        """The larger thing's size on the floor, within bounds: nearness is measured with the things themselves."""
+        larger_m = max(float(self.subject.box.size[:2].max()), float(self.other.box.size[:2].max()))
+        return min(larger_m, self.parameters.max_scale_m)
+
+    def falling(self, gap: float, reach: float) -> float:
+        """A confidence: 1 at contact, 0.5 at the reach, 0 beyond."""
+        return 1 - self.parameters.falling_confidence * gap / reach if gap <= reach else 0.0
 
     def turned(self) -> Pair:
-        """The same two with subject and object swapped."""
-        pair = Pair(self.other, self.subject)
+        """The same two the other way round."""
+        pair = Pair(self.other, self.subject, self.parameters)
         pair.__dict__.update({name: self.__dict__[name] for name in ("overlap_m2", "gap_m") if name in self.__dict__})
         return pair
 

@@ -11,16 +11,16 @@ from support.graph_nodes import Point, node, table
 
 CUP: Point = (0.08, 0.08, 0.1)
 CHAIR: Point = (0.45, 0.45, 0.9)
-NAMES = [each.name for each in PREDICATES]
+NAMES = [predicate.name for predicate in PREDICATES]
 
 
 def relations(subject: GraphNode, other: GraphNode) -> set[str]:
     """The relations that begin to hold."""
-    return {each.name for each in PREDICATES if each.holds(Pair(subject, other), 1.0) > 0}
+    return {predicate.name for predicate in PREDICATES if predicate.holds(Pair(subject, other), 1.0) > 0}
 
 
 def confidence(name: str, subject: GraphNode, other: GraphNode, slack: float = 1.0) -> float:
-    (predicate,) = (each for each in PREDICATES if each.name == name)
+    (predicate,) = (candidate for candidate in PREDICATES if candidate.name == name)
     return predicate.holds(Pair(subject, other), slack)
 
 

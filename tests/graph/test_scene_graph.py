@@ -17,13 +17,13 @@ def cup(x: float = 0.3, y: float = 0.1, z: float = 0.75, number: int = 1) -> Gra
 
 
 def scene(*nodes: GraphNode) -> dict[int, GraphNode]:
-    return {each.number: each for each in nodes}
+    return {node.number: node for node in nodes}
 
 
 def show(graph: SceneGraph, stamp_ns: int, *nodes: GraphNode) -> dict[tuple[int, str, int], SpatialEdge]:
     """Update with all nodes changed; what was altered, by key."""
-    altered = graph.update(scene(*nodes), [each.number for each in nodes], stamp_ns)
-    return {(each.subject, each.relation, each.object): each for each in altered}
+    altered = graph.update(scene(*nodes), [node.number for node in nodes], stamp_ns)
+    return {(edge.subject, edge.relation, edge.object): edge for edge in altered}
 
 
 def test_an_empty_scene_and_a_thing_by_itself_have_no_relations() -> None:
@@ -61,12 +61,12 @@ def test_all_relations_of_a_thing_that_leaves_end() -> None:
     graph = SceneGraph()
     show(graph, 10, cup(), cup(x=0.5, number=3), table())
     ended = graph.update(scene(cup(x=0.5, number=3), table()), [], 20)
-    assert {(each.subject, each.relation, each.object) for each in ended} >= {
+    assert {(edge.subject, edge.relation, edge.object) for edge in ended} >= {
         (1, "on", 2),
         (1, "near", 3),
         (3, "near", 1),
     }
-    assert all(each.until_ns == 20 for each in ended)
+    assert all(edge.until_ns == 20 for edge in ended)
     assert all(1 not in (key[0], key[2]) for key in graph.held)
     assert (3, "on", 2) in graph.held
 
@@ -74,21 +74,21 @@ def test_all_relations_of_a_thing_that_leaves_end() -> None:
 def test_a_relation_that_ends_in_the_moment_it_began_still_lasts() -> None:
     graph = SceneGraph()
     show(graph, 10, cup(), table())
-    (ended,) = (each for each in graph.update(scene(table()), [], 10) if each.relation == "on")
+    (ended,) = (edge for edge in graph.update(scene(table()), [], 10) if edge.relation == "on")
     assert ended.until_ns == 11
 
 
 def test_relations_end_when_a_thing_left_though_that_is_known_only_later() -> None:
     graph = SceneGraph()
     show(graph, 10, cup(), table())
-    (ended,) = (each for each in graph.update(scene(table()), [], 40, {1: 20}) if each.relation == "on")
+    (ended,) = (edge for edge in graph.update(scene(table()), [], 40, {1: 20}) if edge.relation == "on")
     assert (ended.since_ns, ended.until_ns) == (10, 20)
 
 
 def test_a_relation_found_after_a_thing_had_left_never_held() -> None:
     graph = SceneGraph()
     show(graph, 30, cup(), table())
-    (ended,) = (each for each in graph.update(scene(table()), [], 40, {1: 20}) if each.relation == "on")
+    (ended,) = (edge for edge in graph.update(scene(table()), [], 40, {1: 20}) if edge.relation == "on")
     assert (ended.since_ns, ended.until_ns) == (30, 30)
 
 
@@ -96,18 +96,18 @@ def test_relations_of_the_old_place_end_when_a_thing_moved_and_those_of_the_new_
     graph = SceneGraph()
     show(graph, 10, cup(), table())
     away = graph.update(scene(cup(x=3.0, z=0.0), table()), [1], 40, {1: 20})
-    assert [(each.relation, each.until_ns) for each in away if each.relation == "on"] == [("on", 20)]
+    assert [(edge.relation, edge.until_ns) for edge in away if edge.relation == "on"] == [("on", 20)]
     back = show(graph, 60, cup(), table())[1, "on", 2]
     gone = graph.update(scene(cup(x=3.0, z=0.0), table()), [1], 70, {1: 20})
     assert back.since_ns == 60
-    assert [each.until_ns for each in gone if each.relation == "on"] == [70]
+    assert [edge.until_ns for edge in gone if edge.relation == "on"] == [70]
 
 
 def test_only_relations_of_changed_things_are_looked_at() -> None:
     graph = SceneGraph()
     nodes = scene(cup(), cup(x=0.5, number=3), table())
     altered = graph.update(nodes, [1], 10)
-    assert all(1 in (each.subject, each.object) for each in altered)
+    assert all(1 in (edge.subject, edge.object) for edge in altered)
     assert (3, "on", 2) not in graph.held
     assert graph.update(nodes, [], 20) == ()
 
@@ -116,11 +116,11 @@ def test_a_measure_that_wavers_at_the_border_does_not_make_a_relation_flicker() 
     """The border of `on` lies between the two heights."""
     graph = SceneGraph()
     low, high = cup(z=0.80), cup(z=0.85)
-    on = next(each for each in PREDICATES if each.name == "on")
+    on = next(predicate for predicate in PREDICATES if predicate.name == "on")
     assert on.holds(Pair(low, table()), 1.0) > 0 == on.holds(Pair(high, table()), 1.0)
     altered = [show(graph, 10 * i, (low, high)[i % 2], table()).get((1, "on", 2)) for i in range(8)]
     assert altered[0] is not None
-    assert all(each is None or each.until_ns is None for each in altered)
+    assert all(edge is None or edge.until_ns is None for edge in altered)
     assert graph.held[1, "on", 2].since_ns == 0
     ended = show(graph, 100, cup(z=0.95), table())[1, "on", 2]
     assert ended.until_ns == 100
@@ -158,7 +158,7 @@ def test_further_predicates_are_asked_like_the_others() -> None:
 def test_the_order_in_which_things_are_given_does_not_matter() -> None:
     things = [cup(), cup(x=0.5, number=3), table(), node(4, "chair", (0, 0.8, 0), (0.45, 0.45, 0.9))]
     one, other = SceneGraph(), SceneGraph()
-    numbers = [each.number for each in things]
+    numbers = [thing.number for thing in things]
     assert one.update(scene(*things), numbers, 1) == other.update(scene(*things[::-1]), numbers[::-1], 1)
 
 

@@ -1,4 +1,4 @@
-"""What stands beneath a LiDAR's lowest ray is placed by its foot on the floor, or hangs down from what is measured."""
+"""What stands below a LiDAR's field of view is placed by its foot, or extends down from what is measured."""
 
 import numpy as np
 import pytest
@@ -21,7 +21,7 @@ T_MAP_CAMERA = make_transform([[0, 0, 1], [-1, 0, 0], [0, -1, 0]], [0.0, 0.0, EY
 
 
 def wall_above(lowest_deg: float) -> np.ndarray:
-    """A round wall, 4 m off, that is measured down to so many degrees beneath the horizon."""
+    """A round wall, 4 m off, that is measured down to so many degrees below the horizon."""
     depth_m = np.zeros((720, 1440), np.float32)
     row = round(360 + lowest_deg * 4)
     latitude = ((np.arange(720) + 0.5) / 720 - 0.5) * np.pi
@@ -54,7 +54,7 @@ def rays_of(mask: RegionMask):
 
 
 @pytest.mark.parametrize("distance_m", [1.2, 2.0, 2.8])
-def test_a_thing_beneath_all_returns_stands_where_its_mask_meets_the_floor(distance_m: float) -> None:
+def test_a_thing_below_all_returns_stands_where_its_mask_meets_the_floor(distance_m: float) -> None:
     rays = rays_of(seen_bin(distance_m))
     lowest = lowest_returns(wall_above(6), CAMERA, T_MAP_CAMERA)
     points = place_on_floor(rays, lowest, CAMERA.focal_px(), 0.0, np.zeros(len(rays.u), bool))
@@ -89,7 +89,7 @@ def test_a_foot_beyond_the_wall_is_none() -> None:
     assert place_on_floor(rays, lowest, CAMERA.focal_px(), 0.0, np.zeros(len(rays.u), bool)) is None
 
 
-def test_beneath_the_returns_a_surface_goes_on_upright_down_to_the_floor() -> None:
+def test_below_the_returns_a_surface_goes_on_upright_down_to_the_floor() -> None:
     rays = rays_of(seen_bin(2.0))
     front = np.column_stack([np.full(20, 1.85), np.linspace(-0.1, 0.1, 20), np.full(20, 0.38)])
     pixels, _ = CAMERA.project((front - T_MAP_CAMERA[:3, 3]) @ T_MAP_CAMERA[:3, :3])

@@ -21,11 +21,11 @@ def around(x: float, y: float, z: float) -> np.ndarray:
     return points
 
 
-def memory_of(*looks: tuple[float, np.ndarray, tuple[s.Thing, ...]]) -> FreeSpaceMemory:
-    """A memory of looks: at a time, from a pose, at things."""
+def memory_of(*views: tuple[float, np.ndarray, tuple[s.Thing, ...]]) -> FreeSpaceMemory:
+    """A memory of views: at a time, from a pose, at things."""
     memory = FreeSpaceMemory()
-    for at_s, T_map_camera, things in looks:
-        memory.recall(1, s.small_record(s.render(things, T_map_camera, at_s).keyframe))
+    for at_s, T_map_camera, things in views:
+        memory.add_record(1, s.small_record(s.render(things, T_map_camera, at_s).keyframe))
     return memory
 
 
@@ -50,7 +50,7 @@ def test_the_place_of_a_thing_that_stood_there_was_not_empty() -> None:
     assert memory.last_seen_empty(around(1.5, 0, 1), 0.02, s.ns(10)) is None
 
 
-def test_it_is_the_latest_look_before_that_time() -> None:
+def test_it_is_the_latest_view_before_that_time() -> None:
     elsewhere = s.looking((0, 1.4, 1.2), (2, 0, 1.0))
     memory = memory_of((3, EYE, s.ROOM), (5, elsewhere, s.ROOM))
     assert memory.last_seen_empty(around(1.5, 0, 1), 0.02, s.ns(10)) == s.ns(5)
@@ -62,11 +62,11 @@ def test_without_a_return_a_ray_tells_nothing() -> None:
     assert memory_of((3, EYE, ())).last_seen_empty(around(1.5, 0, 1), 0.02, s.ns(10)) is None
 
 
-def test_a_look_takes_the_place_of_the_newest_one_from_there_in_its_traversal() -> None:
+def test_a_view_takes_the_place_of_the_newest_one_from_there_in_its_traversal() -> None:
     memory = FreeSpaceMemory()
     for traversal, at_s in ((1, 1.0), (1, 2.0), (1, 2.5), (2, 3.0), (2, 4.0), (2, 5.0)):
-        memory.recall(traversal, s.small_record(s.render(s.ROOM, EYE, at_s).keyframe))
-    kept = [[view.stamp_ns for view in looks] for looks in memory.views.values()]
+        memory.add_record(traversal, s.small_record(s.render(s.ROOM, EYE, at_s).keyframe))
+    kept = [[view.stamp_ns for view in views] for views in memory.views.values()]
     assert kept == [[s.ns(1), s.ns(2.5)], [s.ns(3), s.ns(5)]]
 
 
@@ -74,11 +74,11 @@ def test_a_robot_that_stands_still_remembers_that_a_place_was_empty() -> None:
     memory = FreeSpaceMemory()
     stamps = [0.5 * k for k in range(200)]
     for at_s in stamps:
-        memory.recall(1, s.small_record(s.render(s.ROOM, EYE, at_s).keyframe))
+        memory.add_record(1, s.small_record(s.render(s.ROOM, EYE, at_s).keyframe))
     ((*older, newest),) = memory.views.values()
     assert newest.stamp_ns == s.ns(stamps[-1])
     assert len(older) == 2
-    assert all(1e9 <= s.ns(stamps[-1]) - each.stamp_ns <= 21e9 for each in older)
+    assert all(1e9 <= s.ns(stamps[-1]) - view.stamp_ns <= 21e9 for view in older)
 
 
 def test_stored_depth_is_right_to_a_millimetre() -> None:

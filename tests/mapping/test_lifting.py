@@ -102,7 +102,7 @@ def test_what_came_with_the_detection_stays_with_it() -> None:
     found = s.detections_of([SCENE.mask(BOX)], [[("box", 0.6), ("suitcase", 0.3)]])
     (one,) = lift(SCENE.keyframe, depth_view(SCENE.keyframe, 6.0), found, np.array([17]))
     assert (one.index, one.track_id, one.score) == (0, 17, pytest.approx(0.6))
-    assert [each.label for each in one.hypotheses] == ["box", "suitcase"]
+    assert [hypothesis.label for hypothesis in one.hypotheses] == ["box", "suitcase"]
     assert not one.truncated
 
 
@@ -224,7 +224,7 @@ def test_the_wall_beside_what_stands_before_a_thing_is_not_the_thing() -> None:
     assert one.points_map[:, 0].max() < 2.0
 
 
-def test_bodies_of_the_image_are_joined_where_they_meet_in_space() -> None:
+def test_clusters_of_the_image_are_joined_where_they_meet_in_space() -> None:
     x = np.array([0.0, 0.02, 0.5, 0.52, 0.54, 1.5])
     points = np.column_stack([x, np.zeros_like(x), np.ones_like(x)])
     joined = joined_clusters(points, 0.03, np.array([1, 2, 2, 3, 4, 5]))

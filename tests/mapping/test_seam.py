@@ -38,7 +38,7 @@ def test_two_halves_at_the_seam_are_one_thing() -> None:
     assert tracks.tolist() == [4, 6]
     assert turned.masks[0].pixels.shape == (32, 35)
     assert turned.boxes_xyxy[0, 2] - turned.boxes_xyxy[0, 0] == 35
-    assert not any(each.u0 == 0 or each.u0 + each.pixels.shape[1] >= CAMERA.width for each in turned.masks)
+    assert not any(mask.u0 == 0 or mask.u0 + mask.pixels.shape[1] >= CAMERA.width for mask in turned.masks)
 
 
 @pytest.mark.parametrize(
