@@ -1,15 +1,30 @@
-"""P(size | label): a microwave a metre wide is none, whatever the detector calls it."""
+"""P(size | label): a microwave a metre wide is none, whatever the detector calls it.
+
+Departs from the paper, whose semantic fusion (eq. 10) knows no sizes: a further factor of the posterior.
+"""
 
 from __future__ import annotations
 
 import tomllib
+from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
 
 import numpy as np
 
-LOG_SIGMA = 0.12
-"""How far off a measured length may be, as a factor (e^0.12): noise, voxels, what masks bleed."""
+from supermap_cli.types.parameters import TUNED, parameter
+
+
+@dataclass(frozen=True)
+class ClassSizeParameters:
+    """How exactly an object's size is known."""
+
+    log_sigma: float = parameter(
+        0.12, "1", "standard deviation of the log of a measured length: noise, voxels, bleeding masks", TUNED
+    )
+
+
+DEFAULT = ClassSizeParameters()
 
 
 @cache
@@ -18,11 +33,11 @@ def _longest_sides_m() -> dict[str, float]:
     return {label: float(side) for label, side in tomllib.loads(text)["longest_side_m"].items()}
 
 
-def size_log_likelihood(label: str, longest_side_m: float) -> float:
+def size_log_likelihood(label: str, longest_side_m: float, parameters: ClassSizeParameters = DEFAULT) -> float:
     """Log P(a thing of this class measures so much), 0 up to the class's greatest plausible size; 0 for unlisted
     classes.
     """
     greatest = _longest_sides_m().get(label)
     if greatest is None or longest_side_m <= greatest:
         return 0.0
-    return -0.5 * float(np.log(longest_side_m / greatest) / LOG_SIGMA) ** 2
+    return -0.5 * float(np.log(longest_side_m / greatest) / parameters.log_sigma) ** 2
