@@ -1,4 +1,8 @@
-"""One keyframe's depth, prepared once for all the tests that are made against it."""
+"""One keyframe's depth, prepared once for all the tests that are made against it.
+
+Provides D(u) of the paper's eq. 7. Departs from it: a point is compared with the nearest and farthest depth around its
+pixel, since neither poses nor the registration of colour and depth are exact, and sigma grows with the depth.
+"""
 
 from __future__ import annotations
 
@@ -10,17 +14,65 @@ import numpy as np
 from supermap_cli.geometry.arrays import BoolArray, Float32Array, FloatArray, IntArray
 from supermap_cli.geometry.cameras import Camera
 from supermap_cli.geometry.se3 import inverse
-from supermap_cli.mapping.beneath import LowestReturns, lowest_returns
-from supermap_cli.mapping.returns import LIDAR_SIGMA_M, Returns, returns_on_image
+from supermap_cli.mapping import below_lidar_fov, returns
+from supermap_cli.mapping.below_lidar_fov import BelowLidarFovParameters, LowestReturns, lowest_returns
+from supermap_cli.mapping.returns import Returns, ReturnsParameters, returns_on_image
 from supermap_cli.types.keyframe import Keyframe
+from supermap_cli.types.parameters import TUNED, parameter
 
-_NEIGHBOURHOOD_PX, _USUAL_WIDTH_PX, _LEAST_FOCAL_PX = 2, 640, 360
+_NGUYEN = "Nguyen, Izadi, Lovell 2012, eq. 3, axial noise"
 
 
-def depth_sigma_m(depth_m: FloatArray | Float32Array) -> FloatArray:
+@dataclass(frozen=True)
+class DepthParameters:
+    """A depth camera's noise, the neighbourhood of a pixel, and what a depth edge is.
+
+    Sigma is `sigma_m` + `sigma_per_m2` (z - `sigma_from_m`)^2.
+    """
+
+    sigma_m: float = parameter(0.0012, "m", "standard deviation of a near depth", _NGUYEN)
+    sigma_per_m2: float = parameter(0.0019, "1/m", "growth of the deviation with the square of the depth", _NGUYEN)
+    sigma_from_m: float = parameter(0.4, "m", "depth from which on the deviation grows", _NGUYEN)
+    neighbourhood_px: float = parameter(
+        2.0, "px", "half width of a pixel's neighbourhood, on an image 640 wide: misregistration and pose", TUNED
+    )
+    reference_width_px: float = parameter(640.0, "px", "width of the image that pixels are told for", "VGA", at_least=1)
+    reference_focal_px: float = parameter(
+        360.0, "px", "least focal length of that image, 83 degrees across", "cameras of robots", at_least=1
+    )
+    edge_sigmas: float = parameter(4.0, "1", "deviations that depths on one surface may differ by", TUNED)
+    edge_slant: float = parameter(
+        0.03, "1", "range of depth per depth in a neighbourhood on one surface: a slant of 75 degrees", "geometry"
+    )
+    edge_m: float = parameter(0.02, "m", "range of depth in any neighbourhood on one surface", TUNED)
+    curvature_m: float = parameter(0.01, "m", "how far a curved surface bends within a neighbourhood", TUNED)
+
+
+DEFAULT = DepthParameters()
+
+
+def depth_sigma_m(depth_m: FloatArray | Float32Array, parameters: DepthParameters = DEFAULT) -> FloatArray:
     """Standard deviation of a structured-light depth at that depth (Nguyen, Izadi, Lovell 2012, eq. 3, axial noise)."""
-    sigma: FloatArray = 0.0012 + 0.0019 * np.square(np.maximum(np.asarray(depth_m, np.float64), 0.4) - 0.4)
+    near_m = parameters.sigma_from_m
+    beyond_m = np.maximum(np.asarray(depth_m, np.float64), near_m) - near_m
+    sigma: FloatArray = parameters.sigma_m + parameters.sigma_per_m2 * np.square(beyond_m)
     return sigma
+
+
+def edge_step_m(depth_m: Float32Array | FloatArray, parameters: DepthParameters = DEFAULT) -> FloatArray:
+    """The range of depths (n,) within a pixel's neighbourhood above which the pixel lies on a depth edge: noise and
+    slant.
+    """
+    noise_m = parameters.edge_sigmas * depth_sigma_m(depth_m, parameters)
+    step: FloatArray = noise_m + parameters.edge_slant * np.asarray(depth_m, np.float64) + parameters.edge_m
+    return step
+
+
+def plane_residual_limit_m(depth_m: Float32Array | FloatArray, parameters: DepthParameters = DEFAULT) -> FloatArray:
+    """The distance (n,) from the plane through its neighbours above which a pixel lies on a depth edge: noise and
+    curvature.
+    """
+    return parameters.edge_sigmas * depth_sigma_m(depth_m, parameters) + parameters.curvature_m
 
 
 @dataclass(frozen=True)
@@ -42,17 +94,18 @@ class DepthView:
     returns: Returns | None = None
     lowest: LowestReturns | None = None
     floor_z: float | None = None
+    parameters: DepthParameters = DEFAULT
 
     def sigma_m(self, depth_m: FloatArray | Float32Array) -> FloatArray:
         """Standard deviation of the sensor's depth (n,) at depths (n,)."""
         if self.returns is None:
-            return depth_sigma_m(depth_m)
-        return np.full(np.shape(depth_m), LIDAR_SIGMA_M)
+            return depth_sigma_m(depth_m, self.parameters)
+        return np.full(np.shape(depth_m), self.returns.parameters.range_sigma_m)
 
     @property
     def reach_px(self) -> int:
         """How far a pixel's neighbourhood goes on every side."""
-        return neighbourhood_px(self.camera)
+        return neighbourhood_px(self.camera, self.parameters)
 
     def project(self, points_map: FloatArray) -> tuple[IntArray, IntArray, FloatArray, BoolArray]:
         """(n, 3) map points -> (n,) pixel u and v (0 where not on the image), (n,) depth, (n,) on the image."""
@@ -78,24 +131,32 @@ class DepthView:
         return may
 
 
-def pixel_scale(camera: Camera) -> float:
+def pixel_scale(camera: Camera, parameters: DepthParameters = DEFAULT) -> float:
     """Pixels per pixel of a usual image, 640 wide; by angle, if the image is more than 83 degrees across."""
-    return min(camera.width / _USUAL_WIDTH_PX, camera.focal_px() / _LEAST_FOCAL_PX)
+    return min(camera.width / parameters.reference_width_px, camera.focal_px() / parameters.reference_focal_px)
 
 
-def neighbourhood_px(camera: Camera) -> int:
+def neighbourhood_px(camera: Camera, parameters: DepthParameters = DEFAULT) -> int:
     """How far a pixel's neighbourhood goes on every side: 2 pixels of a usual image."""
-    return max(1, round(_NEIGHBOURHOOD_PX * pixel_scale(camera)))
+    return max(1, round(parameters.neighbourhood_px * pixel_scale(camera, parameters)))
 
 
-def depth_view(keyframe: Keyframe, max_depth_m: float, floor_z: float | None = None) -> DepthView:
+def depth_view(
+    keyframe: Keyframe,
+    max_depth_m: float,
+    floor_z: float | None = None,
+    *,
+    parameters: DepthParameters = DEFAULT,
+    returns_parameters: ReturnsParameters = returns.DEFAULT,
+    fov_parameters: BelowLidarFovParameters = below_lidar_fov.DEFAULT,
+) -> DepthView:
     """Prepare a keyframe's depth; the neighbourhood is 5 pixels of a usual image, and reaches to a LiDAR's next return:
     a ray that went by beside a mug did not go through it.
     """
-    camera, returns = keyframe.camera, keyframe.returns_camera
-    reach = neighbourhood_px(camera)
-    if returns is not None and len(returns):
-        reach = max(reach, round(float(np.sqrt(np.count_nonzero(keyframe.depth_m) / len(returns)))))
+    camera, points_camera = keyframe.camera, keyframe.returns_camera
+    reach = neighbourhood_px(camera, parameters)
+    if points_camera is not None and len(points_camera):
+        reach = max(reach, round(float(np.sqrt(np.count_nonzero(keyframe.depth_m) / len(points_camera)))))
     kernel = np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)
     _, within = cv2.threshold(keyframe.depth_m, max_depth_m, 0, cv2.THRESH_TOZERO_INV)
     depth = np.asarray(within, np.float32)
@@ -108,7 +169,10 @@ def depth_view(keyframe: Keyframe, max_depth_m: float, floor_z: float | None = N
         np.asarray(nearest, np.float32),
         np.asarray(farthest, np.float32),
         max_depth_m,
-        None if returns is None else returns_on_image(camera, returns, max_depth_m),
-        None if returns is None else lowest_returns(keyframe.depth_m, camera, keyframe.T_map_camera),
+        None if points_camera is None else returns_on_image(camera, points_camera, max_depth_m, returns_parameters),
+        None
+        if points_camera is None
+        else lowest_returns(keyframe.depth_m, camera, keyframe.T_map_camera, fov_parameters),
         floor_z,
+        parameters,
     )

@@ -1,30 +1,50 @@
-"""Lifting with a LiDAR: from the returns under a mask, and what the image shows beneath them, to an object's points."""
+"""Lifting with a LiDAR: from the returns under a mask, and what the image shows below them, to an object's points.
+
+`Unproject` of the paper's algorithm 1, step (4), for sparse depth. Departs from it below the LiDAR's field of view.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from supermap_cli.geometry.arrays import BoolArray, FloatArray, IntArray, UInt8Array
 from supermap_cli.geometry.se3 import transform_points
-from supermap_cli.mapping.beneath import covered_below, hang_down, mask_rays, stand_on_floor
-from supermap_cli.mapping.bodies import main_component
+from supermap_cli.mapping import below_lidar_fov, clusters
+from supermap_cli.mapping.below_lidar_fov import (
+    BelowLidarFovParameters,
+    covered_below,
+    extend_down,
+    mask_rays,
+    place_on_floor,
+)
+from supermap_cli.mapping.clusters import ClusterParameters, main_component
 from supermap_cli.mapping.depth import DepthView
 from supermap_cli.mapping.returns import spacing_m
 from supermap_cli.types.detections import RegionMask
 from supermap_cli.types.keyframe import Keyframe
+from supermap_cli.types.parameters import TUNED, parameter
 
-MOST_POINTS, FEWEST_POINTS = 2000, 12
-"""More points of one mask than the first are thinned out evenly; fewer than the second are no evidence of a shape."""
 
-MIN_RETURNS = 5
-"""So many of a LiDAR's returns tell where a thing is."""
+@dataclass(frozen=True)
+class LidarLiftingParameters:
+    """How many returns tell where a thing is, and when its foot tells it better."""
 
-MOSTLY_BENEATH = 0.8
-"""A thing of which the image shows more than this share beneath a LiDAR's lowest ray is placed by its foot."""
+    max_points: int = parameter(2000, "1", "points of one mask; more are thinned out evenly", "bounds the time")
+    min_points: int = parameter(12, "1", "points below which there is no evidence of a shape", TUNED)
+    min_returns: int = parameter(5, "1", "returns that tell where a thing is", TUNED)
+    min_below_share: float = parameter(
+        0.8, "1", "share of a mask below all returns from which the thing is placed by its foot", TUNED
+    )
+    covered_gap_px: int = parameter(4, "px", "gap below a pixel within which another mask covers it", TUNED)
+    beyond_m: float = parameter(
+        0.3, "m", "how far behind its foot's place returns are not the thing's but a wall's", TUNED
+    )
 
-BELOW_PX = 4
+
+DEFAULT = LidarLiftingParameters()
 
 
 def lift_returns(
@@ -33,59 +53,76 @@ def lift_returns(
     mask: RegionMask,
     core: BoolArray,
     masks: Sequence[RegionMask],
+    *,
+    parameters: LidarLiftingParameters = DEFAULT,
+    cluster_parameters: ClusterParameters = clusters.DEFAULT,
+    fov_parameters: BelowLidarFovParameters = below_lidar_fov.DEFAULT,
 ) -> tuple[FloatArray, UInt8Array, float] | None:
-    """The body that most of the returns under the mask's core lie on, and what the image shows of it beneath them."""
+    """The cluster that most of the returns under the mask's core lie on, and what the image shows of it below them:
+    points (n, 3) in the map, their colours (n, 3) and their median distance.
+    """
     if view.returns is None or view.lowest is None:
         return None
-    measured, body = _measured_body(keyframe, view, mask, core)
+    least = parameters.min_returns
+    measured, cluster = _measured_cluster(keyframe, view, mask, core, min_returns=least, parameters=cluster_parameters)
     v, u = np.nonzero(mask.pixels)
     rays = mask_rays(keyframe.camera, keyframe.T_map_camera, u + mask.u0, v + mask.v0)
-    beneath = view.lowest.beneath(rays.u, rays.v)
+    below = view.lowest.below(rays.u, rays.v)
     shown, kept = np.zeros((0, 3)), np.zeros(len(u), bool)
     standing = None
-    if view.floor_z is not None and beneath.mean() > MOSTLY_BENEATH:
-        below = covered_below(mask, masks, rays.u, rays.v, BELOW_PX)
-        standing = stand_on_floor(rays, view.lowest, keyframe.camera.focal_px(), view.floor_z, below)
-    if standing is not None and (len(body) < MIN_RETURNS or _is_beyond(body, standing, rays.origin)):
-        measured, body, shown, kept = measured[:0], body[:0], standing, np.ones(len(u), bool)
-    elif len(body) >= MIN_RETURNS and beneath.any():
-        beneath &= core[v, u]
-        shown, kept = hang_down(rays.take(beneath), body, view.returns.u[measured], view.floor_z)
-        kept = np.flatnonzero(beneath)[kept]
-    points_map = np.concatenate([body, shown])
+    if view.floor_z is not None and below.mean() > parameters.min_below_share:
+        covered = covered_below(mask, masks, rays.u, rays.v, parameters.covered_gap_px)
+        focal_px = keyframe.camera.focal_px()
+        standing = place_on_floor(rays, view.lowest, focal_px, view.floor_z, covered, parameters=fov_parameters)
+    if standing is not None and (
+        len(cluster) < least or _is_beyond(cluster, standing, rays.origin, parameters.beyond_m)
+    ):
+        measured, cluster, shown, kept = measured[:0], cluster[:0], standing, np.ones(len(u), bool)
+    elif len(cluster) >= least and below.any():
+        below &= core[v, u]
+        shown, kept = extend_down(rays.take(below), cluster, view.returns.u[measured], view.floor_z)
+        kept = np.flatnonzero(below)[kept]
+    points_map = np.concatenate([cluster, shown])
     u, v = (
         np.concatenate([view.returns.u[measured], rays.u[kept]]),
         np.concatenate([view.returns.v[measured], rays.v[kept]]),
     )
-    if len(points_map) < FEWEST_POINTS:
+    if len(points_map) < parameters.min_points:
         return None
-    if len(points_map) > MOST_POINTS:
-        chosen = np.linspace(0, len(points_map) - 1, MOST_POINTS).astype(np.int64)
+    if len(points_map) > parameters.max_points:
+        chosen = np.linspace(0, len(points_map) - 1, parameters.max_points).astype(np.int64)
         points_map, u, v = points_map[chosen], u[chosen], v[chosen]
     depth_m = float(np.median(np.linalg.norm(points_map - rays.origin, axis=1)))
     return points_map, keyframe.rgb[v, u], depth_m
 
 
-def _measured_body(
-    keyframe: Keyframe, view: DepthView, mask: RegionMask, core: BoolArray
+def _measured_cluster(
+    keyframe: Keyframe,
+    view: DepthView,
+    mask: RegionMask,
+    core: BoolArray,
+    *,
+    min_returns: int,
+    parameters: ClusterParameters,
 ) -> tuple[IntArray, FloatArray]:
-    """Which returns (k,) lie on the body that the mask's core is mostly made of, and where (k, 3) in the map."""
+    """Which returns (k,) lie on the cluster that the mask's core is mostly made of, and where (k, 3) in the map."""
     if view.returns is None or view.lowest is None:
         return np.zeros(0, np.int64), np.zeros((0, 3))
     chosen = view.returns.under(mask, core)
-    if len(chosen) < MIN_RETURNS:
+    if len(chosen) < min_returns:
         return chosen[:0], np.zeros((0, 3))
     focal_px = keyframe.camera.focal_px()
     v, u = np.nonzero(core)
-    reached = int((~view.lowest.beneath(u + mask.u0, v + mask.v0)).sum())
+    reached = int((~view.lowest.below(u + mask.u0, v + mask.v0)).sum())
     points_camera = view.returns.smoothed(chosen)
     depth_m = float(np.median(view.returns.depth_m[chosen]))
-    main = main_component(points_camera, depth_m, 2 * spacing_m(len(chosen), max(reached, 1), depth_m, focal_px))
+    apart_m = 2 * spacing_m(len(chosen), max(reached, 1), depth_m, focal_px)
+    main = main_component(points_camera, depth_m, apart_m, parameters)
     return chosen[main], transform_points(keyframe.T_map_camera, points_camera[main])
 
 
-def _is_beyond(body: FloatArray, standing: FloatArray, origin: FloatArray) -> bool:
-    """Whether returns lie clearly behind where a thing must stand: a mask of a thing beneath bleeds onto the wall."""
-    distance_m = np.linalg.norm(body[:, :2] - origin[:2], axis=1)
+def _is_beyond(cluster: FloatArray, standing: FloatArray, origin: FloatArray, beyond_m: float) -> bool:
+    """Whether returns lie clearly behind where a thing must stand: a mask of a thing below bleeds onto the wall."""
+    distance_m = np.linalg.norm(cluster[:, :2] - origin[:2], axis=1)
     farthest_m = np.linalg.norm(standing[:, :2] - origin[:2], axis=1).max()
-    return bool(np.median(distance_m) > farthest_m + 0.3)
+    return bool(np.median(distance_m) > farthest_m + beyond_m)

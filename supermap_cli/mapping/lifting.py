@@ -1,8 +1,12 @@
-"""Lifting: from a mask and a depth image to an object's points, without what masks bleed onto."""
+"""Lifting: from a mask and a depth image to an object's points, without what masks bleed onto.
+
+`Unproject` of the paper's algorithm 1, step (4). Departs from it in what of a mask is taken: its core, off depth edges,
+of one cluster (`mask_core`, `clusters`).
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -11,20 +15,62 @@ from supermap_cli.geometry.arrays import BoolArray, Float32Array, FloatArray, UI
 from supermap_cli.geometry.cameras import Camera
 from supermap_cli.geometry.percentiles import percentiles
 from supermap_cli.geometry.se3 import transform_points
-from supermap_cli.mapping.bodies import continued_behind, image_bodies, joined_bodies, main_body
+from supermap_cli.mapping import voxel_map
+from supermap_cli.mapping.below_lidar_fov import BelowLidarFovParameters
+from supermap_cli.mapping.clusters import (
+    ClusterParameters,
+    cell_m,
+    image_clusters,
+    joined_clusters,
+    main_cluster,
+    occluded_continuation,
+)
 from supermap_cli.mapping.depth import DepthView, pixel_scale
-from supermap_cli.mapping.lidar_lifting import lift_returns
-from supermap_cli.mapping.mask_core import erode, on_one_surface, standing_clear
-from supermap_cli.mapping.returns import LIDAR_SIGMA_M
-from supermap_cli.mapping.voxel_map import FINEST_VOXEL_M
+from supermap_cli.mapping.lidar_lifting import LidarLiftingParameters, lift_returns
+from supermap_cli.mapping.mask_core import MaskCoreParameters, erode, erosion_px, foreground_rim, off_depth_edges
 from supermap_cli.types.detections import Detections, Hypothesis, RegionMask
 from supermap_cli.types.keyframe import Keyframe
+from supermap_cli.types.parameters import TUNED, parameter
 
-MAX_POINTS = 2000
-"""More pixels of one mask than this are thinned out evenly: voxels get no fuller from them."""
 
-MIN_POINTS = 12
-"""Fewer pixels than this are no evidence of a shape."""
+@dataclass(frozen=True)
+class LiftingParameters:
+    """How many pixels of a mask become points, and when a mask counts as cut."""
+
+    max_points: int = parameter(
+        2000,
+        "1",
+        "pixels of one mask; more are thinned out evenly, for voxels get no fuller from them",
+        "bounds the time",
+    )
+    min_points: int = parameter(12, "1", "pixels below which there is no evidence of a shape", TUNED)
+    low_percentile: float = parameter(
+        5.0,
+        "%",
+        "percentile of the points at which a detection's extent begins; it ends at 100 less",
+        TUNED,
+        at_most=50,
+    )
+    border_px: int = parameter(3, "px", "least distance from the image's border within which a box is truncated", TUNED)
+    border_share: float = parameter(1 / 160, "1", "the same distance, as a share of the image's width", TUNED)
+
+
+DEFAULT = LiftingParameters()
+
+
+@dataclass(frozen=True)
+class LiftingParameterSets:
+    """The parameters of all that lifting does."""
+
+    lifting: LiftingParameters = DEFAULT
+    mask_core: MaskCoreParameters = field(default_factory=MaskCoreParameters)
+    clusters: ClusterParameters = field(default_factory=ClusterParameters)
+    lidar_lifting: LidarLiftingParameters = field(default_factory=LidarLiftingParameters)
+    below_lidar_fov: BelowLidarFovParameters = field(default_factory=BelowLidarFovParameters)
+    finest_voxel_m: float = voxel_map.DEFAULT.finest_voxel_m
+
+
+DEFAULT_SETS = LiftingParameterSets()
 
 
 @dataclass(frozen=True)
@@ -32,8 +78,8 @@ class LiftedDetection:
     """One detection in 3D.
 
     `points_map` (n, 3) metres with `rgb` (n, 3); `centroid_map` (3,); `mask` is the detector's own, `core` the part of
-    it that is surely the object's: all but its rim, and of the rim what stands clear (both on the region of `mask`);
-    `rim_px` is how wide the rim is; `truncated` says that the image's border cuts it, so that its extent is only part
+    it that is surely the object's: all but its rim, and of the rim what lies in the foreground (both on the region of
+    `mask`); `rim_px` is how wide the rim is; `truncated` says that the image's border cuts it, so that its extent is only part
     of the object's; `voxel_m` is the edge of voxels that are not finer than what the sensor tells apart.
     """
 
@@ -50,34 +96,48 @@ class LiftedDetection:
     hypotheses: tuple[Hypothesis, ...]
     track_id: int
     truncated: bool
-    voxel_m: float = FINEST_VOXEL_M
+    voxel_m: float = voxel_map.DEFAULT.finest_voxel_m
+    parameters: LiftingParameters = DEFAULT
 
     @cached_property
     def extent_m(self) -> float:
         """Length of the longest side of what was seen, without the outermost twentieth."""
-        low, high = percentiles(self.points_map, (5, 95))
+        percentile = self.parameters.low_percentile
+        low, high = percentiles(self.points_map, (percentile, 100 - percentile))
         return float((high - low).max())
 
 
-def erosion_px(area_px: int, scale: float) -> int:
-    """How far a mask is cut back: 2 to 6 pixels of a usual image, more for larger masks, which bleed more."""
-    return max(1, round(float(np.clip(0.08 * np.sqrt(area_px), 2 * scale, 6 * scale))))
-
-
-def lift(keyframe: Keyframe, view: DepthView, detections: Detections, track_ids: np.ndarray) -> list[LiftedDetection]:
-    """Lift all detections that have a mask and enough depth beneath it, or, with a LiDAR, stand on the floor."""
+def lift(
+    keyframe: Keyframe,
+    view: DepthView,
+    detections: Detections,
+    track_ids: np.ndarray,
+    sets: LiftingParameterSets = DEFAULT_SETS,
+) -> list[LiftedDetection]:
+    """Lift all detections that have a mask and enough depth under it, or, with a LiDAR, stand on the floor."""
     lifted = []
     for index in range(len(detections)):
         mask = detections.masks[index]
         if mask is None or not mask.pixels.any():
             continue
-        rim_px = erosion_px(int(np.count_nonzero(mask.pixels)), pixel_scale(keyframe.camera))
-        clear = standing_clear(view, mask, rim_px)
-        core = erode(mask.pixels, rim_px) | clear
+        rim_px = erosion_px(
+            int(np.count_nonzero(mask.pixels)), pixel_scale(keyframe.camera, view.parameters), sets.mask_core
+        )
+        foreground = foreground_rim(view, mask, rim_px)
+        core = erode(mask.pixels, rim_px, sets.mask_core) | foreground
         if view.returns is None:
-            one = _lift_core(keyframe, view, mask, core, clear)
+            one = _lift_core(keyframe, view, mask, core, foreground, sets=sets)
         else:
-            one = lift_returns(keyframe, view, mask, core, [m for m in detections.masks if m is not None])
+            one = lift_returns(
+                keyframe,
+                view,
+                mask,
+                core,
+                [other for other in detections.masks if other is not None],
+                parameters=sets.lidar_lifting,
+                cluster_parameters=sets.clusters,
+                fov_parameters=sets.below_lidar_fov,
+            )
         if one is None:
             continue
         points, rgb, depth = one
@@ -96,45 +156,53 @@ def lift(keyframe: Keyframe, view: DepthView, detections: Detections, track_ids:
                 float(detections.scores[index]),
                 detections.hypotheses[index],
                 int(track_ids[index]),
-                is_truncated(box, keyframe.camera),
-                FINEST_VOXEL_M if view.returns is None else LIDAR_SIGMA_M,
+                is_truncated(box, keyframe.camera, sets.lifting),
+                sets.finest_voxel_m if view.returns is None else view.returns.parameters.range_sigma_m,
+                sets.lifting,
             )
         )
     return lifted
 
 
-def is_truncated(box_xyxy: Float32Array | FloatArray, camera: Camera) -> bool:
+def is_truncated(box_xyxy: Float32Array | FloatArray, camera: Camera, parameters: LiftingParameters = DEFAULT) -> bool:
     """Whether an image box reaches the border, which at the sides of a full turn is none."""
-    margin = max(3, camera.width // 160)
+    margin = max(parameters.border_px, int(camera.width * parameters.border_share))
     if box_xyxy[1] < margin or box_xyxy[3] > camera.height - 1 - margin:
         return True
     return not camera.full_turn and bool(box_xyxy[0] < margin or box_xyxy[2] > camera.width - 1 - margin)
 
 
 def _lift_core(
-    keyframe: Keyframe, view: DepthView, mask: RegionMask, core: BoolArray, clear: BoolArray
+    keyframe: Keyframe,
+    view: DepthView,
+    mask: RegionMask,
+    core: BoolArray,
+    foreground: BoolArray,
+    *,
+    sets: LiftingParameterSets,
 ) -> tuple[FloatArray, UInt8Array, float] | None:
+    parameters = sets.lifting
     inner = np.flatnonzero(core & (view.depth_m[mask.window] > 0))
     v = inner // core.shape[1]
     v, u = v + mask.v0, inner - v * core.shape[1] + mask.u0
-    plain = clear.ravel()[inner]
-    rest = np.flatnonzero(~plain)
-    plain[rest] = on_one_surface(view, v[rest], u[rest])
-    chosen = np.flatnonzero(plain)
-    if len(chosen) < MIN_POINTS:
+    usable = foreground.ravel()[inner]
+    rest = np.flatnonzero(~usable)
+    usable[rest] = off_depth_edges(view, v[rest], u[rest])
+    chosen = np.flatnonzero(usable)
+    if len(chosen) < parameters.min_points:
         return None
     whole = np.zeros(core.shape, dtype=bool)
     whole.ravel()[inner[chosen]] = True
-    if len(chosen) > MAX_POINTS:
-        chosen = chosen[np.linspace(0, len(chosen) - 1, MAX_POINTS).astype(np.int64)]
+    if len(chosen) > parameters.max_points:
+        chosen = chosen[np.linspace(0, len(chosen) - 1, parameters.max_points).astype(np.int64)]
     v, u = v[chosen], u[chosen]
     depth_m = view.depth_m[v, u].astype(np.float64)
     points_camera = keyframe.camera.back_project(np.column_stack([u, v]).astype(np.float64), depth_m)
-    cell_m = max(0.03, 0.02 * _median(depth_m))
-    bodies = joined_bodies(points_camera, cell_m, image_bodies(whole).ravel()[inner[chosen]])
-    main = main_body(points_camera, bodies)
-    main |= continued_behind(view, (u, v), points_camera, bodies, main)
-    if main.sum() < MIN_POINTS:
+    in_image = image_clusters(whole).ravel()[inner[chosen]]
+    clusters = joined_clusters(points_camera, cell_m(_median(depth_m), sets.clusters), in_image)
+    main = main_cluster(points_camera, clusters, sets.clusters)
+    main |= occluded_continuation(view, (u, v), points_camera, clusters, main, parameters=sets.clusters)
+    if main.sum() < parameters.min_points:
         return None
     points_map = transform_points(keyframe.T_map_camera, points_camera[main])
     return points_map, keyframe.rgb[v[main], u[main]], _median(depth_m[main])

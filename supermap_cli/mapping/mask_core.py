@@ -1,33 +1,65 @@
-"""Which pixels of a mask are surely the object's: masks bleed, and depth is mixed at edges."""
+"""Which pixels of a mask are surely the object's: masks bleed, and depth is mixed at edges.
+
+Comes between `GenerateMasks` and `Unproject` of the paper's algorithm 1, step (4), which takes masks as they are.
+"""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
 
-from supermap_cli.geometry.arrays import BoolArray, Float32Array, FloatArray, IntArray
-from supermap_cli.mapping.depth import DepthView, depth_sigma_m
+from supermap_cli.geometry.arrays import BoolArray, FloatArray, IntArray
+from supermap_cli.mapping.depth import DepthView, edge_step_m, plane_residual_limit_m
 from supermap_cli.types.detections import RegionMask
-
-LARGEST_CUT, CUT_STEPS = 0.35, (0.25, 0.5, 1.0)
-"""No part of a mask loses more than this share of its half thickness on either side; thickness is told in steps."""
-
-LEAST_LEFT = 3
-"""A mask that would lose all but one in so many pixels is taken as it is."""
+from supermap_cli.types.parameters import TUNED, parameter
 
 
-def erode(mask: BoolArray, margin_px: int) -> BoolArray:
+@dataclass(frozen=True)
+class MaskCoreParameters:
+    """How far masks are cut back.
+
+    The margin is `margin_share` of the square root of a mask's area, within bounds told for an image 640 wide.
+    """
+
+    margin_share: float = parameter(
+        0.08, "1", "margin that masks bleed over, as a share of the root of the area", TUNED
+    )
+    min_margin_px: float = parameter(2.0, "px", "least margin", TUNED)
+    max_margin_px: float = parameter(6.0, "px", "greatest margin", TUNED)
+    max_cut: float = parameter(
+        0.35, "1", "share of its half thickness that a part of a mask may lose", TUNED, at_least=0.01
+    )
+    thickness_steps: tuple[float, ...] = parameter(
+        (0.25, 0.5, 1.0), "1", "thickness at which parts are told apart, as shares of the greatest that matters", TUNED
+    )
+    max_shrinkage: float = parameter(
+        3.0, "1", "a mask that would be smaller than its area divided by this is taken as it is", TUNED
+    )
+
+
+DEFAULT = MaskCoreParameters()
+
+
+def erosion_px(area_px: int, scale: float, parameters: MaskCoreParameters = DEFAULT) -> int:
+    """How far a mask is cut back: 2 to 6 pixels of a usual image, more for larger masks, which bleed more."""
+    margin = parameters.margin_share * np.sqrt(area_px)
+    return max(1, round(float(np.clip(margin, parameters.min_margin_px * scale, parameters.max_margin_px * scale))))
+
+
+def erode(mask: BoolArray, margin_px: int, parameters: MaskCoreParameters = DEFAULT) -> BoolArray:
     """Cut a mask back by a margin, and by less where it is thin: a pen must not vanish, nor the legs of a table, nor
     its top seen from the side.
 
-    A part is as thick as the largest disc that fits into it (its local thickness); it loses `LARGEST_CUT` of that
+    A part is as thick as the largest disc that fits into it (its local thickness); it loses `max_cut` of that
     disc's radius, at least a pixel, and never all of it.
     """
-    thickest_px = int(np.ceil(margin_px / LARGEST_CUT))
+    thickest_px = int(np.ceil(margin_px / parameters.max_cut))
     padded = cv2.copyMakeBorder(mask.astype(np.uint8), *(1,) * 4, cv2.BORDER_CONSTANT, value=0)
     within_px = cv2.distanceTransform(padded, cv2.DIST_L2, 3)
     cut_px = np.ones_like(within_px)
-    for share in CUT_STEPS:
+    for share in parameters.thickness_steps:
         radius_px = share * thickest_px
         centers = within_px > radius_px
         if not centers.any():
@@ -35,12 +67,12 @@ def erode(mask: BoolArray, margin_px: int) -> BoolArray:
         in_disc = cv2.distanceTransform((~centers).astype(np.uint8), cv2.DIST_L2, 3) <= radius_px
         cut_px[in_disc] = max(1.0, share * margin_px)
     core = (padded > 0) & (within_px > cut_px)
-    if core.sum() * LEAST_LEFT < mask.sum():
+    if core.sum() * parameters.max_shrinkage < mask.sum():
         return mask
     return np.asarray(core[1:-1, 1:-1], dtype=bool)
 
 
-def on_one_surface(view: DepthView, v: IntArray, u: IntArray) -> BoolArray:
+def off_depth_edges(view: DepthView, v: IntArray, u: IntArray) -> BoolArray:
     """(n,) which pixels with a return have a neighbourhood that lies on one surface: on no depth edge.
 
     Either the depths around a pixel span no more than noise and a moderate slant; or, since the inverse depth of a
@@ -49,13 +81,13 @@ def on_one_surface(view: DepthView, v: IntArray, u: IntArray) -> BoolArray:
     """
     at = v * view.depth_m.shape[1] + u
     depth = view.depth_m.ravel()[at]
-    one: BoolArray = view.farthest_m.ravel()[at] - view.nearest_m.ravel()[at] < edge_step_m(depth)
+    one: BoolArray = view.farthest_m.ravel()[at] - view.nearest_m.ravel()[at] < edge_step_m(depth, view.parameters)
     wide = np.flatnonzero(~one)
-    one[wide] = bend_m(view, v[wide], u[wide]) < bend_step_m(depth[wide])
+    one[wide] = plane_residual_m(view, v[wide], u[wide]) < plane_residual_limit_m(depth[wide], view.parameters)
     return one
 
 
-def bend_m(view: DepthView, v: IntArray, u: IntArray) -> FloatArray:
+def plane_residual_m(view: DepthView, v: IntArray, u: IntArray) -> FloatArray:
     """How far (metres) the depth of each of n pixels lies off the plane through its neighbours on both sides: the
     greatest of four directions; infinite where fewer than two directions have a return on both sides.
     """
@@ -68,16 +100,16 @@ def bend_m(view: DepthView, v: IntArray, u: IntArray) -> FloatArray:
         inverse_depth = 1 / depth
         inverse_depth[np.isinf(inverse_depth)] = np.nan
         own = inverse_depth[4]
-        bends = np.abs(own - (inverse_depth[:4] + inverse_depth[:4:-1]) / 2) / own**2
-    told = np.isfinite(bends)
-    bends[~told] = 0.0
-    return np.where(np.count_nonzero(told, axis=0) >= 2, bends.max(axis=0), np.inf)
+        residuals = np.abs(own - (inverse_depth[:4] + inverse_depth[:4:-1]) / 2) / own**2
+    known = np.isfinite(residuals)
+    residuals[~known] = 0.0
+    return np.where(np.count_nonzero(known, axis=0) >= 2, residuals.max(axis=0), np.inf)
 
 
-def standing_clear(view: DepthView, mask: RegionMask, rim_px: int) -> BoolArray:
-    """The pixels of a mask's rim, on its region, that stand clearly before all that is seen beside the mask near by.
+def foreground_rim(view: DepthView, mask: RegionMask, rim_px: int) -> BoolArray:
+    """The pixels of a mask's rim, on its region, that lie clearly before all that is seen beside the mask near by.
 
-    A mask bleeds onto surfaces that go on beyond it; what stands before all of those is none of them. So thin parts,
+    A mask bleeds onto surfaces that go on beyond it; what lies before all of those is none of them. So thin parts,
     legs, poles and leaves, which are nothing but rim, are kept. A pixel that lies behind its neighbours is left out:
     at edges sensors mix both depths.
     """
@@ -94,23 +126,9 @@ def standing_clear(view: DepthView, mask: RegionMask, rim_px: int) -> BoolArray:
     own = depth[at]
     rim = np.flatnonzero(mask.pixels & (own > 0) & (nearest_beside < np.inf))
     own_m = own.ravel()[rim]
-    step = edge_step_m(own_m)
+    step = edge_step_m(own_m, view.parameters)
     before = own_m < nearest_beside.ravel()[rim] - step
     whole = own_m - view.nearest_m[rows, columns][at].ravel()[rim] < step
     clear = np.zeros(mask.pixels.shape, dtype=bool)
     clear.ravel()[rim] = before & whole
     return clear
-
-
-def bend_step_m(depth_m: Float32Array | FloatArray) -> FloatArray:
-    """The bend above which a pixel lies on a depth edge: 4 sigma and what a surface may curve by."""
-    step: FloatArray = 4 * depth_sigma_m(depth_m) + 0.01
-    return step
-
-
-def edge_step_m(depth_m: Float32Array | FloatArray) -> FloatArray:
-    """The depth range within a pixel's neighbourhood above which it lies on an edge: 4 sigma and a slant of 75
-    degrees.
-    """
-    step: FloatArray = 4 * depth_sigma_m(depth_m) + 0.03 * np.asarray(depth_m, np.float64) + 0.02
-    return step

@@ -1,4 +1,7 @@
-"""A LiDAR's single returns under a mask: more exact than the depth image that is drawn of them, and sparse."""
+"""A LiDAR's single returns under a mask: more exact than the depth image that is drawn of them, and sparse.
+
+Belongs to `Unproject` of the paper's algorithm 1, step (4), which takes any depth for a dense image.
+"""
 
 from __future__ import annotations
 
@@ -9,12 +12,26 @@ import numpy as np
 from supermap_cli.geometry.arrays import BoolArray, FloatArray, IntArray, check_shape
 from supermap_cli.geometry.cameras import Camera
 from supermap_cli.types.detections import RegionMask
+from supermap_cli.types.parameters import TUNED, parameter
 
-LIDAR_SIGMA_M = 0.02
-"""Standard deviation of a LiDAR's range, whatever the range (Livox Mid-360, Ouster, Velodyne: 1 to 3 cm)."""
 
-_NEIGHBOURS = 8
-_SAME_SURFACE_SIGMAS = 3.0
+@dataclass(frozen=True)
+class ReturnsParameters:
+    """How exact a LiDAR is, and how its noise is smoothed."""
+
+    range_sigma_m: float = parameter(
+        0.02,
+        "m",
+        "standard deviation of a LiDAR's range, whatever the range; also the edge of the voxels of what it sees",
+        "data sheets of Livox Mid-360, Ouster and Velodyne: 1 to 3 cm",
+    )
+    smoothing_neighbours: int = parameter(8, "1", "returns that one return's range is averaged over", TUNED, at_least=1)
+    same_surface_sigmas: float = parameter(
+        3.0, "1", "deviations of a difference of ranges up to which two returns lie on one surface", "three-sigma rule"
+    )
+
+
+DEFAULT = ReturnsParameters()
 
 
 @dataclass(frozen=True)
@@ -25,6 +42,7 @@ class Returns:
     v: IntArray
     points_camera: FloatArray
     depth_m: FloatArray
+    parameters: ReturnsParameters = DEFAULT
 
     def __post_init__(self) -> None:
         check_shape("points_camera", self.points_camera, (len(self.u), 3))
@@ -43,27 +61,29 @@ class Returns:
         """
         from scipy.spatial import cKDTree  # noqa: PLC0415 - heavy
 
+        parameters = self.parameters
         points, range_m = self.points_camera[chosen], self.depth_m[chosen]
-        if len(chosen) <= _NEIGHBOURS:
+        if len(chosen) <= parameters.smoothing_neighbours:
             return points
         pixels = np.column_stack([self.u[chosen], self.v[chosen]])
-        _, nearest = cKDTree(pixels).query(pixels, k=_NEIGHBOURS)
+        _, nearest = cKDTree(pixels).query(pixels, k=parameters.smoothing_neighbours)
         step_m = range_m[nearest] - range_m[:, None]
-        same = np.abs(step_m) < _SAME_SURFACE_SIGMAS * np.sqrt(2) * LIDAR_SIGMA_M
+        same = np.abs(step_m) < parameters.same_surface_sigmas * np.sqrt(2) * parameters.range_sigma_m
         mean_m = (step_m * same).sum(axis=1) / np.maximum(same.sum(axis=1), 1)  # of many on one pixel, own may miss
         smoothed: FloatArray = points * (1 + mean_m / range_m)[:, None]
         return smoothed
 
 
-def returns_on_image(camera: Camera, points_camera: FloatArray, max_range_m: float) -> Returns:
+def returns_on_image(
+    camera: Camera, points_camera: FloatArray, max_range_m: float, parameters: ReturnsParameters = DEFAULT
+) -> Returns:
     """The returns within range that fall on the image."""
     pixels, on_image = camera.project(points_camera)
     depth_m = camera.depth_of(points_camera)
     on_image &= depth_m <= max_range_m
     u, v = np.rint(pixels[on_image]).astype(np.int64).T
-    return Returns(
-        u.clip(0, camera.width - 1), v.clip(0, camera.height - 1), points_camera[on_image], depth_m[on_image]
-    )
+    u, v = u.clip(0, camera.width - 1), v.clip(0, camera.height - 1)
+    return Returns(u, v, points_camera[on_image], depth_m[on_image], parameters)
 
 
 def spacing_m(count: int, area_px: int, depth_m: float, focal_px: float) -> float:

@@ -13,7 +13,7 @@ import numpy as np
 from supermap_cli.geometry.arrays import Float32Array, IntArray
 from supermap_cli.geometry.cameras import Camera
 from supermap_cli.geometry.se3 import make_transform
-from supermap_cli.mapping.beneath import LowestReturns
+from supermap_cli.mapping.below_lidar_fov import LowestReturns
 from supermap_cli.mapping.depth import DepthView
 from supermap_cli.mapping.visibility import ObjectView
 from supermap_cli.types.detections import Detections, RegionMask, joined_masks

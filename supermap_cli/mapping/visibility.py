@@ -118,7 +118,7 @@ def check_visibility(view: DepthView, points_map: FloatArray, voxel_m: FloatArra
     if view.lowest is not None:
         away_m = np.linalg.norm(points_map[:, :2] - view.T_map_camera[:2, 3], axis=1)
         before = away_m < view.lowest.distance_m[u] + tolerance_m(depth, voxel_m, view.sigma_m(depth))
-        unmeasured = on_image & (depth <= view.max_depth_m) & view.lowest.beneath(u, v) & before
+        unmeasured = on_image & (depth <= view.max_depth_m) & view.lowest.below(u, v) & before
     return ObjectView(u, v, depth, on_image, supported, contradicted, occluded, solid, unmeasured)
 
 

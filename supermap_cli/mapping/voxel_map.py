@@ -1,4 +1,8 @@
-"""An object's geometry while it is being mapped: packed arrays sorted by voxel code."""
+"""An object's geometry while it is being mapped: packed arrays sorted by voxel code.
+
+Holds the occupancy log-odds L(o_k) of the paper's eq. 8, of voxels instead of points, clamped as in OctoMap (Hornung et
+al. 2013). Departs from the paper in what is kept of the semantic check: how often a voxel lay inside and outside masks.
+"""
 
 from __future__ import annotations
 
@@ -20,17 +24,47 @@ from supermap_cli.geometry.voxels import (
     voxel_keys,
 )
 from supermap_cli.types.memory import VoxelCloud
+from supermap_cli.types.parameters import TUNED, parameter
 
 Column = TypeVar("Column", IntArray, Float32Array)
 
-LOG_ODDS_MAX = 4.0
-"""Occupancy is clamped, so that a thing that stood for an hour can still be seen to have gone (Hornung et al. 2013)."""
 
-FINEST_VOXEL_M = 0.01
-"""Edge of a new object's voxels, about what a depth camera resolves at 2 m."""
+@dataclass(frozen=True)
+class VoxelMapParameters:
+    """Resolution and evidence of an object's voxels."""
 
-MAX_SIDE_VOXELS = 64
-"""More voxels than this along an object's longest side show no more of its shape."""
+    log_odds_max: float = parameter(
+        4.0,
+        "1",
+        "occupancy is clamped to it, so that a thing that stood for an hour can still be seen to have gone",
+        "clamping: Hornung et al. 2013 (OctoMap), eq. 4; value: " + TUNED,
+    )
+    finest_voxel_m: float = parameter(
+        0.01, "m", "edge of a new object's voxels", "about what a depth camera resolves at 2 m", at_least=0.001
+    )
+    max_side_voxels: int = parameter(
+        64, "1", "voxels along an object's longest side; more show no more of its shape", TUNED, at_least=4
+    )
+    often_inside: float = parameter(
+        2.0, "1", "keyframes in which a voxel lay inside the object's masks before it counts as seen often", TUNED
+    )
+    often_percentile: float = parameter(
+        90.0,
+        "%",
+        "percentile of these counts at which, if it is less, a voxel counts as seen often",
+        TUNED,
+        at_most=100,
+    )
+    min_often_share: float = parameter(
+        0.3, "1", "share of the trusted voxels seen often from which only these are the object's", TUNED
+    )
+    min_neighbours: int = parameter(2, "1", "trusted voxels among the 26 around one that is no stray", TUNED)
+
+
+DEFAULT = VoxelMapParameters()
+
+FINEST_VOXEL_M = DEFAULT.finest_voxel_m
+LOG_ODDS_MAX = DEFAULT.log_odds_max
 
 
 @dataclass
@@ -98,11 +132,11 @@ class VoxelMap:
         new = np.searchsorted(self.codes, codes) + np.arange(len(codes))
         old = np.ones(len(self.codes) + len(codes), dtype=bool)
         old[new] = False
-        self.codes = _laid_in(self.codes, old, codes, new)
-        self.log_odds = _laid_in(self.log_odds, old, log_odds, new)
-        self.inside = _laid_in(self.inside, old, inside, new)
-        self.outside = _laid_in(self.outside, old, outside, new)
-        self.rgb = _laid_in(self.rgb, old, rgb, new)
+        self.codes = _merged_column(self.codes, old, codes, new)
+        self.log_odds = _merged_column(self.log_odds, old, log_odds, new)
+        self.inside = _merged_column(self.inside, old, inside, new)
+        self.outside = _merged_column(self.outside, old, outside, new)
+        self.rgb = _merged_column(self.rgb, old, rgb, new)
         self._set_changed()
 
     def keep(self, kept: BoolArray) -> None:
@@ -126,7 +160,7 @@ class VoxelMap:
         self.keep(~taken)
         return part
 
-    def absorb(self, other: VoxelMap) -> None:
+    def absorb(self, other: VoxelMap, parameters: VoxelMapParameters = DEFAULT) -> None:
         """Take in another object's voxels, evidence added up."""
         if not len(other):
             return
@@ -135,7 +169,8 @@ class VoxelMap:
         known = is_member(codes, self.codes)
         at = np.searchsorted(self.codes, codes[known])
         source = first[known]
-        self.log_odds[at] = np.minimum(self.log_odds[at] + np.maximum(other.log_odds[source], 0), LOG_ODDS_MAX)
+        evidence = self.log_odds[at] + np.maximum(other.log_odds[source], 0)
+        self.log_odds[at] = np.minimum(evidence, parameters.log_odds_max)
         self.inside[at] += other.inside[source]
         self.outside[at] += other.outside[source]
         fresh = first[~known]
@@ -171,23 +206,23 @@ class VoxelMap:
         at = np.searchsorted(self.codes, source[taken])
         return VoxelMap(self.voxel_m, codes[taken], self.log_odds[at], self.inside[at], self.outside[at], self.rgb[at])
 
-    def solid(self) -> BoolArray:
+    def solid(self, parameters: VoxelMapParameters = DEFAULT) -> BoolArray:
         """(n,) the voxels that are believed to be the object's: occupied, mostly inside its masks, not alone."""
         trusted: BoolArray = (self.log_odds > 0) & (self.inside > self.outside)
-        usual = float(percentiles(self.inside, (90,))[0]) if len(self) else 0.0
-        often = trusted & (self.inside >= min(2.0, usual))
-        if np.count_nonzero(often) >= 0.3 * np.count_nonzero(trusted):
+        usual = float(percentiles(self.inside, (parameters.often_percentile,))[0]) if len(self) else 0.0
+        often = trusted & (self.inside >= min(parameters.often_inside, usual))
+        if np.count_nonzero(often) >= parameters.min_often_share * np.count_nonzero(trusted):
             trusted = often
         accompanied = np.zeros(len(self.codes), dtype=bool)
-        accompanied[trusted] = neighbour_counts(self.codes[trusted]) >= 2
+        accompanied[trusted] = neighbour_counts(self.codes[trusted]) >= parameters.min_neighbours
         return accompanied if accompanied.any() else trusted
 
-    def fit_voxel(self) -> None:
-        """Double the voxels' edge until the longest side has no more than `MAX_SIDE_VOXELS`: adaptive resolution."""
+    def fit_voxel(self, parameters: VoxelMapParameters = DEFAULT) -> None:
+        """Double the voxels' edge until the longest side has no more than `max_side_voxels`: adaptive resolution."""
         if not len(self):
             return
         keys = self.keys()
-        while (keys.max(axis=0) - keys.min(axis=0)).max() > MAX_SIDE_VOXELS:
+        while (keys.max(axis=0) - keys.min(axis=0)).max() > parameters.max_side_voxels:
             keys = keys >> 1
             self.voxel_m *= 2
             codes, group = np.unique(pack_keys(keys), return_inverse=True)
@@ -215,7 +250,7 @@ class VoxelMap:
         )
 
 
-def _laid_in(old: Column, at_old: BoolArray, new: Column | float, at_new: IntArray) -> Column:
+def _merged_column(old: Column, at_old: BoolArray, new: Column | float, at_new: IntArray) -> Column:
     """One array out of two: the old values where they are marked, the new ones at their positions."""
     joined = np.empty((len(at_old), *old.shape[1:]), old.dtype)
     joined[at_old] = old

@@ -10,10 +10,10 @@ from hypothesis.extra import numpy as hnp
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from supermap_cli.mapping.bodies import joined_bodies
+from supermap_cli.mapping.clusters import joined_clusters
 from supermap_cli.mapping.depth import depth_view
-from supermap_cli.mapping.lifting import MAX_POINTS, LiftedDetection, erosion_px, is_truncated, lift
-from supermap_cli.mapping.mask_core import erode
+from supermap_cli.mapping.lifting import DEFAULT, LiftedDetection, is_truncated, lift
+from supermap_cli.mapping.mask_core import erode, erosion_px
 from supermap_cli.types.detections import Detections, no_detections
 from support import scenes as s
 
@@ -92,9 +92,9 @@ def test_a_thin_thing_does_not_vanish() -> None:
 def test_large_masks_are_thinned_out_evenly() -> None:
     close = s.Thing("box", (0.6, 0, 1.2), (0.2, 0.6, 0.45))
     scene = s.render((close,), s.looking((0, 0, 1.2), (1, 0, 1.2)))
-    assert scene.mask(0).sum() > MAX_POINTS
+    assert scene.mask(0).sum() > DEFAULT.max_points
     one = lift_mask(scene, scene.mask(0))
-    assert len(one.points_map) == MAX_POINTS
+    assert len(one.points_map) == DEFAULT.max_points
     assert np.ptp(one.points_map[:, 2]) > 0.35
 
 
@@ -227,6 +227,6 @@ def test_the_wall_beside_what_stands_before_a_thing_is_not_the_thing() -> None:
 def test_bodies_of_the_image_are_joined_where_they_meet_in_space() -> None:
     x = np.array([0.0, 0.02, 0.5, 0.52, 0.54, 1.5])
     points = np.column_stack([x, np.zeros_like(x), np.ones_like(x)])
-    joined = joined_bodies(points, 0.03, np.array([1, 2, 2, 3, 4, 5]))
+    joined = joined_clusters(points, 0.03, np.array([1, 2, 2, 3, 4, 5]))
     np.testing.assert_array_equal(joined[:, None] == joined, np.equal.outer(*[np.array([0, 0, 0, 0, 0, 1])] * 2))
-    assert not joined_bodies(points, 0.03, np.ones(6, np.int64)).any()
+    assert not joined_clusters(points, 0.03, np.ones(6, np.int64)).any()

@@ -5,7 +5,7 @@ import pytest
 
 from supermap_cli.geometry.cameras import EquirectangularCamera
 from supermap_cli.mapping.lifting import is_truncated
-from supermap_cli.mapping.returns import LIDAR_SIGMA_M, returns_on_image, spacing_m
+from supermap_cli.mapping.returns import DEFAULT, returns_on_image, spacing_m
 from supermap_cli.types.detections import RegionMask
 
 CAMERA = EquirectangularCamera(1440, 720)
@@ -35,12 +35,12 @@ def test_returns_are_found_under_a_mask_and_only_within_range() -> None:
 
 
 def test_noise_is_averaged_out_on_a_surface_and_not_over_an_edge() -> None:
-    returns = returns_on_image(CAMERA, wall(LIDAR_SIGMA_M), 12.0)
+    returns = returns_on_image(CAMERA, wall(DEFAULT.range_sigma_m), 12.0)
     smoothed = returns.smoothed(np.arange(len(returns.u)))
     true_z = np.where(smoothed[:, 0] < 0, 1.7, 2.0)
     away = np.abs(smoothed[:, 0]) > 0.03
-    assert np.std((smoothed[:, 2] - true_z)[away]) < 0.5 * LIDAR_SIGMA_M
-    assert np.abs(smoothed[:, 2] - true_z)[away].max() < 5 * LIDAR_SIGMA_M
+    assert np.std((smoothed[:, 2] - true_z)[away]) < 0.5 * DEFAULT.range_sigma_m
+    assert np.abs(smoothed[:, 2] - true_z)[away].max() < 5 * DEFAULT.range_sigma_m
 
 
 def test_a_quarter_of_the_returns_lie_twice_as_far_apart() -> None:
@@ -60,4 +60,4 @@ def test_returns_of_many_ranges_on_one_pixel_stay_where_they_are() -> None:
     returns = returns_on_image(CAMERA, points, 12.0)
     smoothed = returns.smoothed(np.arange(400))
     assert np.isfinite(smoothed).all()
-    np.testing.assert_allclose(smoothed, points, atol=3 * np.sqrt(2) * LIDAR_SIGMA_M)
+    np.testing.assert_allclose(smoothed, points, atol=3 * np.sqrt(2) * DEFAULT.range_sigma_m)

@@ -10,7 +10,7 @@ from hypothesis.extra import numpy as hnp
 from numpy.typing import NDArray
 
 from supermap_cli.geometry.voxels import pack_keys, voxel_keys
-from supermap_cli.mapping.voxel_map import LOG_ODDS_MAX, MAX_SIDE_VOXELS, VoxelMap, voxel_map_from_cloud
+from supermap_cli.mapping.voxel_map import DEFAULT, VoxelMap, voxel_map_from_cloud
 
 HIT = 0.85
 GREY = np.full((1, 3), 100, np.uint8)
@@ -102,7 +102,7 @@ def test_voxels_grow_with_the_thing(length_m: float, voxel_m: float) -> None:
     voxels = map_of(rod, 0.01)
     voxels.fit_voxel()
     assert voxels.voxel_m == pytest.approx(voxel_m)
-    assert len(voxels) <= MAX_SIDE_VOXELS + 1
+    assert len(voxels) <= DEFAULT.max_side_voxels + 1
     assert np.ptp(voxels.centers()[:, 0]) == pytest.approx(length_m, abs=2 * voxel_m)
 
 
@@ -134,11 +134,11 @@ def test_absorbing_keeps_every_voxel_of_both_and_stays_in_bounds(
     first: NDArray[np.float64], second: NDArray[np.float64]
 ) -> None:
     one, other = map_of(first), map_of(second)
-    one.log_odds[:] = LOG_ODDS_MAX
+    one.log_odds[:] = DEFAULT.log_odds_max
     one.absorb(other)
     wanted = set(pack_keys(voxel_keys(np.concatenate([first, second]), 0.02)).tolist())
     assert one.codes.tolist() == sorted(wanted)
-    assert (one.log_odds <= LOG_ODDS_MAX).all()
+    assert (one.log_odds <= DEFAULT.log_odds_max).all()
 
 
 def test_finer_voxels_are_absorbed_into_the_coarser_ones_they_lie_in() -> None:

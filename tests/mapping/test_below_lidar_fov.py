@@ -5,12 +5,12 @@ import pytest
 
 from supermap_cli.geometry.cameras import EquirectangularCamera
 from supermap_cli.geometry.se3 import make_transform
-from supermap_cli.mapping.beneath import (
+from supermap_cli.mapping.below_lidar_fov import (
     covered_below,
-    hang_down,
+    extend_down,
     lowest_returns,
     mask_rays,
-    stand_on_floor,
+    place_on_floor,
 )
 from supermap_cli.types.detections import RegionMask
 
@@ -57,7 +57,7 @@ def rays_of(mask: RegionMask):
 def test_a_thing_beneath_all_returns_stands_where_its_mask_meets_the_floor(distance_m: float) -> None:
     rays = rays_of(seen_bin(distance_m))
     lowest = lowest_returns(wall_above(6), CAMERA, T_MAP_CAMERA)
-    points = stand_on_floor(rays, lowest, CAMERA.focal_px(), 0.0, np.zeros(len(rays.u), bool))
+    points = place_on_floor(rays, lowest, CAMERA.focal_px(), 0.0, np.zeros(len(rays.u), bool))
     assert points is not None
     low, high = np.percentile(points, (2, 98), axis=0)
     assert (low + high)[:2] / 2 == pytest.approx([distance_m, 0], abs=0.06)
@@ -69,7 +69,7 @@ def test_a_thing_beneath_all_returns_stands_where_its_mask_meets_the_floor(dista
 def test_what_the_lidar_reaches_is_not_placed_by_its_foot() -> None:
     rays = rays_of(seen_bin(2.0))
     lowest = lowest_returns(wall_above(40), CAMERA, T_MAP_CAMERA)
-    assert stand_on_floor(rays, lowest, CAMERA.focal_px(), 0.0, np.zeros(len(rays.u), bool)) is None
+    assert place_on_floor(rays, lowest, CAMERA.focal_px(), 0.0, np.zeros(len(rays.u), bool)) is None
 
 
 def test_a_foot_behind_another_thing_tells_nothing() -> None:
@@ -79,21 +79,21 @@ def test_a_foot_behind_another_thing_tells_nothing() -> None:
     h, w = mask.pixels.shape
     before = RegionMask(mask.u0, mask.v0 + h // 2, np.ones((h, w), bool))
     covered = covered_below(mask, [mask, before], rays.u, rays.v, 4)
-    assert stand_on_floor(rays, lowest, CAMERA.focal_px(), 0.0, covered) is None
+    assert place_on_floor(rays, lowest, CAMERA.focal_px(), 0.0, covered) is None
 
 
 def test_a_foot_beyond_the_wall_is_none() -> None:
     rays = rays_of(seen_bin(2.8))
     near_wall = wall_above(6) * np.float32(0.5)
     lowest = lowest_returns(near_wall, CAMERA, T_MAP_CAMERA)
-    assert stand_on_floor(rays, lowest, CAMERA.focal_px(), 0.0, np.zeros(len(rays.u), bool)) is None
+    assert place_on_floor(rays, lowest, CAMERA.focal_px(), 0.0, np.zeros(len(rays.u), bool)) is None
 
 
 def test_beneath_the_returns_a_surface_goes_on_upright_down_to_the_floor() -> None:
     rays = rays_of(seen_bin(2.0))
     front = np.column_stack([np.full(20, 1.85), np.linspace(-0.1, 0.1, 20), np.full(20, 0.38)])
     pixels, _ = CAMERA.project((front - T_MAP_CAMERA[:3, 3]) @ T_MAP_CAMERA[:3, :3])
-    points, kept = hang_down(rays, front, np.rint(pixels[:, 0]).astype(np.int64), 0.0)
+    points, kept = extend_down(rays, front, np.rint(pixels[:, 0]).astype(np.int64), 0.0)
     assert len(points) == len(kept)
     assert np.hypot(points[:, 0], points[:, 1]) == pytest.approx(1.85, abs=0.02)
     assert points[:, 2].min() == pytest.approx(0, abs=0.02)
