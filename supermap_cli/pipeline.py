@@ -107,9 +107,9 @@ class FramePipeline:
             self.drift = DriftCorrection() if self.config.mapping.correct_drift else None
             for traversal in store.traversals():
                 for record in store.keyframe_depths([traversal.id]):
-                    self.engine.free_space.recall(traversal.number, record)
+                    self.engine.free_space.add_record(traversal.number, record)
                     if self.drift is not None:
-                        self.drift.remember(stored_depth(record))
+                        self.drift.add_view(stored_depth(record))
             self.traversal_number = max((each.number for each in store.traversals()), default=1)
             self._relate_from(store.load_spatial_edges(open_only=True))
 
@@ -125,7 +125,7 @@ class FramePipeline:
             for traversal in store.traversals():
                 until_ns = checkpoint.stamp_ns if traversal.id == stopped.id else None
                 for record in store.keyframe_depths([traversal.id], until_ns=until_ns):
-                    self.engine.free_space.recall(traversal.number, record)
+                    self.engine.free_space.add_record(traversal.number, record)
             cast("Resumable", self.backends.tracker).resume(state.tracker)
             self.tally = state.tally
             self.go_on_in_time(stopped.clock_shift_ns)
@@ -187,7 +187,7 @@ class FramePipeline:
     def _without_drift(self, frame: CameraFrame, T_map_base: FloatArray) -> FloatArray:
         """The base's place after what the odometry has left the map by."""
         view = None if self.drift is None else coarse_depth(frame, T_map_base)
-        return T_map_base if self.drift is None or view is None else self.drift.place(view, T_map_base)
+        return T_map_base if self.drift is None or view is None else self.drift.register(view, T_map_base)
 
     def _perceived(self, placement: Placement) -> Iterator[tuple[Keyframe, Detections | None]]:
         """Keyframes with what the detector says of them, every detection with a mask where one can be told; `None`
@@ -257,7 +257,7 @@ class FramePipeline:
             self._relate(keyframe.stamp_ns, edges)
         with self.clock.stage("record"):
             record = self._record(keyframe, detected=detections is not None)
-            self.engine.free_space.look(self.traversal_number, keyframe, self.config.keyframes.depth_step)
+            self.engine.free_space.add_keyframe(self.traversal_number, keyframe, self.config.keyframes.depth_step)
         return record
 
     def _relate(self, stamp_ns: int, edges: dict[tuple[int, str, int, int], SpatialEdge]) -> None:

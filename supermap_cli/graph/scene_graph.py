@@ -1,4 +1,8 @@
-"""The spatial edges of the scene graph over time: intervals with hysteresis, renewed only around what changed."""
+"""The spatial edges of the scene graph over time: intervals with hysteresis, renewed only around what changed.
+
+The edges E_s of the paper's sec. IV-C, which clusters objects by their centroids first; here pairs are within reach of
+one another's bounds.
+"""
 
 from __future__ import annotations
 
@@ -7,14 +11,27 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from supermap_cli.graph.predicates import PREDICATES, GraphNode, Pair, SpatialPredicate
+from supermap_cli.graph.predicates import PREDICATES, GraphNode, Pair, PredicateParameters, SpatialPredicate
 from supermap_cli.types.memory import SpatialEdge
+from supermap_cli.types.parameters import parameter
 
-REACH_M = 2.0
-"""No relation reaches farther than this between the bounds of two things."""
 
-HELD_SLACK = 1.3
-"""A relation that holds is given up only when its measures are missed by this factor."""
+@dataclass(frozen=True)
+class SceneGraphParameters:
+    """Which pairs are looked at, and the hysteresis of edges."""
+
+    reach_m: float = parameter(
+        2.0, "m", "gap between the bounds of two things beyond which no relation reaches", "above near's greatest gap"
+    )
+    held_slack: float = parameter(
+        1.3, "1", "factor by which a relation that holds must miss its measures to end", "hysteresis", at_least=1
+    )
+    min_confidence_step: float = parameter(
+        0.1, "1", "change of an edge's confidence, at least, for it to be written anew", "bounds the writing"
+    )
+
+
+DEFAULT = SceneGraphParameters()
 
 
 @dataclass
@@ -23,12 +40,14 @@ class SceneGraph:
 
     predicates: Sequence[SpatialPredicate] = PREDICATES
     held: dict[tuple[int, str, int], SpatialEdge] = field(default_factory=dict)
+    parameters: SceneGraphParameters = DEFAULT
+    predicate_parameters: PredicateParameters = field(default_factory=PredicateParameters)
     _related: set[int] = field(default_factory=set, repr=False)
     _left_ns: Mapping[int, int] = field(default_factory=dict, repr=False)
 
     def resume(self, edges: Iterable[SpatialEdge]) -> None:
         """Go on from the open edges that the memory kept."""
-        self.held = {(e.subject, e.relation, e.object): e for e in edges if e.until_ns is None}
+        self.held = {(edge.subject, edge.relation, edge.object): edge for edge in edges if edge.until_ns is None}
         self._related = {number for subject, _, other in self.held for number in (subject, other)}
 
     def update(
@@ -45,8 +64,8 @@ class SceneGraph:
         """
         self._left_ns = left_ns or {}
         altered = self._end_those_without(nodes, stamp_ns)
-        for first, second in neighbours(nodes, changed):
-            pair = Pair(nodes[first], nodes[second])
+        for first, second in neighbours(nodes, changed, self.parameters.reach_m):
+            pair = Pair(nodes[first], nodes[second], self.predicate_parameters)
             altered += self._judge_all(pair, stamp_ns)
             altered += self._judge_all(pair.turned(), stamp_ns)
         return tuple(altered)
@@ -67,10 +86,10 @@ class SceneGraph:
         subject, other = pair.subject.number, pair.other.number
         key = (subject, predicate.name, other)
         held = self.held.get(key)
-        confidence = predicate.holds(pair, 1.0 if held is None else HELD_SLACK)
+        confidence = predicate.holds(pair, 1.0 if held is None else self.parameters.held_slack)
         if confidence <= 0:
             return None if held is None else self._end(key, stamp_ns)
-        if held is not None and abs(held.confidence - confidence) < 0.1:
+        if held is not None and abs(held.confidence - confidence) < self.parameters.min_confidence_step:
             return None
         since_ns = stamp_ns if held is None else held.since_ns
         self._related |= {subject, other}
@@ -88,7 +107,9 @@ class SceneGraph:
         return replace(edge, until_ns=until_ns)
 
 
-def neighbours(nodes: Mapping[int, GraphNode], changed: Collection[int]) -> list[tuple[int, int]]:
+def neighbours(
+    nodes: Mapping[int, GraphNode], changed: Collection[int], reach_m: float = DEFAULT.reach_m
+) -> list[tuple[int, int]]:
     """Pairs of nodes within reach of one another of which at least one has changed, each pair once."""
     moved = sorted(nodes.keys() & changed)
     if not moved or len(nodes) < 2:
@@ -100,6 +121,6 @@ def neighbours(nodes: Mapping[int, GraphNode], changed: Collection[int]) -> list
     for number in moved:
         node = nodes[number]
         distances = np.linalg.norm(centers - node.box.center, axis=1) - radii - node.radius_m
-        near = (numbers[i] for i in np.flatnonzero(distances <= REACH_M).tolist())
+        near = (numbers[i] for i in np.flatnonzero(distances <= reach_m).tolist())
         pairs |= {(min(number, other), max(number, other)) for other in near if other != number}
     return sorted(pairs)

@@ -1,4 +1,7 @@
-"""Where all objects are, in packed arrays: what is near a place is found without a look at every object."""
+"""Where all objects are, in packed arrays: what is near a place is found without a look at every object.
+
+`GetNeighborObjects` of the paper's algorithm 1, step (1).
+"""
 
 from __future__ import annotations
 
@@ -10,12 +13,15 @@ import numpy as np
 from supermap_cli.geometry.arrays import FloatArray, IntArray
 
 _NOWHERE = 1e9
+"""Bounds, in metres, of a row that is not in use: a million kilometres away."""
+
 _FIRST_CAPACITY = 64
+"""Rows for which there is room at first; a full array doubles."""
 
 
 @dataclass
 class BoundsIndex:
-    """The axis-aligned bounds of numbered things, a row each in the order in which they were added.
+    """The axis-aligned bounds of numbered things, a row for each in the order in which they were added.
 
     `changed` holds the numbers whose row is out of date; `refresh` brings only those up to date. A row that was removed
     lies a million kilometres away, and the rows are closed up when half of them do.

@@ -4,6 +4,8 @@ Wheels, inertia and visual odometry leave the truth little by little; what they 
 and shift of their frame. Every keyframe's surfaces are laid onto those seen before, by point-to-plane ICP from where
 the odometry expects them, and the correction found is carried on to the next. A place seen again after a long way is
 so found where it stood, not beside it.
+
+Departs from the paper, which takes P_t of eq. 3 from SuperOdometry as exact.
 """
 
 from __future__ import annotations
@@ -16,55 +18,76 @@ import numpy as np
 from supermap_cli.geometry.arrays import FloatArray, IntArray
 from supermap_cli.geometry.se3 import inverse, make_transform, transform_points
 from supermap_cli.geometry.voxels import is_member, pack_keys, voxel_keys
-from supermap_cli.mapping.icp import Surface
+from supermap_cli.mapping import icp
+from supermap_cli.mapping.icp import IcpParameters, Surface
 from supermap_cli.mapping.structure import CoarseDepth, Structure
+from supermap_cli.types.parameters import TUNED, parameter
 
-SURFACE_M = 0.05
-"""One point is kept of every cube of this edge: the first, so that what was seen early holds what is seen late."""
-
-SAMPLE_M = 0.1
-LOOK_M, REMEMBER_M = 5.0, 4.0
-"""Surfaces up to the first distance are compared, up to the second remembered: a camera's depth gets worse."""
-
-REACHES_M = (0.3, 0.25, 0.2, 0.15, 0.12, 0.1, 0.1)
-SAME_PARTNERS_M, SURE_SIGMAS = 0.01, 3.0
-"""Partners are looked for within these distances, one after the other, but no farther than so many deviations of the
-correction; and anew only when the points have moved so far since, for surfaces are known every `SURFACE_M`.
-"""
-
-LEAST_MATCHED, LEAST_POINTS = 0.4, 150
-"""A keyframe of which less lies on known surfaces is new country: the odometry is followed."""
-
-MUCH_SEEN = 0.05
-"""The known surfaces near by are laid out anew when this share of them has come since."""
-
-PLACED_SIGMA_M, PLACED_SIGMA_DEG = 0.1, 1.0
-"""How well a further traversal is placed in the map as a whole."""
-
-SURFACE_SIGMA_M = 0.02
-CORRELATED = 25.0
-"""Deviation of a point from a surface, and how many points say no more than one: they share their camera's faults."""
+_FIRST_CAPACITY = 4096
+"""Points for which there is room at first; a full array doubles."""
 
 
 @dataclass(frozen=True)
-class OdometryNoise:
-    """How an odometry errs between two keyframes: standard deviations of what is added to the correction.
+class DriftParameters:
+    """What of the surfaces is compared and kept, how they are matched, and how an odometry errs.
 
-    `m_per_m` of the way gone, and `m` in any case; `deg_per_m`, `deg_per_turn` and `deg` of the heading.
+    Between two keyframes the correction's standard deviations grow by `odometry_*`: those in metres of x, y and z, each
+    in any case and by the way gone; those in degrees of the heading, in any case, by the way and by the turn.
     """
 
-    m: float = 0.003
-    m_per_m: float = 0.03
-    deg: float = 0.05
-    deg_per_m: float = 0.3
-    deg_per_turn: float = 2.0
+    surface_m: float = parameter(
+        0.05, "m", "edge of the cubes that one point is kept of: the first, so that early holds late", TUNED
+    )
+    sample_m: float = parameter(0.1, "m", "edge of the cubes that one point is compared of", TUNED)
+    compare_range_m: float = parameter(5.0, "m", "depth up to which surfaces are compared", TUNED)
+    keep_range_m: float = parameter(
+        4.0, "m", "depth up to which they are kept in the map: a camera's depth gets worse", TUNED
+    )
+    search_radii_m: tuple[float, ...] = parameter(
+        (0.3, 0.25, 0.2, 0.15, 0.12, 0.1, 0.1), "m", "radii within which correspondences are looked for, in turn", TUNED
+    )
+    rematch_m: float = parameter(
+        0.01, "m", "shift of the points from which correspondences are looked for anew", "a fraction of surface_m"
+    )
+    gate_sigmas: float = parameter(
+        3.0, "1", "deviations of the correction beyond which no correspondences are looked for", "three-sigma rule"
+    )
+    min_matched: float = parameter(
+        0.4, "1", "share of a keyframe on known surfaces below which the odometry alone is followed", TUNED
+    )
+    min_points: int = parameter(150, "1", "points below which nothing is matched", TUNED)
+    local_margin_m: float = parameter(
+        2.0, "m", "how much farther than compare_range_m the local surfaces reach", "twice rebuild_distance_m"
+    )
+    rebuild_distance_m: float = parameter(
+        1.0, "m", "distance from their middle at which the local surfaces are gathered anew", "half of local_margin_m"
+    )
+    rebuild_share: float = parameter(
+        0.05, "1", "share of new surfaces at which the local ones are gathered anew", "bounds the time"
+    )
+    placed_sigma_m: float = parameter(
+        0.1, "m", "deviation of the place that alignment gives a further traversal", TUNED
+    )
+    placed_sigma_deg: float = parameter(1.0, "deg", "deviation of its heading", TUNED)
+    surface_sigma_m: float = parameter(0.02, "m", "deviation of a point from a surface", TUNED, at_least=0.001)
+    correlated_points: float = parameter(
+        25.0, "1", "points that say no more than one: they share their camera's faults", TUNED, at_least=1
+    )
+    odometry_m: float = parameter(0.003, "m", "drift of the place between two keyframes", TUNED)
+    odometry_m_per_m: float = parameter(0.03, "m/m", "drift of the place by the way gone", TUNED)
+    odometry_deg: float = parameter(0.05, "deg", "drift of the heading between two keyframes", TUNED)
+    odometry_deg_per_m: float = parameter(0.3, "deg/m", "drift of the heading by the way gone", TUNED)
+    odometry_deg_per_turn: float = parameter(2.0, "deg", "drift of the heading by a full turn", TUNED)
+
+
+DEFAULT = DriftParameters()
 
 
 class KnownSurfaces:
     """All surfaces seen so far, in arrays with room to grow: adding to them does not copy what is there."""
 
     def __init__(self) -> None:
-        self._points, self._normals = np.empty((4096, 3)), np.empty((4096, 3))
+        self._points, self._normals = np.empty((_FIRST_CAPACITY, 3)), np.empty((_FIRST_CAPACITY, 3))
         self._count = 0
 
     def __len__(self) -> int:
@@ -110,33 +133,36 @@ class DriftMark:
 class DriftCorrection:
     """Holds the correction, `T_map_drifted`, and the surfaces by which it is found."""
 
-    noise: OdometryNoise = field(default_factory=OdometryNoise)
+    parameters: DriftParameters = DEFAULT
+    icp_parameters: IcpParameters = icp.DEFAULT
     T_map_drifted: FloatArray = field(default_factory=lambda: np.eye(4))
     known: KnownSurfaces = field(default_factory=KnownSurfaces)
     _codes: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
-    _near: Surface | None = None
+    _local: Surface | None = None
     _near_at: FloatArray = field(default_factory=lambda: np.full(3, np.inf))
     _near_known: int = -1
     _fresh: int = 0
     _covariance: FloatArray = field(default_factory=lambda: np.zeros((4, 4)))
     _last: FloatArray | None = None
 
-    def remember(self, view: CoarseDepth) -> None:
+    def add_view(self, view: CoarseDepth) -> None:
         """Take in the surfaces of a depth image that is placed in the map."""
-        self._learn(view.structure(REMEMBER_M).thinned(SURFACE_M))
+        self._add_surfaces(view.structure(self.parameters.keep_range_m).thinned(self.parameters.surface_m))
 
-    def place(self, view: CoarseDepth, T_drifted_base: FloatArray) -> FloatArray:
+    def register(self, view: CoarseDepth, T_drifted_base: FloatArray) -> FloatArray:
         """`T_map_base` of a keyframe: `view` is its depth, placed where the odometry has it, as is `T_drifted_base`."""
+        parameters = self.parameters
         covariance = self._covariance + self._step_covariance(T_drifted_base)
         self._covariance = covariance
-        seen = view.structure(LOOK_M).thinned(SURFACE_M)
-        sample = seen.thinned(SAMPLE_M)
+        seen = view.structure(parameters.compare_range_m).thinned(parameters.surface_m)
+        sample = seen.thinned(parameters.sample_m)
         center = transform_points(self.T_map_drifted, T_drifted_base[None, :3, 3])[0]
-        if len(sample) >= LEAST_POINTS and (surface := self._surface_near(center)) is not None:
-            found = refine(surface, sample, self.T_map_drifted, center, covariance)
-            if found is not None and found.matched >= LEAST_MATCHED:
+        if len(sample) >= parameters.min_points and (surface := self._local_surface(center)) is not None:
+            found = refine(surface, sample, self.T_map_drifted, center, covariance, parameters=parameters)
+            if found is not None and found.matched >= parameters.min_matched:
                 self.T_map_drifted, self._covariance = found.T_map_drifted, found.covariance
-        self._learn(seen.within(view.T_frame_camera[:3, 3], REMEMBER_M).moved(self.T_map_drifted))
+        near = seen.within(view.T_frame_camera[:3, 3], parameters.keep_range_m)
+        self._add_surfaces(near.moved(self.T_map_drifted))
         return self.T_map_drifted @ T_drifted_base
 
     def mark(self) -> DriftMark:
@@ -152,48 +178,61 @@ class DriftCorrection:
         )
 
     @classmethod
-    def at_mark(cls, mark: DriftMark, points: FloatArray, normals: FloatArray) -> Self:
+    def at_mark(
+        cls,
+        mark: DriftMark,
+        points: FloatArray,
+        normals: FloatArray,
+        parameters: DriftParameters = DEFAULT,
+        icp_parameters: IcpParameters = icp.DEFAULT,
+    ) -> Self:
         """One that goes on from a mark, with the surfaces (n, 3) known then."""
-        resumed = cls(T_map_drifted=mark.T_map_drifted)
+        resumed = cls(parameters, icp_parameters, T_map_drifted=mark.T_map_drifted)
         if mark.near_known >= 0:
             resumed.known.add(Structure(points[: mark.near_known], normals[: mark.near_known]))
-            resumed._lay_out(mark.near_at)
+            resumed._gather_local(mark.near_at)
         so_far = len(resumed.known)
         resumed.known.add(Structure(points[so_far:], normals[so_far:]))
-        resumed._codes = np.unique(pack_keys(voxel_keys(points, SURFACE_M)))
+        resumed._codes = np.unique(pack_keys(voxel_keys(points, parameters.surface_m)))
         resumed._covariance, resumed._last, resumed._fresh = mark.covariance, mark.last, mark.fresh
         return resumed
 
     def _step_covariance(self, T_drifted_base: FloatArray) -> FloatArray:
         """(4, 4) how far, in x, y, z and heading, the correction may have changed since the last keyframe."""
+        parameters = self.parameters
         last, self._last = self._last, T_drifted_base
         if last is None:
-            return _covariance(PLACED_SIGMA_M, PLACED_SIGMA_DEG)
+            return _covariance(parameters.placed_sigma_m, parameters.placed_sigma_deg)
         step = inverse(last) @ T_drifted_base
         way_m = float(np.linalg.norm(step[:3, 3]))
         turned = float(np.arccos(np.clip((np.trace(step[:3, :3]) - 1) / 2, -1, 1)) / (2 * np.pi))
-        noise = self.noise
-        deg = np.hypot(noise.deg, np.hypot(noise.deg_per_m * way_m, noise.deg_per_turn * turned))
-        return _covariance(float(np.hypot(noise.m, noise.m_per_m * way_m)), float(deg))
+        by_motion_deg = np.hypot(parameters.odometry_deg_per_m * way_m, parameters.odometry_deg_per_turn * turned)
+        deg = np.hypot(parameters.odometry_deg, by_motion_deg)
+        return _covariance(float(np.hypot(parameters.odometry_m, parameters.odometry_m_per_m * way_m)), float(deg))
 
-    def _learn(self, seen: Structure) -> None:
-        codes = pack_keys(voxel_keys(seen.points, SURFACE_M))
+    def _add_surfaces(self, seen: Structure) -> None:
+        codes = pack_keys(voxel_keys(seen.points, self.parameters.surface_m))
         codes, first = np.unique(codes, return_index=True)
         fresh = ~is_member(codes, self._codes)
         self._codes = np.insert(self._codes, np.searchsorted(self._codes, codes[fresh]), codes[fresh])
         self.known.add(seen.take(first[fresh]))
         self._fresh += int(fresh.sum())
 
-    def _surface_near(self, center: FloatArray) -> Surface | None:
+    def _local_surface(self, center: FloatArray) -> Surface | None:
         """The known surfaces around a place; made anew when it has been left, or much has been seen since."""
+        parameters = self.parameters
         moved_m = float(np.linalg.norm(center - self._near_at))
-        if self._near is None or moved_m > 1.0 or self._fresh > MUCH_SEEN * len(self._near.structure):
-            self._lay_out(center)
-        return self._near
+        if (
+            self._local is None
+            or moved_m > parameters.rebuild_distance_m
+            or self._fresh > parameters.rebuild_share * len(self._local.structure)
+        ):
+            self._gather_local(center)
+        return self._local
 
-    def _lay_out(self, center: FloatArray) -> None:
-        near = self.known.within(center, LOOK_M + 2.0)
-        self._near = Surface(near) if len(near) >= LEAST_POINTS else None
+    def _gather_local(self, center: FloatArray) -> None:
+        near = self.known.within(center, self.parameters.compare_range_m + self.parameters.local_margin_m)
+        self._local = Surface(near, self.icp_parameters) if len(near) >= self.parameters.min_points else None
         self._near_at, self._near_known, self._fresh = center, len(self.known), 0
 
 
@@ -209,7 +248,13 @@ class Refined:
 
 
 def refine(
-    surface: Surface, sample: Structure, T_start: FloatArray, center: FloatArray, covariance: FloatArray
+    surface: Surface,
+    sample: Structure,
+    T_start: FloatArray,
+    center: FloatArray,
+    covariance: FloatArray,
+    *,
+    parameters: DriftParameters = DEFAULT,
 ) -> Refined | None:
     """The level turn and shift of a sample, about `center` (3,), that lays it best onto a surface and is likely for the
     odometry; `None` if too little of it lies there.
@@ -220,32 +265,35 @@ def refine(
     prior = np.linalg.inv(covariance)
     information = prior
     total = np.zeros(4)
-    asked = np.full(4, np.inf)
-    for reach_m in _reaches_m(covariance):
+    matched_at = np.full(4, np.inf)
+    variance = parameters.correlated_points * parameters.surface_sigma_m**2
+    for reach_m in _search_radii_m(covariance, parameters):
         T = shifted(T_start, center, total)
-        if _way_m(total - asked) > SAME_PARTNERS_M:
-            partners, asked = surface.partners(sample.moved(T), reach_m), total
-        points = transform_points(T, sample.points[partners.source])
-        near, residual = partners.within(points, reach_m)
-        if len(near) < LEAST_POINTS // 2:
+        if _displacement_m(total - matched_at, parameters.compare_range_m) > parameters.rematch_m:
+            found, matched_at = surface.correspondences(sample.moved(T), reach_m), total
+        points = transform_points(T, sample.points[found.source])
+        near, residual = found.within(points, reach_m)
+        if len(near) < parameters.min_points // 2:
             return None
-        weight = np.square(np.maximum(1 - np.square(residual / reach_m), 0)) / (CORRELATED * SURFACE_SIGMA_M**2)
-        arms, normals = points[near, :2] - center[:2] - total[:2], partners.normals[near]
+        weight = np.square(np.maximum(1 - np.square(residual / reach_m), 0)) / variance
+        arms, normals = points[near, :2] - center[:2] - total[:2], found.normals[near]
         jacobian = np.column_stack([normals, arms[:, 0] * normals[:, 1] - arms[:, 1] * normals[:, 0]])
         information = (jacobian * weight[:, None]).T @ jacobian + prior
         total = total - np.linalg.solve(information, jacobian.T @ (weight * residual) + prior @ total)
     return Refined(shifted(T_start, center, total), np.linalg.inv(information), len(near) / len(sample))
 
 
-def _reaches_m(covariance: FloatArray) -> tuple[float, ...]:
-    """How far away partners are looked for, one after the other: no farther than the correction may be wrong by."""
-    needed_m = REACHES_M[-1] + SURE_SIGMAS * _way_m(np.sqrt(np.diag(covariance)))
-    return tuple(reach_m for reach_m in REACHES_M if reach_m <= needed_m)
+def _search_radii_m(covariance: FloatArray, parameters: DriftParameters) -> tuple[float, ...]:
+    """How far away correspondences are looked for, in turn: no farther than the correction may be wrong by."""
+    radii_m = parameters.search_radii_m
+    wrong_m = _displacement_m(np.sqrt(np.diag(covariance)), parameters.compare_range_m)
+    needed_m = radii_m[-1] + parameters.gate_sigmas * wrong_m
+    return tuple(radius_m for radius_m in radii_m if radius_m <= needed_m)
 
 
-def _way_m(change: FloatArray) -> float:
-    """How far a change (4,) of x, y, z and heading moves what is seen, at most."""
-    return float(np.linalg.norm(change[:3]) + LOOK_M * abs(change[3]))
+def _displacement_m(change: FloatArray, range_m: float) -> float:
+    """How far a change (4,) of x, y, z and heading moves what is seen within a range, at most."""
+    return float(np.linalg.norm(change[:3]) + range_m * abs(change[3]))
 
 
 def shifted(T_start: FloatArray, center: FloatArray, change: FloatArray) -> FloatArray:

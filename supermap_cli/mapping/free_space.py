@@ -1,4 +1,8 @@
-"""Which space was seen empty, and when: asked when a thing turns up, to tell "it came" from "nobody had looked"."""
+"""Which space was seen empty, and when: asked when a thing turns up, to tell "it came" from "nobody had looked".
+
+Departs from the paper, where whatever is new has appeared. The test is its eq. 9 (a point in front of the surface),
+asked of earlier depth images.
+"""
 
 from __future__ import annotations
 
@@ -15,6 +19,31 @@ from supermap_cli.geometry.se3 import inverse, transform_points
 from supermap_cli.mapping.visibility import tolerance_m
 from supermap_cli.types.keyframe import Keyframe
 from supermap_cli.types.memory import KeyframeRecord
+from supermap_cli.types.parameters import TUNED, parameter
+
+
+@dataclass(frozen=True)
+class FreeSpaceParameters:
+    """Which depth images are kept, and when a place counts as seen empty."""
+
+    min_empty_share: float = parameter(
+        0.6, "1", "share of an object's points looked through for its place to count as seen empty", TUNED, at_most=1
+    )
+    min_in_view_share: float = parameter(
+        0.5, "1", "share of the points in a view below which it tells nothing", TUNED, at_most=1
+    )
+    max_points: int = parameter(
+        200, "1", "points of an object that views are asked about", "bounds the time", at_least=1
+    )
+    cell_m: float = parameter(0.5, "m", "edge of the cells of position of a viewpoint", TUNED, at_least=0.05)
+    cell_deg: float = parameter(30.0, "deg", "width of the cells of direction of a viewpoint", TUNED, at_least=1)
+    views_per_cell: int = parameter(3, "1", "depth images kept of each viewpoint", "bounds the memory", at_least=1)
+    apart_s: float = parameter(
+        10.0, "s", "time between these: what turns up is confirmed only after a while, when the newest shows it", TUNED
+    )
+
+
+DEFAULT = FreeSpaceParameters()
 
 
 def encode_small_depth(keyframe: Keyframe, step_px: int) -> bytes:
@@ -48,11 +77,11 @@ class SmallView:
     nearest_m: Float32Array
     step_px: int
 
-    def share_empty(self, points_map: FloatArray, voxel_m: float) -> float:
-        """Share of (n, 3) points that rays went through; 0 where fewer than half of the points can be told."""
+    def share_empty(self, points_map: FloatArray, voxel_m: float, parameters: FreeSpaceParameters = DEFAULT) -> float:
+        """Share of (n, 3) points that rays went through; 0 where fewer than half of the points are in view."""
         points_camera = transform_points(inverse(self.T_map_camera), points_map)
         pixels, seen = self.camera.project(points_camera)
-        if seen.mean() < 0.5:
+        if seen.mean() < parameters.min_in_view_share:
             return 0.0
         u, v = (pixels[seen] / self.step_px).astype(np.int64).T
         h, w = self.nearest_m.shape
@@ -71,69 +100,63 @@ def small_view(
     return SmallView(stamp_ns, T_map_camera, camera, nearest_m, step_px)
 
 
-KEPT_LOOKS, APART_NS = 3, 10_000_000_000
-
-EMPTY_SHARE = 0.6
-"""Share of an object's points that must have been looked through before its place counts as seen empty."""
-
-
 @dataclass
 class FreeSpaceMemory:
-    """The latest looks from every viewpoint (cells of 0.5 m and 30 degrees), each traversal by itself: its size is that
+    """The latest views from every viewpoint (cells of 0.5 m and 30 degrees), each traversal by itself: its size is that
     of the place, not of the recording.
 
-    Of each there are up to `KEPT_LOOKS`: the newest, and older ones `APART_NS` apart, for a robot that stands still:
-    what turns up before its eyes is believed in only after a while, and the newest look then shows it already.
+    Of each there are up to `views_per_cell`: the newest, and older ones `apart_s` apart, for a robot that stands still:
+    what turns up before its eyes is confirmed only after a while, and the newest view then shows it already.
     """
 
+    parameters: FreeSpaceParameters = DEFAULT
     views: dict[tuple[int, ...], list[SmallView]] = field(default_factory=dict)
 
-    def remember(self, traversal: int, view: SmallView) -> None:
-        """Keep a look; it takes the place of the newest one from there, or of the oldest."""
+    def add(self, traversal: int, view: SmallView) -> None:
+        """Keep a view; it takes the place of the newest one from there, or of the oldest."""
+        parameters = self.parameters
         T = view.T_map_camera
-        azimuth = np.degrees(np.arctan2(T[1, 2], T[0, 2])) // 30
-        elevation = np.degrees(np.arcsin(np.clip(T[2, 2], -1, 1))) // 30
-        position = np.floor(T[:3, 3] / 0.5)
-        looks = self.views.setdefault((traversal, *(int(x) for x in position), int(azimuth), int(elevation)), [])
-        if len(looks) > 1 and looks[-1].stamp_ns - looks[-2].stamp_ns < APART_NS:
-            looks.pop()
-        looks.append(view)
-        del looks[:-KEPT_LOOKS]
+        azimuth = np.degrees(np.arctan2(T[1, 2], T[0, 2])) // parameters.cell_deg
+        elevation = np.degrees(np.arcsin(np.clip(T[2, 2], -1, 1))) // parameters.cell_deg
+        position = np.floor(T[:3, 3] / parameters.cell_m)
+        kept = self.views.setdefault((traversal, *(int(x) for x in position), int(azimuth), int(elevation)), [])
+        if len(kept) > 1 and kept[-1].stamp_ns - kept[-2].stamp_ns < parameters.apart_s * 1e9:
+            kept.pop()
+        kept.append(view)
+        del kept[: -parameters.views_per_cell]
 
-    def look(self, traversal: int, keyframe: Keyframe, step_px: int) -> None:
-        """Keep a keyframe's look, the same that `recall` makes of what the memory stores of it."""
+    def add_keyframe(self, traversal: int, keyframe: Keyframe, step_px: int) -> None:
+        """Keep a keyframe's view, the same that `add_record` makes of what the memory stores of it."""
         small_m = (_small_mm(keyframe, step_px) / 1000).astype(np.float32)
-        self.remember(
-            traversal, small_view(keyframe.stamp_ns, keyframe.T_map_camera, keyframe.camera, small_m, step_px)
-        )
+        self.add(traversal, small_view(keyframe.stamp_ns, keyframe.T_map_camera, keyframe.camera, small_m, step_px))
 
-    def recall(self, traversal: int, record: KeyframeRecord) -> None:
-        """Keep a look that the memory had stored."""
+    def add_record(self, traversal: int, record: KeyframeRecord) -> None:
+        """Keep a view that the memory had stored."""
         camera = camera_from_json(record.camera)
         small = decode_small_depth(record)
-        self.remember(traversal, small_view(record.stamp_ns, record.T_map_camera, camera, small, record.depth_step))
+        self.add(traversal, small_view(record.stamp_ns, record.T_map_camera, camera, small, record.depth_step))
 
     def last_seen_empty(self, points_map: FloatArray, voxel_m: float, before_ns: int) -> int | None:
         """The latest time before `before_ns` at which the place of (n, 3) points was seen empty, `None` if never."""
-        sample = points_map[:: max(1, len(points_map) // 200)]
+        sample = points_map[:: max(1, len(points_map) // self.parameters.max_points)]
         earlier = _that_may_see(
-            sample, [view for looks in self.views.values() for view in looks if view.stamp_ns < before_ns]
+            sample, [view for kept in self.views.values() for view in kept if view.stamp_ns < before_ns]
         )
-        for view in sorted(earlier, key=lambda each: -each.stamp_ns):
-            if view.share_empty(sample, voxel_m) > EMPTY_SHARE:
+        for view in sorted(earlier, key=lambda view: -view.stamp_ns):
+            if view.share_empty(sample, voxel_m, self.parameters) > self.parameters.min_empty_share:
                 return view.stamp_ns
         return None
 
 
 def _that_may_see(points_map: FloatArray, views: Sequence[SmallView]) -> list[SmallView]:
-    """Those of the views that do not look past all of (n, 3) points: for these is a look at every point worth it."""
+    """Those of the views that do not look past all of (n, 3) points: only these are worth a test of every point."""
     if not views:
         return []
     center = points_map.mean(axis=0)
     radius_m = float(np.linalg.norm(points_map - center, axis=1).max())
-    rays = center - np.array([each.T_map_camera[:3, 3] for each in views])
+    rays = center - np.array([view.T_map_camera[:3, 3] for view in views])
     distances = np.maximum(np.linalg.norm(rays, axis=1), 1e-9)
-    along = np.einsum("ij,ij->i", rays, np.array([each.T_map_camera[:3, 2] for each in views])) / distances
-    half = np.arcsin(np.clip(radius_m / distances, 0, 1)) + np.array([each.camera.widest_angle() for each in views])
+    along = np.einsum("ij,ij->i", rays, np.array([view.T_map_camera[:3, 2] for view in views])) / distances
+    half = np.arcsin(np.clip(radius_m / distances, 0, 1)) + np.array([view.camera.widest_angle() for view in views])
     may = (distances <= radius_m) | (np.arccos(np.clip(along, -1, 1)) <= half)
     return [views[i] for i in np.flatnonzero(may).tolist()]

@@ -79,8 +79,8 @@ class LiftedDetection:
 
     `points_map` (n, 3) metres with `rgb` (n, 3); `centroid_map` (3,); `mask` is the detector's own, `core` the part of
     it that is surely the object's: all but its rim, and of the rim what lies in the foreground (both on the region of
-    `mask`); `rim_px` is how wide the rim is; `truncated` says that the image's border cuts it, so that its extent is only part
-    of the object's; `voxel_m` is the edge of voxels that are not finer than what the sensor tells apart.
+    `mask`); `rim_px` is how wide the rim is; `truncated` says that the image's border cuts it, so that its extent is
+    only part of the object's; `voxel_m` is the edge of voxels that are not finer than what the sensor tells apart.
     """
 
     index: int

@@ -5,15 +5,49 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
+from supermap_cli.mapping.alignment import AlignmentParameters, AlignmentParameterSets
+from supermap_cli.mapping.below_lidar_fov import BelowLidarFovParameters
 from supermap_cli.mapping.class_sizes import ClassSizeParameters
+from supermap_cli.mapping.clusters import ClusterParameters
+from supermap_cli.mapping.crops import CropParameters
+from supermap_cli.mapping.depth import DepthParameters
+from supermap_cli.mapping.drift import DriftParameters
+from supermap_cli.mapping.free_space import FreeSpaceParameters
+from supermap_cli.mapping.icp import IcpParameters
+from supermap_cli.mapping.levelling import LevellingParameters
+from supermap_cli.mapping.lidar_lifting import LidarLiftingParameters
+from supermap_cli.mapping.lifting import LiftingParameters, LiftingParameterSets
+from supermap_cli.mapping.mask_core import MaskCoreParameters
+from supermap_cli.mapping.place_search import PlaceSearchParameters
+from supermap_cli.mapping.returns import ReturnsParameters
+from supermap_cli.mapping.seam import SeamParameters
+from supermap_cli.mapping.structure import StructureParameters
+from supermap_cli.mapping.voxel_map import VoxelMapParameters
 from supermap_cli.types.parameters import ParameterRow, described, overridden
 
 
 @dataclass(frozen=True)
 class MappingParameters:
-    """The sets, each frozen. A new file with numbers gets a line here."""
+    """The sets, each frozen, in the order of the method. A new file with numbers gets a line here."""
 
+    levelling: LevellingParameters = field(default_factory=LevellingParameters)
+    alignment: AlignmentParameters = field(default_factory=AlignmentParameters)
+    place_search: PlaceSearchParameters = field(default_factory=PlaceSearchParameters)
+    icp: IcpParameters = field(default_factory=IcpParameters)
+    structure: StructureParameters = field(default_factory=StructureParameters)
+    drift: DriftParameters = field(default_factory=DriftParameters)
+    depth: DepthParameters = field(default_factory=DepthParameters)
+    returns: ReturnsParameters = field(default_factory=ReturnsParameters)
+    seam: SeamParameters = field(default_factory=SeamParameters)
+    mask_core: MaskCoreParameters = field(default_factory=MaskCoreParameters)
+    clusters: ClusterParameters = field(default_factory=ClusterParameters)
+    lifting: LiftingParameters = field(default_factory=LiftingParameters)
+    lidar_lifting: LidarLiftingParameters = field(default_factory=LidarLiftingParameters)
+    below_lidar_fov: BelowLidarFovParameters = field(default_factory=BelowLidarFovParameters)
+    voxel_map: VoxelMapParameters = field(default_factory=VoxelMapParameters)
     class_sizes: ClassSizeParameters = field(default_factory=ClassSizeParameters)
+    free_space: FreeSpaceParameters = field(default_factory=FreeSpaceParameters)
+    crops: CropParameters = field(default_factory=CropParameters)
 
     @classmethod
     def from_overrides(cls, values: Mapping[str, Mapping[str, object]]) -> MappingParameters:
@@ -23,3 +57,18 @@ class MappingParameters:
     def describe(self) -> Iterator[ParameterRow]:
         """All parameters with unit, meaning and source."""
         return described(self)
+
+    def lifting_sets(self) -> LiftingParameterSets:
+        """What `lifting.lift` works with."""
+        return LiftingParameterSets(
+            self.lifting,
+            self.mask_core,
+            self.clusters,
+            self.lidar_lifting,
+            self.below_lidar_fov,
+            self.voxel_map.finest_voxel_m,
+        )
+
+    def alignment_sets(self) -> AlignmentParameterSets:
+        """What `alignment.align` works with."""
+        return AlignmentParameterSets(self.alignment, self.place_search, self.icp)

@@ -1,12 +1,13 @@
 """The seam of a full turn: a thing across it is found as two halves, one at either border of the image.
 
 A panorama turned about its own vertical is the same panorama with its seam elsewhere. Where masks touch the seam, the
-image is turned until it lies where nothing was found, and the halves are joined.
+image is turned until it lies where nothing was found, and the halves are joined. Comes before the paper's algorithm 1,
+which knows no panoramas.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,19 +19,33 @@ from supermap_cli.mapping.depth import DepthView
 from supermap_cli.mapping.visibility import ObjectView
 from supermap_cli.types.detections import Detections, RegionMask, joined_masks
 from supermap_cli.types.keyframe import Keyframe
-
-_AT_SEAM_PX = 2
-_SHARED_ROWS = 0.5
+from supermap_cli.types.parameters import TUNED, parameter
 
 
-def turn_px(detections: Detections, camera: Camera) -> int:
+@dataclass(frozen=True)
+class SeamParameters:
+    """Which masks are two halves of one thing."""
+
+    at_seam_px: int = parameter(2, "px", "distance from the image's border up to which a mask touches the seam", TUNED)
+    min_shared_rows: float = parameter(
+        0.5, "1", "share of the shorter half's rows at the seam that both halves must cover", TUNED, at_most=1
+    )
+
+
+DEFAULT = SeamParameters()
+
+
+def turn_px(detections: Detections, camera: Camera, parameters: SeamParameters = DEFAULT) -> int:
     """By how many pixels to turn an image to the left, so that no mask lies across its seam; 0: leave it as it is."""
     regions = [mask for mask in detections.masks if mask is not None]
-    if not camera.full_turn or not any(_at_left(each) or _at_right(each, camera.width) for each in regions):
+    near_px = parameters.at_seam_px
+    if not camera.full_turn or not any(
+        _at_left(mask, near_px) or _at_right(mask, camera.width, near_px) for mask in regions
+    ):
         return 0
     taken = np.zeros(camera.width, bool)
-    for each in regions:
-        taken[each.u0 : each.u0 + each.pixels.shape[1]] = True
+    for mask in regions:
+        taken[mask.u0 : mask.u0 + mask.pixels.shape[1]] = True
     if taken.all():
         return 0
     begins = int(np.argmax(taken))
@@ -82,7 +97,7 @@ def turned_view(view: ObjectView, width: int, by_px: int) -> ObjectView:
 
 
 def turned_detections(
-    detections: Detections, track_ids: IntArray, width: int, by_px: int
+    detections: Detections, track_ids: IntArray, width: int, by_px: int, parameters: SeamParameters = DEFAULT
 ) -> tuple[Detections, IntArray]:
     """Detections and their tracks on the turned image, halves at the former seam joined."""
     masks = [None if m is None else replace(m, u0=(m.u0 - by_px) % width) for m in detections.masks]
@@ -90,7 +105,7 @@ def turned_detections(
     shift = ((boxes[:, 0] - by_px) % width) - boxes[:, 0]
     boxes[:, [0, 2]] += shift[:, None]
     kept = np.ones(len(detections), bool)
-    for left, right in _halves(detections, width):
+    for left, right in _halves(detections, width, parameters):
         first, second = masks[left], masks[right]
         if first is None or second is None:
             continue
@@ -113,37 +128,40 @@ def box_before_turning(box_xyxy: Float32Array, width: int, by_px: int) -> Float3
     return box
 
 
-def _halves(detections: Detections, width: int) -> list[tuple[int, int]]:
+def _halves(detections: Detections, width: int, parameters: SeamParameters) -> list[tuple[int, int]]:
     """Pairs (at the left border, at the right border) that are called alike and meet at the seam."""
+    near_px = parameters.at_seam_px
     pairs: list[tuple[int, int]] = []
     for left, first in enumerate(detections.masks):
-        if first is None or not _at_left(first):
+        if first is None or not _at_left(first, near_px):
             continue
         for right, second in enumerate(detections.masks):
-            if second is None or right == left or not _at_right(second, width) or right in {r for _, r in pairs}:
+            if second is None or right == left or right in {taken for _, taken in pairs}:
                 continue
-            called = {each.label for each in detections.hypotheses[right]}
-            if detections.labels[left] in called and _rows_meet(first, second):
+            if not _at_right(second, width, near_px):
+                continue
+            labels = {hypothesis.label for hypothesis in detections.hypotheses[right]}
+            if detections.labels[left] in labels and _rows_meet(first, second, parameters):
                 pairs.append((left, right))
                 break
     return pairs
 
 
-def _at_left(mask: RegionMask) -> bool:
-    return mask.u0 <= _AT_SEAM_PX
+def _at_left(mask: RegionMask, near_px: int) -> bool:
+    return mask.u0 <= near_px
 
 
-def _at_right(mask: RegionMask, width: int) -> bool:
-    return bool(mask.u0 + mask.pixels.shape[1] >= width - _AT_SEAM_PX)
+def _at_right(mask: RegionMask, width: int, near_px: int) -> bool:
+    return bool(mask.u0 + mask.pixels.shape[1] >= width - near_px)
 
 
-def _rows_meet(first: RegionMask, second: RegionMask) -> bool:
+def _rows_meet(first: RegionMask, second: RegionMask, parameters: SeamParameters) -> bool:
     """Whether the rows that two masks cover beside the seam are mostly the same."""
     rows = [
         set((np.flatnonzero(part.any(axis=1)) + mask.v0).tolist())
         for mask, part in (
-            (first, first.pixels[:, : _AT_SEAM_PX + 1]),
-            (second, second.pixels[:, -_AT_SEAM_PX - 1 :]),
+            (first, first.pixels[:, : parameters.at_seam_px + 1]),
+            (second, second.pixels[:, -parameters.at_seam_px - 1 :]),
         )
     ]
-    return bool(len(rows[0] & rows[1]) > _SHARED_ROWS * min(len(rows[0]), len(rows[1])))
+    return bool(len(rows[0] & rows[1]) > parameters.min_shared_rows * min(len(rows[0]), len(rows[1])))

@@ -1,4 +1,7 @@
-"""Surfaces from depth images: points with normals, which levelling and alignment work on."""
+"""Surfaces from depth images: points with normals, which levelling, drift correction and alignment work on.
+
+Stands for the dense reconstruction of the paper's geometric layer (sec. IV-A), which SuperOdometry gives there.
+"""
 
 from __future__ import annotations
 
@@ -12,14 +15,44 @@ from supermap_cli.geometry.arrays import BoolArray, Float32Array, FloatArray, In
 from supermap_cli.geometry.cameras import Camera, camera_from_json
 from supermap_cli.geometry.se3 import transform_points
 from supermap_cli.types.memory import KeyframeRecord
+from supermap_cli.types.parameters import TUNED, parameter
 from supermap_cli.types.sensing import CameraFrame
 
-_COLUMNS = 160
-_BASELINE = 1 / 60
-_GRAZING = 0.1
-_DENSE = 0.3
-_MOST_CELLS = 1 << 22
-_CAMERA_REACH_M, _LIDAR_REACH_M = 5.0, 12.0
+_MAX_TABLE_CELLS = 1 << 22
+"""Cells of a lookup table, 16 MB, above which voxels are sorted instead."""
+
+
+@dataclass(frozen=True)
+class StructureParameters:
+    """What counts as a surface, in depth images and in point clouds.
+
+    In an image a point lies on a plane if its neighbours do within `plane_m` + `plane_per_m` times its distance
+    squared; in a cloud, if its neighbours' scatter along the normal is small and across it not that of a line.
+    """
+
+    columns: int = parameter(160, "px", "columns that depth images are thinned to", "bounds the time", at_least=1)
+    baseline_share: float = parameter(1 / 60, "1", "span of a normal's differences, as a share of the width", TUNED)
+    min_incidence: float = parameter(
+        0.1, "1", "sine of the angle between ray and surface below which it is seen edge-on", TUNED
+    )
+    dense_share: float = parameter(
+        0.3, "1", "share of pixels with a return below which a depth image counts as points", TUNED
+    )
+    camera_reach_m: float = parameter(5.0, "m", "depth up to which a depth camera's surfaces are exact enough", TUNED)
+    lidar_reach_m: float = parameter(12.0, "m", "the same of depth drawn from a LiDAR's returns", TUNED)
+    min_depth_m: float = parameter(0.1, "m", "depth below which an image's returns are not used", "depth cameras")
+    plane_m: float = parameter(0.01, "m", "distance of a pixel from its neighbours' plane, near by", TUNED)
+    plane_per_m: float = parameter(0.006, "1/m", "growth of that distance with the square of the distance", TUNED)
+    min_range_m: float = parameter(0.3, "m", "range below which points show the robot itself", TUNED)
+    max_range_m: float = parameter(30.0, "m", "range above which points are not used", TUNED)
+    voxel_m: float = parameter(0.08, "m", "edge of the voxels that points are thinned to", TUNED, at_least=0.005)
+    neighbours: int = parameter(12, "1", "points that a normal is found from", TUNED, at_least=3)
+    max_flatness: float = parameter(0.05, "1", "scatter along the normal by the next larger, at most", TUNED)
+    min_breadth: float = parameter(0.1, "1", "middle scatter by the largest, at least: less is a line", TUNED)
+    max_spread_voxels: float = parameter(8.0, "1", "distance of the farthest neighbour in voxels, at most", TUNED)
+
+
+DEFAULT = StructureParameters()
 
 
 @dataclass(frozen=True)
@@ -60,7 +93,7 @@ def first_of_each(points: FloatArray, voxel_m: float) -> IntArray:
     keys -= keys.min(axis=1, initial=2**62, keepdims=True)
     extent = keys.max(axis=1, initial=0) + 1
     codes = (keys[0] * extent[1] + keys[1]) * extent[2] + keys[2]
-    if np.prod(extent) > _MOST_CELLS:
+    if np.prod(extent) > _MAX_TABLE_CELLS:
         return np.sort(np.unique(codes, return_index=True)[1])
     first = np.empty(np.prod(extent), np.int32)  # filled only where it is read
     order = np.arange(len(codes), dtype=np.int32)
@@ -86,7 +119,8 @@ class CoarseDepth:
     step_px: int
     camera: Camera
     T_frame_camera: FloatArray
-    max_depth_m: float = _CAMERA_REACH_M
+    max_depth_m: float = DEFAULT.camera_reach_m
+    parameters: StructureParameters = DEFAULT
 
     def moved(self, T_target_frame: FloatArray) -> CoarseDepth:
         """The same image in another frame."""
@@ -98,50 +132,71 @@ class CoarseDepth:
         """
         reach_m = self.max_depth_m if max_depth_m is None else max_depth_m
         rows, columns = np.nonzero((self.depth_m > 0) & (self.depth_m < reach_m))
-        if len(rows) < _DENSE * self.depth_m.size:
+        parameters = self.parameters
+        if len(rows) < parameters.dense_share * self.depth_m.size:
             pixels_uv = np.column_stack([columns, rows]).astype(np.float64) * self.step_px
             points = self.camera.back_project(pixels_uv, self.depth_m[rows, columns].astype(np.float64))
-            return structure_of_points(points).moved(self.T_frame_camera)
-        seen = structure_of_depth(self.depth_m, self.camera, pixel_step=self.step_px, max_depth_m=reach_m)
+            return structure_of_points(points, parameters=parameters).moved(self.T_frame_camera)
+        seen = structure_of_depth(
+            self.depth_m, self.camera, pixel_step=self.step_px, max_depth_m=reach_m, parameters=parameters
+        )
         return seen.moved(self.T_frame_camera)
 
 
-def coarse_depth(frame: CameraFrame, T_frame_base: FloatArray, step_px: int | None = None) -> CoarseDepth | None:
+def coarse_depth(
+    frame: CameraFrame,
+    T_frame_base: FloatArray,
+    step_px: int | None = None,
+    parameters: StructureParameters = DEFAULT,
+) -> CoarseDepth | None:
     """A camera frame's depth on a grid of about 160 columns (or every `step_px` pixels); `None` if it has no depth."""
     if frame.depth_m is None:
         return None
-    step = step_px or max(1, frame.camera.width // _COLUMNS)
-    reach_m = _CAMERA_REACH_M if frame.returns_camera is None else _LIDAR_REACH_M
-    return CoarseDepth(frame.depth_m[::step, ::step], step, frame.camera, T_frame_base @ frame.T_base_camera, reach_m)
+    step = step_px or max(1, frame.camera.width // parameters.columns)
+    reach_m = parameters.camera_reach_m if frame.returns_camera is None else parameters.lidar_reach_m
+    T_frame_camera = T_frame_base @ frame.T_base_camera
+    return CoarseDepth(frame.depth_m[::step, ::step], step, frame.camera, T_frame_camera, reach_m, parameters)
 
 
-def stored_depth(record: KeyframeRecord) -> CoarseDepth:
+def stored_depth(record: KeyframeRecord, parameters: StructureParameters = DEFAULT) -> CoarseDepth:
     """The depth that the memory keeps with a keyframe, in the map frame."""
     from supermap_cli.mapping.free_space import decode_small_depth  # noqa: PLC0415 - cv2
 
     return CoarseDepth(
-        decode_small_depth(record), record.depth_step, camera_from_json(record.camera), record.T_map_camera
+        decode_small_depth(record),
+        record.depth_step,
+        camera_from_json(record.camera),
+        record.T_map_camera,
+        parameters.camera_reach_m,
+        parameters,
     )
 
 
 def structure_of_depth(
-    depth_m: Float32Array, camera: Camera, *, pixel_step: int = 1, max_depth_m: float = 5.0
+    depth_m: Float32Array,
+    camera: Camera,
+    *,
+    pixel_step: int = 1,
+    max_depth_m: float | None = None,
+    parameters: StructureParameters = DEFAULT,
 ) -> Structure:
     """Points and normals of a depth image in the camera's optical frame.
 
     `depth_m` is (h, w), 0 = no return; its (row, column) is the camera's pixel (v, u) = `pixel_step` * (row, column).
     A normal is the cross product of the central differences across a sixtieth of the image's width, kept where
-    all five points have a depth and lie on one plane that is not seen edge-on.
+    all five points have a depth, by default within a depth camera's reach, and lie on one plane that is not seen
+    edge-on.
     """
-    thin = max(1, camera.width // (_COLUMNS * pixel_step))
+    thin = max(1, camera.width // (parameters.columns * pixel_step))
     step = thin * pixel_step
     depth_m = depth_m[::thin, ::thin]
-    k = max(1, round(camera.width * _BASELINE / step / 2))
+    k = max(1, round(camera.width * parameters.baseline_share / step / 2))
     if min(depth_m.shape) <= 2 * k:
         return join([])
-    rays, told = _rays(camera, step, depth_m.shape)
+    rays, visible = _rays(camera, step, depth_m.shape)
     points = rays * depth_m
-    seen = told & (depth_m > 0.1) & (depth_m < max_depth_m)
+    reach_m = parameters.camera_reach_m if max_depth_m is None else max_depth_m
+    seen = visible & (depth_m > parameters.min_depth_m) & (depth_m < reach_m)
     middle, low, high = slice(k, -k), slice(None, -2 * k), slice(2 * k, None)
     here = points[:, middle, middle]
     left, right = points[:, middle, low] - here, points[:, middle, high] - here
@@ -152,11 +207,12 @@ def structure_of_depth(
         distance_m = np.sqrt(_dot(here, here))
         facing = _dot(normals, here)
         bend_m = np.maximum(np.abs(_dot(normals, left + right)), np.abs(_dot(normals, above + below)))
-        flat = (np.abs(facing) > _GRAZING * distance_m) & (bend_m < 0.01 + 0.006 * np.square(distance_m))
+        plane_m = parameters.plane_m + parameters.plane_per_m * np.square(distance_m)
+        flat = (np.abs(facing) > parameters.min_incidence * distance_m) & (bend_m < plane_m)
     flat &= seen[middle, middle] & seen[middle, low] & seen[middle, high] & seen[low, middle] & seen[high, middle]
     normals *= -np.sign(facing)
     at = np.flatnonzero(flat)
-    return Structure(*(each.reshape(3, -1)[:, at].T.astype(np.float64, order="C") for each in (here, normals)))
+    return Structure(*(part.reshape(3, -1)[:, at].T.astype(np.float64, order="C") for part in (here, normals)))
 
 
 @lru_cache(maxsize=8)
@@ -165,8 +221,8 @@ def _rays(camera: Camera, step_px: int, shape: tuple[int, int]) -> tuple[Float32
     rows, columns = np.indices(shape)
     pixels_uv = np.column_stack([columns.ravel(), rows.ravel()]).astype(np.float64) * step_px
     rays = camera.back_project(pixels_uv, np.ones(len(pixels_uv))).T.reshape(3, *shape)
-    told: BoolArray = np.isfinite(rays.sum(axis=0))
-    return np.ascontiguousarray(rays, np.float32), told
+    visible: BoolArray = np.isfinite(rays.sum(axis=0))
+    return np.ascontiguousarray(rays, np.float32), visible
 
 
 def _dot(first: Float32Array, second: Float32Array) -> Float32Array:
@@ -182,23 +238,34 @@ def _cross(first: Float32Array, second: Float32Array) -> Float32Array:
 
 
 def structure_of_points(
-    points_sensor: FloatArray, *, voxel_m: float = 0.08, max_range_m: float = 30.0, neighbours: int = 12
+    points_sensor: FloatArray,
+    *,
+    voxel_m: float | None = None,
+    max_range_m: float | None = None,
+    parameters: StructureParameters = DEFAULT,
 ) -> Structure:
     """Points and normals of a LiDAR sweep, or of several joined if they are sparse, (n, 3) in the sensor's frame.
 
     A normal is the direction of least scatter among a point's neighbours, kept where they lie on one plane.
+    `voxel_m` and `max_range_m` take the place of those among the parameters.
     """
     from scipy.spatial import cKDTree  # noqa: PLC0415 - heavy
 
     distance_m = np.linalg.norm(points_sensor, axis=1)
-    near = points_sensor[np.isfinite(distance_m) & (distance_m > 0.3) & (distance_m < max_range_m)]
+    voxel_m = parameters.voxel_m if voxel_m is None else voxel_m
+    max_range_m = parameters.max_range_m if max_range_m is None else max_range_m
+    near = points_sensor[np.isfinite(distance_m) & (distance_m > parameters.min_range_m) & (distance_m < max_range_m)]
     points = Structure(near, np.zeros_like(near)).thinned(voxel_m).points
-    if len(points) < neighbours:
+    if len(points) < parameters.neighbours:
         return join([])
-    reach_m, nearest = cKDTree(points).query(points, k=neighbours)
+    reach_m, nearest = cKDTree(points).query(points, k=parameters.neighbours)
     around = points[nearest] - points[nearest].mean(axis=1, keepdims=True)
     values, vectors = np.linalg.eigh(np.einsum("nki,nkj->nij", around, around))
     normals = vectors[:, :, 0]
     normals *= -np.sign(np.einsum("ij,ij->i", normals, points))[:, None]
-    flat = (values[:, 0] < 0.05 * values[:, 1]) & (values[:, 1] > 0.1 * values[:, 2]) & (reach_m[:, -1] < 8 * voxel_m)
+    flat = (
+        (values[:, 0] < parameters.max_flatness * values[:, 1])
+        & (values[:, 1] > parameters.min_breadth * values[:, 2])
+        & (reach_m[:, -1] < parameters.max_spread_voxels * voxel_m)
+    )
     return Structure(points[flat], normals[flat])

@@ -163,7 +163,7 @@ class MemoryMerge:
         free_space = FreeSpaceMemory()
         for traversal in self.store.traversals():
             for record in self.store.keyframe_depths([traversal.id]):
-                free_space.recall(traversal.number, record)
+                free_space.add_record(traversal.number, record)
         return free_space
 
     # -- what is to be written

@@ -102,13 +102,13 @@ def overridden(group: S, values: Mapping[str, Mapping[str, object]]) -> S:
     changed = {}
     for file, entries in values.items():
         if file not in sets:
-            raise _unknown(f"parameters.{file}", file, sets)
+            raise unknown_parameter(f"build.parameters.{file}", file, sets)
         known = {one.name: one for one in _fields(sets[file])}
         given = {}
         for name, value in entries.items():
-            where = f"parameters.{file}.{name}"
+            where = f"build.parameters.{file}.{name}"
             if name not in known:
-                raise _unknown(where, name, known)
+                raise unknown_parameter(where, name, known)
             given[name] = _checked(where, value, known[name])
         changed[file] = replace(sets[file], **given)
     return cast("S", replace(cast("Any", group), **changed))
@@ -120,14 +120,15 @@ def _fields(of: object) -> tuple[Field[Any], ...]:
     return fields(of)
 
 
-def _default(of: Field[Any]) -> Value:
-    return cast("Value", of.default)
-
-
-def _unknown(where: str, name: str, known: Collection[str]) -> ConfigError:
+def unknown_parameter(where: str, name: str, known: Collection[str]) -> ConfigError:
+    """The error for a name that is none of the known ones, with the nearest of these."""
     near = difflib.get_close_matches(name, known, n=3, cutoff=0.5)
     hint = f"; is it {' or '.join(near)}?" if near else ""
     return ConfigError(f"there is no parameter {name}{hint}", where=where, cure=_CURE)
+
+
+def _default(of: Field[Any]) -> Value:
+    return cast("Value", of.default)
 
 
 def _checked(where: str, value: object, of: Field[Any]) -> Value:

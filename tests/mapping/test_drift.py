@@ -32,7 +32,7 @@ def test_growing_drift_is_followed_and_put_right() -> None:
     for k in range(25):
         drift = shifted(np.eye(4), ORIGIN, np.array([0.006 * k, -0.004 * k, 0.0, np.radians(0.1 * k)]))
         seen, drifted = view(WORLD, (-0.4, -1.2 + 0.1 * k, 1.3), drift)
-        found = correction.place(seen, drifted)
+        found = correction.register(seen, drifted)
         assert off_m(found, drift, drifted) < 0.05
     assert off_m(drifted, drift, drifted) > 0.14
 
@@ -41,28 +41,28 @@ def test_an_exact_odometry_is_left_alone() -> None:
     correction = DriftCorrection()
     for k in range(10):
         seen, T = view(WORLD, (-0.4, -0.8 + 0.15 * k, 1.3), np.eye(4))
-        assert off_m(correction.place(seen, T), np.eye(4), T) < 0.01
+        assert off_m(correction.register(seen, T), np.eye(4), T) < 0.01
 
 
 def test_where_nothing_is_known_yet_the_odometry_is_followed() -> None:
     seen, T = view(WORLD, (-0.4, 0, 1.3), np.eye(4))
-    np.testing.assert_array_equal(DriftCorrection().place(seen, T), T)
+    np.testing.assert_array_equal(DriftCorrection().register(seen, T), T)
 
 
 def test_what_is_seen_of_nothing_changes_nothing() -> None:
     correction = DriftCorrection()
     for _ in range(3):
         seen, T = view((), (0, 0, 1), np.eye(4))
-        np.testing.assert_array_equal(correction.place(seen, T), T)
+        np.testing.assert_array_equal(correction.register(seen, T), T)
 
 
 def test_a_remembered_place_holds_a_traversal_that_was_placed_a_little_off() -> None:
     correction = DriftCorrection()
     for y in np.linspace(-1.2, 1.2, 8):
-        correction.remember(view(WORLD, (-0.4, float(y), 1.3), np.eye(4))[0])
+        correction.add_view(view(WORLD, (-0.4, float(y), 1.3), np.eye(4))[0])
     drift = shifted(np.eye(4), ORIGIN, np.array([0.08, 0.06, 0.0, np.radians(1.0)]))
     seen, drifted = view(WORLD, (-0.3, 0.1, 1.3), drift)
-    assert off_m(correction.place(seen, drifted), drift, drifted) < 0.03
+    assert off_m(correction.register(seen, drifted), drift, drifted) < 0.03
 
 
 def test_one_wall_leaves_the_way_along_it_to_the_odometry() -> None:
@@ -71,7 +71,7 @@ def test_one_wall_leaves_the_way_along_it_to_the_odometry() -> None:
     for k in range(8):
         keyframe = s.render((wall,), s.looking((0, 0.1 * k, 1.3), (2.5, 0.1 * k, 1.3))).keyframe
         seen = CoarseDepth(keyframe.depth_m, 1, keyframe.camera, keyframe.T_map_camera)
-        found = correction.place(seen, keyframe.T_map_camera)
+        found = correction.register(seen, keyframe.T_map_camera)
         assert found[1, 3] == pytest.approx(keyframe.T_map_camera[1, 3], abs=0.02)
 
 

@@ -25,7 +25,7 @@ def memory_of(*looks: tuple[float, np.ndarray, tuple[s.Thing, ...]]) -> FreeSpac
     """A memory of looks: at a time, from a pose, at things."""
     memory = FreeSpaceMemory()
     for at_s, T_map_camera, things in looks:
-        memory.recall(1, s.small_record(s.render(things, T_map_camera, at_s).keyframe))
+        memory.add_record(1, s.small_record(s.render(things, T_map_camera, at_s).keyframe))
     return memory
 
 
@@ -65,7 +65,7 @@ def test_without_a_return_a_ray_tells_nothing() -> None:
 def test_a_look_takes_the_place_of_the_newest_one_from_there_in_its_traversal() -> None:
     memory = FreeSpaceMemory()
     for traversal, at_s in ((1, 1.0), (1, 2.0), (1, 2.5), (2, 3.0), (2, 4.0), (2, 5.0)):
-        memory.recall(traversal, s.small_record(s.render(s.ROOM, EYE, at_s).keyframe))
+        memory.add_record(traversal, s.small_record(s.render(s.ROOM, EYE, at_s).keyframe))
     kept = [[view.stamp_ns for view in looks] for looks in memory.views.values()]
     assert kept == [[s.ns(1), s.ns(2.5)], [s.ns(3), s.ns(5)]]
 
@@ -74,7 +74,7 @@ def test_a_robot_that_stands_still_remembers_that_a_place_was_empty() -> None:
     memory = FreeSpaceMemory()
     stamps = [0.5 * k for k in range(200)]
     for at_s in stamps:
-        memory.recall(1, s.small_record(s.render(s.ROOM, EYE, at_s).keyframe))
+        memory.add_record(1, s.small_record(s.render(s.ROOM, EYE, at_s).keyframe))
     ((*older, newest),) = memory.views.values()
     assert newest.stamp_ns == s.ns(stamps[-1])
     assert len(older) == 2

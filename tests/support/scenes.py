@@ -194,7 +194,7 @@ class Run:
         scene = render(things, looking(eye, self.target if target is None else target), self.at_s)
         view = view_of(self.engine, scene.keyframe)
         integrate(self.engine, view, self.detector(scene, self.at_s))
-        self.engine.free_space.recall(self.traversal, small_record(scene.keyframe))
+        self.engine.free_space.add_record(self.traversal, small_record(scene.keyframe))
         self.last_view = view
         self.at_s += 1 / 3
         return scene
