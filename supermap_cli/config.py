@@ -12,6 +12,9 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from supermap_cli.errors import ConfigError
 
+ParameterValue = bool | int | float | list[int | float]
+"""What a parameter of the method may be."""
+
 Ablation = Literal["tracker", "semantic-fusion", "geometric-consistency"]
 
 
@@ -88,13 +91,20 @@ class MappingConfig(Section):
 
 
 class BuildConfig(Section):
-    """Everything that decides what a build gives."""
+    """Everything that decides what a build gives.
+
+    `parameters` are checked against those of the method when a build starts, and by `supermap config show`
+    (`supermap_cli.parameters`): to know them, the whole method must be imported.
+    """
 
     recording: RecordingConfig = Field(default_factory=RecordingConfig)
     backends: BackendConfig = Field(default_factory=BackendConfig)
     keyframes: KeyframeConfig = Field(default_factory=KeyframeConfig)
     perception: PerceptionConfig = Field(default_factory=PerceptionConfig)
     mapping: MappingConfig = Field(default_factory=MappingConfig)
+    parameters: dict[str, dict[str, ParameterValue]] = Field(
+        default_factory=dict, description="file of the method -> parameter -> value, see `supermap config show`"
+    )
     ablate: tuple[Ablation, ...] = Field(default=(), description="components switched off, for comparisons")
 
 

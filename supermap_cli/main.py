@@ -11,6 +11,7 @@ import typer
 from supermap_cli.commands import (
     bench,
     build,
+    config,
     db,
     demo,
     diff,
@@ -63,7 +64,22 @@ def make_app() -> typer.Typer:
     ) -> None:
         """Turn a robot's recording into a 4D memory, and ask it."""
 
-    for command in (build, inspect, query, show, history, diff, export, simulate, evaluate, bench, demo, plugins, db):
+    for command in (
+        build,
+        inspect,
+        query,
+        show,
+        history,
+        diff,
+        export,
+        simulate,
+        evaluate,
+        bench,
+        demo,
+        plugins,
+        config,
+        db,
+    ):
         command.register(app)
     return app
 

@@ -39,6 +39,9 @@ def test_a_file_changes_what_it_names(tmp_path: Path) -> None:
     score = 0.3
     [build.keyframes]
     rate_hz = 5
+    [build.parameters.drift]
+    min_points = 100
+    search_radii_m = [0.3, 1]
     """
     config = load_user_config(write(tmp_path, text))
     assert config.db == "office.db"
@@ -47,6 +50,7 @@ def test_a_file_changes_what_it_names(tmp_path: Path) -> None:
     assert config.build.backends.detector == "onnx"
     assert config.build.backends.options == {"onnx": {"score": 0.3}}
     assert config.build.keyframes.rate_hz == 5.0
+    assert config.build.parameters == {"drift": {"min_points": 100, "search_radii_m": [0.3, 1]}}
     assert config.build.mapping == BuildConfig().mapping
 
 
@@ -58,6 +62,7 @@ def test_a_file_changes_what_it_names(tmp_path: Path) -> None:
         ("[build.keyframes]\nrate_hz = 0", "build.keyframes.rate_hz"),
         ("[build.keyframes]\nrate = 3", "build.keyframes.rate"),
         ("[build]\nablate = ['everything']", "build.ablate"),
+        ("[build.parameters.drift]\nmin_points = 'many'", "build.parameters.drift.min_points"),
         ("[build.mapping]\nmax_depth_m = 'far'", "build.mapping.max_depth_m"),
     ],
 )
@@ -76,7 +81,11 @@ def test_a_file_that_is_no_text_is_named(tmp_path: Path) -> None:
 
 def test_what_was_used_can_be_stored_and_read_again() -> None:
     config = BuildConfig.model_validate(
-        {"backends": {"options": {"onnx": {"model": "a.onnx"}}}, "ablate": ["tracker", "semantic-fusion"]}
+        {
+            "backends": {"options": {"onnx": {"model": "a.onnx"}}},
+            "parameters": {"drift": {"min_points": 100, "min_matched": 0.5, "search_radii_m": [0.3, 1]}},
+            "ablate": ["tracker", "semantic-fusion"],
+        }
     )
     assert BuildConfig.model_validate_json(config.model_dump_json()) == config
 

@@ -55,7 +55,7 @@ def db(tmp_path_factory: pytest.TempPathFactory) -> Path:
     "arguments",
     [
         *(("--version",), ("--help",), ("plugins",)),
-        *((command, "--help") for command in ("build", "query", "simulate", "eval", "bench", "demo", "db")),
+        *((command, "--help") for command in ("build", "query", "simulate", "eval", "bench", "demo", "config", "db")),
     ],
     ids=" ".join,
 )

@@ -12,7 +12,7 @@ from supermap_schema.json_schemas import load_schema, schema_names
 
 NAMES = (
     *("answer", "show", "object", "history", "diff", "export"),
-    *("inspect", "build", "plugins"),
+    *("inspect", "build", "plugins", "config"),
     *("truth", "simulate", "simulate_list", "eval", "ablation", "benchmark", "bench", "bench_memory", "perception"),
     *("db_info", "db_check", "db_upgrade", "db_sql", "db_merge", "db_vacuum"),
 )
