@@ -26,7 +26,7 @@ from supermap_cli.query.views import (
     traversal_view,
     vector,
 )
-from supermap_cli.types.labels import ANIMATE
+from supermap_cli.types.labels import DYNAMIC_CLASSES
 from supermap_cli.types.memory import StateRecord, TemporalEdge
 
 HAPPENED: frozenset[ChangeKind] = frozenset({"appeared", "disappeared", "moved", "relabelled"})
@@ -137,7 +137,7 @@ class Comparison:
         """What became of each of some instances, if either end speaks of it; who walked by is left out."""
         looked = self.ends.looked_before | self.ends.looked_after
         found = self.reader.instances_of(numbers, traversal_ids=looked)
-        things = [each for each in found if each.presence != "doubted" and each.label not in ANIMATE]
+        things = [each for each in found if each.presence != "doubted" and each.label not in DYNAMIC_CLASSES]
         edges = self._edges(things)
         cases = [Case(each, self.ends, edges[each.number], self.reader.text_ids) for each in things]
         verdicts = [(case, verdict) for case in cases if (verdict := self._verdict(case)) is not None]
