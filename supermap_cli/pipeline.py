@@ -278,7 +278,7 @@ class FramePipeline:
         self.nodes = {
             each.number: _node(each, self.nodes.get(each.number))
             for each in self.engine.objects
-            if each.confirmed and each.present and not each.doubted and not each.on_the_move
+            if each.confirmed and each.present and not each.demoted and not each.is_moving
         }
         return self.nodes
 

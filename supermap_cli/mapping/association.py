@@ -1,4 +1,8 @@
-"""Data association: which detection is of which object, as one gated assignment of log-likelihood ratios."""
+"""Data association in 3D: which detection is of which object, as one gated assignment of log-likelihood ratios.
+
+The paper associates in the image, by the tracker with 3D priors (Algorithm 1, step 3). Here its tracks are evidence
+beside overlap, distance and label, so that an identity outlives a track.
+"""
 
 from __future__ import annotations
 
@@ -15,30 +19,65 @@ from supermap_cli.mapping.lifting import LiftedDetection
 from supermap_cli.mapping.motion import Course
 from supermap_cli.mapping.objects import MapObject, ObjectMap
 from supermap_cli.mapping.visibility import ObjectView
-from supermap_cli.types.labels import ANIMATE
+from supermap_cli.types.parameters import TUNED, parameter
+from supermap_cli.types.sensing import MAIN_CAMERA
 
-PEOPLE_PER_M2, THINGS_PER_M2 = 0.05, 1.0
-"""What else may be seen in a place: others that move by themselves, one in a room of 20 square metres, or any thing."""
 
-SAME_KIND = 0.2
-"""What agrees less on the label may be any thing as well as somebody the detector takes for one."""
+@dataclass(frozen=True)
+class AssociationParameters:
+    """What speaks for a detection to be of an object, and how far apart the two may be."""
+
+    strong_score: float = parameter(
+        0.3,
+        "1",
+        "detections below this support what the map already holds, and start nothing new",
+        "two stages as in Zhang et al. 2022 (ByteTrack); value: " + TUNED,
+        at_most=1.0,
+    )
+    gate: float = parameter(0.0, "1", "log ratio above which a detection may be of an object", "even odds")
+    overlap_weight: float = parameter(4.0, "1", "log ratio of full overlap, above none", TUNED)
+    no_overlap: float = parameter(-1.5, "1", "log ratio without overlap", TUNED)
+    label_floor: float = parameter(0.05, "1", "added to the agreement of labels: no label is sure", TUNED)
+    label_by_chance: float = parameter(0.2, "1", "agreement of labels of two things", TUNED, at_least=1e-3)
+    same_track: float = parameter(1.0, "1", "log ratio of one track of a camera", TUNED)
+    other_track: float = parameter(-0.5, "1", "log ratio of another track of the same camera", TUNED)
+    spread_m: float = parameter(0.1, "m", "deviation of the centroids of one object", TUNED, at_least=0.01)
+    spread_share: float = parameter(0.25, "1", "the same as a share of the object's size, added to it", TUNED)
+    near_log_ratio: float = parameter(1.0, "1", "log ratio of centroids that agree", TUNED)
+    min_distance_log_ratio: float = parameter(-2.0, "1", "least log ratio of distance", TUNED)
+    reach_m: float = parameter(0.3, "m", "gap between a detection and an object's bounds that is possible", TUNED)
+    reach_share: float = parameter(0.5, "1", "the same as a share of the larger one's size, added to it", TUNED)
+    course_sigmas: float = parameter(3.0, "1", "deviations from its course within which a moving thing is", "99.7 %")
+    people_per_m2: float = parameter(
+        0.05, "1/m2", "others that move by themselves and may be seen instead: one in a room of 20 m2", TUNED
+    )
+    things_per_m2: float = parameter(1.0, "1/m2", "things of any kind that may be seen instead", TUNED)
+    same_kind: float = parameter(
+        0.2, "1", "agreement of labels below which a detection may be of any thing", TUNED, at_most=1.0
+    )
+    dynamic_memory_s: float = parameter(
+        3.0, "s", "how long what moves by itself is believed in without being seen", TUNED
+    )
+
+
+DEFAULT = AssociationParameters()
 
 Courses = Mapping[int, Course]
 """Object number -> where it is expected now, of those that move by themselves and were seen of late."""
 
 NO_COURSES: Courses = MappingProxyType({})
 
-ANIMATE_MEMORY_NS = 3_000_000_000
-"""What moves by itself is believed in no longer than this without being seen."""
+
+def is_recent(obj: MapObject, stamp_ns: int, parameters: AssociationParameters = DEFAULT) -> bool:
+    """Whether what moves by itself was seen so short a time ago that it is still believed in."""
+    return stamp_ns - obj.last_seen_ns <= parameters.dynamic_memory_s * 1e9
 
 
-def expected_courses(objects: ObjectMap, stamp_ns: int) -> Courses:
+def expected_courses(objects: ObjectMap, stamp_ns: int, parameters: AssociationParameters = DEFAULT) -> Courses:
     """Where those that move by themselves, and were seen of late, are expected now."""
-    recent = [each for each in objects if stamp_ns - each.last_seen_ns <= ANIMATE_MEMORY_NS]
+    recent = [obj for obj in objects if is_recent(obj, stamp_ns, parameters)]
     return {
-        each.number: each.motion.course.at(stamp_ns)
-        for each in recent
-        if each.motion.course is not None and each.label in ANIMATE
+        obj.number: obj.motion.course.at(stamp_ns) for obj in recent if obj.motion.course is not None and obj.is_dynamic
     }
 
 
@@ -64,26 +103,34 @@ class Association:
 
 
 def affinity(
-    detection: LiftedDetection, candidate: MapObject, view: ObjectView | None, course: Course | None = None
+    detection: LiftedDetection,
+    candidate: MapObject,
+    view: ObjectView | None,
+    course: Course | None = None,
+    *,
+    camera_id: str = MAIN_CAMERA,
+    parameters: AssociationParameters = DEFAULT,
 ) -> Affinity:
     """Score one pair. A partial view must not count against the match: overlap is measured on what is seen of both.
 
     Of what is on its way, neither overlap nor distance from where it was says anything: it is looked for on its course.
+    `camera_id` is the detection's: tracks of different cameras say nothing of one another.
     """
     shape = candidate.shape
     covered = shape.share_near(detection.points_map)
     explained = share_inside(detection, view) if view is not None else 0.0
     agreement = label_agreement(detection.hypotheses, candidate.labels.probabilities())
     if course is not None:
-        others_per_m2 = PEOPLE_PER_M2 if agreement >= SAME_KIND else THINGS_PER_M2
+        same_kind = agreement >= parameters.same_kind
+        others_per_m2 = parameters.people_per_m2 if same_kind else parameters.things_per_m2
         log_ratio = course_log_ratio(detection, course, others_per_m2)
     else:
-        log_ratio = (
-            4 * np.sqrt(covered * explained) - 1.5 + distance_log_ratio(detection.centroid_map, candidate, covered)
-        )
-    log_ratio += float(np.log((agreement + 0.05) / 0.2))
-    if detection.track_id >= 0 and candidate.track_id >= 0:
-        log_ratio += 1.0 if detection.track_id == candidate.track_id else -0.5
+        overlap = parameters.overlap_weight * np.sqrt(covered * explained) + parameters.no_overlap
+        log_ratio = overlap + distance_log_ratio(detection.centroid_map, candidate, covered, parameters)
+    log_ratio += float(np.log((agreement + parameters.label_floor) / parameters.label_by_chance))
+    track_id = candidate.track_ids.get(camera_id, -1)
+    if detection.track_id >= 0 and track_id >= 0:
+        log_ratio += parameters.same_track if detection.track_id == track_id else parameters.other_track
     return Affinity(covered, explained, float(log_ratio))
 
 
@@ -94,11 +141,13 @@ def course_log_ratio(detection: LiftedDetection, course: Course, others_per_m2: 
     return float(-np.log(2 * np.pi * variance * others_per_m2) - off @ off / (2 * variance))
 
 
-def distance_log_ratio(centroid_map: FloatArray, candidate: MapObject, covered: float) -> float:
+def distance_log_ratio(
+    centroid_map: FloatArray, candidate: MapObject, covered: float, parameters: AssociationParameters = DEFAULT
+) -> float:
     """Centroids (3,) compared on the scale of the object; cut views shift them, so overlap excuses distance."""
-    spread = 0.1 + 0.25 * candidate.shape.extent_m
+    spread = parameters.spread_m + parameters.spread_share * candidate.shape.extent_m
     distance = float(np.linalg.norm(centroid_map - candidate.shape.centroid))
-    log_ratio = max(1 - 0.5 * (distance / spread) ** 2, -2.0)
+    log_ratio = max(parameters.near_log_ratio - 0.5 * (distance / spread) ** 2, parameters.min_distance_log_ratio)
     return log_ratio if log_ratio >= 0 else log_ratio * (1 - covered)
 
 
@@ -131,22 +180,31 @@ def associate(
     candidates: Sequence[MapObject],
     views: Mapping[int, ObjectView],
     courses: Courses = NO_COURSES,
-    gate: float = 0.0,
+    *,
+    camera_id: str = MAIN_CAMERA,
+    parameters: AssociationParameters = DEFAULT,
 ) -> Association:
-    """Assign detections to objects one to one so that the summed log ratio is greatest; pairs below the gate stay
-    free.
+    """Assign detections of one camera's image to objects one to one so that the summed log ratio is greatest; pairs
+    below the gate stay free.
     """
     if not detections or not candidates:
         return Association((), tuple(range(len(detections))))
     scores = np.full((len(detections), len(candidates)), -np.inf)
     table: dict[tuple[int, int], Affinity] = {}
     for row, detection in enumerate(detections):
-        for column in np.flatnonzero(near_enough(detection, candidates, courses)):
+        for column in np.flatnonzero(near_enough(detection, candidates, courses, parameters)):
             candidate = candidates[int(column)]
             number = candidate.number
-            table[row, int(column)] = affinity(detection, candidate, views.get(number), courses.get(number))
+            table[row, int(column)] = affinity(
+                detection,
+                candidate,
+                views.get(number),
+                courses.get(number),
+                camera_id=camera_id,
+                parameters=parameters,
+            )
             scores[row, column] = table[row, int(column)].log_ratio
-    gain = np.where(scores > gate, scores - gate, 0.0)
+    gain = np.where(scores > parameters.gate, scores - parameters.gate, 0.0)
     rows, columns = linear_sum_assignment(gain, maximize=True)
     pairs = tuple(
         (int(row), candidates[int(column)].number, table[int(row), int(column)])
@@ -158,42 +216,55 @@ def associate(
 
 
 def near_enough(
-    detection: LiftedDetection, candidates: Sequence[MapObject], courses: Courses = NO_COURSES
+    detection: LiftedDetection,
+    candidates: Sequence[MapObject],
+    courses: Courses = NO_COURSES,
+    parameters: AssociationParameters = DEFAULT,
 ) -> BoolArray:
-    """(m,) which candidates' bounds come within their own size and 0.3 m of the detection's centroid, or whose course
-    leads there.
+    """(m,) which candidates' bounds come within their own size and some margin of the detection's centroid, or whose
+    course leads there.
     """
-    low, high = np.array([each.shape.low for each in candidates]), np.array([each.shape.high for each in candidates])
-    near = bounds_near(detection, low, high)
-    for column, each in enumerate(candidates):
-        if not near[column] and each.number in courses:
-            near[column] = on_course(detection, courses[each.number])
+    low, high = np.array([obj.shape.low for obj in candidates]), np.array([obj.shape.high for obj in candidates])
+    near = bounds_near(detection, low, high, parameters)
+    for column, obj in enumerate(candidates):
+        if not near[column] and obj.number in courses:
+            near[column] = on_course(detection, courses[obj.number], parameters)
     return near
 
 
-def on_course(detection: LiftedDetection, course: Course) -> bool:
+def on_course(detection: LiftedDetection, course: Course, parameters: AssociationParameters = DEFAULT) -> bool:
     """Whether something on its way may be at the detection's place."""
-    return float(np.linalg.norm(detection.centroid_map[:2] - course.place)) < 3 * course.sigma_m
+    off_m = float(np.linalg.norm(detection.centroid_map[:2] - course.place))
+    return off_m < parameters.course_sigmas * course.sigma_m
 
 
-def bounds_near(detection: LiftedDetection, low: FloatArray, high: FloatArray) -> BoolArray:
-    """(m,) which of the bounds `low`, `high` (m, 3) come within their own size and 0.3 m of the detection's
+def bounds_near(
+    detection: LiftedDetection, low: FloatArray, high: FloatArray, parameters: AssociationParameters = DEFAULT
+) -> BoolArray:
+    """(m,) which of the bounds `low`, `high` (m, 3) come within their own size and some margin of the detection's
     centroid.
     """
     gap: FloatArray = np.maximum(np.maximum(low - detection.centroid_map, detection.centroid_map - high), 0)
-    reach = 0.3 + 0.5 * np.maximum((high - low).max(axis=1), detection.extent_m)
+    reach = parameters.reach_m + parameters.reach_share * np.maximum((high - low).max(axis=1), detection.extent_m)
     near: BoolArray = np.linalg.norm(gap, axis=1) <= reach
     return near
 
 
-def reached(
-    detections: Sequence[LiftedDetection], objects: ObjectMap, courses: Courses = NO_COURSES
+def within_reach(
+    detections: Sequence[LiftedDetection],
+    objects: ObjectMap,
+    courses: Courses = NO_COURSES,
+    parameters: AssociationParameters = DEFAULT,
 ) -> list[MapObject]:
     """The objects that are near enough to one of the detections, in the map's order."""
     if not detections:
         return []
     bounds = objects.bounds()
-    near = np.any([bounds_near(each, bounds.low, bounds.high) for each in detections], axis=0)
+    near = np.any([bounds_near(detection, bounds.low, bounds.high, parameters) for detection in detections], axis=0)
     numbers = [bounds.numbers[row] for row in np.flatnonzero(near)]
-    coming = {n for n, course in courses.items() if any(on_course(each, course) for each in detections)}
+    coming = {
+        number
+        for number, course in courses.items()
+        if any(on_course(detection, course, parameters) for detection in detections)
+    }
     return [objects[number] for number in (*numbers, *sorted(coming.difference(numbers)))]

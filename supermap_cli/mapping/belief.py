@@ -1,25 +1,62 @@
-"""Semantic consistency: what an object is called, and whether it is there at all, as beliefs updated by Bayes' rule."""
+"""What an object is called and whether it is real: beliefs updated by Bayes' rule.
+
+The label belief is the paper's semantic fusion (eq. 10), with a prior on sizes (`class_sizes`). The paper updates
+existence with every image; here views that share their errors, being from one place or in quick succession, count for
+less than independent ones.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
 
 import numpy as np
 
 from supermap_cli.geometry.arrays import FloatArray
-from supermap_cli.mapping.class_sizes import size_log_likelihood
+from supermap_cli.mapping import class_sizes
+from supermap_cli.mapping.class_sizes import ClassSizeParameters, size_log_likelihood
 from supermap_cli.types.detections import Hypothesis
+from supermap_cli.types.parameters import TUNED, parameter
 
-UNSEEN_LABEL_LIKELIHOOD = 0.05
-"""P(z | L = c) for a label c that the detection did not consider: a detector's confusion is never nil."""
 
-SPELL_NS = 2_000_000_000
-"""So long a detector's error mostly lasts: what looks farther apart say is on its own."""
+@dataclass(frozen=True)
+class BeliefParameters:
+    """How much detections and misses say, and which of them share their errors."""
 
-INDEPENDENT_LOOKS = 2.0
-"""One network errs on one thing in one way: however often it looks, its word on the label counts as this many."""
+    unseen_label_likelihood: float = parameter(
+        0.05,
+        "1",
+        "P(z | L = c) for a label c that the detection did not consider: a detector's confusion is never nil",
+        TUNED,
+        at_least=1e-6,
+        at_most=1.0,
+    )
+    independent_detections: float = parameter(
+        2.0,
+        "1",
+        "detections that a network's word on one object's label counts as at most: it errs in one way each time",
+        TUNED,
+    )
+    min_probability: float = parameter(1e-3, "1", "labels less likely than this are left out", "size of the map")
+    error_duration_s: float = parameter(
+        2.0, "s", "how long a detector's error mostly lasts; views farther apart are independent", TUNED
+    )
+    bearing_cell_deg: float = parameter(
+        15.0, "deg", "azimuth and elevation within which two views are from one place", TUNED, at_least=1.0
+    )
+    distance_cell_ratio: float = parameter(
+        1.5, "1", "ratio of distances within which two views are from one place", TUNED, at_least=1.01
+    )
+    min_distance_m: float = parameter(
+        0.1, "m", "distances below this are one", "a camera sees nothing nearer", at_least=1e-3
+    )
+    min_existence: float = parameter(
+        -6.0, "1", "existence (log-odds) is clamped, so that a few dozen views can always turn it", TUNED, at_most=0.0
+    )
+    max_existence: float = parameter(12.0, "1", "the same from above", TUNED)
+
+
+DEFAULT = BeliefParameters()
 
 
 @dataclass
@@ -27,59 +64,73 @@ class LabelBelief:
     """A categorical belief over labels, P(L = c | z_1..k, size) ~ P(size | c) prod P(z_i | L = c).
 
     A detection's likelihood of class c is its score for c, and the likelihood of a class it did not consider a small
-    constant. `logs` are weighted sums of log-likelihoods, `unseen_log` that of a label never considered, `looks` the
+    constant. `logs` are weighted sums of log-likelihoods, `unseen_log` that of a label never considered, `weight` the
     sum of weights; `longest_side_m` is the object's size as measured.
     """
 
     logs: dict[str, float] = field(default_factory=dict)
     unseen_log: float = 0.0
-    looks: float = 0.0
+    weight: float = 0.0
     longest_side_m: float = 0.0
-    _known: tuple[tuple[float, float], dict[str, float]] | None = field(default=None, repr=False, compare=False)
+    parameters: BeliefParameters = field(default=DEFAULT, repr=False, compare=False)
+    size_parameters: ClassSizeParameters = field(default=class_sizes.DEFAULT, repr=False, compare=False)
+    _cached: tuple[tuple[float, float], dict[str, float]] | None = field(default=None, repr=False, compare=False)
 
     def update(self, hypotheses: tuple[Hypothesis, ...], weight: float) -> None:
         """Take in all hypotheses of one detection."""
-        scores = {each.label: each.score for each in hypotheses}
+        scores = {hypothesis.label: hypothesis.score for hypothesis in hypotheses}
         total = max(1.0, sum(scores.values()))
+        unseen = self.parameters.unseen_label_likelihood
         for label in scores:
             self.logs.setdefault(label, self.unseen_log)
         for label in self.logs:
-            likelihood = max(scores.get(label, 0.0) / total, UNSEEN_LABEL_LIKELIHOOD)
+            likelihood = max(scores.get(label, 0.0) / total, unseen)
             self.logs[label] += weight * float(np.log(likelihood))
-        self.unseen_log += weight * float(np.log(UNSEEN_LABEL_LIKELIHOOD))
-        self.looks += weight
+        self.unseen_log += weight * float(np.log(unseen))
+        self.weight += weight
 
     def copy(self) -> LabelBelief:
-        """The same belief, to go its own way."""
-        return LabelBelief(dict(self.logs), self.unseen_log, self.looks, self.longest_side_m)
+        """The same belief, to be updated on its own."""
+        return LabelBelief(
+            dict(self.logs), self.unseen_log, self.weight, self.longest_side_m, self.parameters, self.size_parameters
+        )
 
     def absorb(self, other: LabelBelief) -> None:
         """Join two beliefs that turned out to be about one object."""
         labels = self.logs | other.logs  # in their order: a set of words has another one in each run
-        self.logs = {c: self.logs.get(c, self.unseen_log) + other.logs.get(c, other.unseen_log) for c in labels}
+        self.logs = {
+            label: self.logs.get(label, self.unseen_log) + other.logs.get(label, other.unseen_log) for label in labels
+        }
         self.unseen_log += other.unseen_log
-        self.looks += other.looks
+        self.weight += other.weight
 
     def probabilities(self) -> dict[str, float]:
-        """The belief, summing to 1, most likely first; labels below 1 in 1000 are left out."""
+        """The belief, summing to 1, most likely first; very unlikely labels are left out."""
         return dict(self._current())
 
     def _current(self) -> dict[str, float]:
         if not self.logs:
             return {}
-        if self._known is None or self._known[0] != (self.looks, self.longest_side_m):
-            self._known = ((self.looks, self.longest_side_m), self._posterior())
-        return self._known[1]
+        if self._cached is None or self._cached[0] != (self.weight, self.longest_side_m):
+            self._cached = ((self.weight, self.longest_side_m), self._posterior())
+        return self._cached[1]
 
     def _posterior(self) -> dict[str, float]:
         labels = sorted(self.logs)
-        tempered = min(1.0, INDEPENDENT_LOOKS / self.looks) if self.looks > 0 else 1.0
-        logs = np.array([tempered * self.logs[c] + size_log_likelihood(c, self.longest_side_m) for c in labels])
+        tempering = min(1.0, self.parameters.independent_detections / self.weight) if self.weight > 0 else 1.0
+        logs = np.array(
+            [
+                tempering * self.logs[label] + size_log_likelihood(label, self.longest_side_m, self.size_parameters)
+                for label in labels
+            ]
+        )
         p = np.exp(logs - logs.max())
         p /= p.sum()
-        kept = sorted(((float(x), c) for x, c in zip(p, labels, strict=True) if x >= 1e-3), key=lambda t: (-t[0], t[1]))
-        total = sum(x for x, _ in kept)
-        return {c: x / total for x, c in kept}
+        least = self.parameters.min_probability
+        likely = [(float(share), label) for share, label in zip(p, labels, strict=True) if share >= least]
+        likely.sort(key=lambda pair: (-pair[0], pair[1]))
+        total = sum(share for share, _ in likely)
+        return {label: share / total for share, label in likely}
 
     @property
     def best(self) -> str:
@@ -89,99 +140,136 @@ class LabelBelief:
 
 def label_agreement(hypotheses: tuple[Hypothesis, ...], belief: Mapping[str, float]) -> float:
     """How probable it is, in [0, 1], that a detection and an object have the same label."""
-    total = sum(each.score for each in hypotheses)
-    return sum(each.score / total * belief.get(each.label, 0.0) for each in hypotheses) if total > 0 else 0.0
+    total = sum(hypothesis.score for hypothesis in hypotheses)
+    if total <= 0:
+        return 0.0
+    return sum(hypothesis.score / total * belief.get(hypothesis.label, 0.0) for hypothesis in hypotheses)
 
 
 @dataclass(frozen=True)
-class Cell:
-    """The looks from one view: those that supported the object, all of them, and the sum of their log ratios."""
-
-    supports: int = 0
-    looks: int = 0
-    log_ratios: float = 0.0
-
-    def __add__(self, other: Cell) -> Cell:
-        return Cell(self.supports + other.supports, self.looks + other.looks, self.log_ratios + other.log_ratios)
-
-    @property
-    def evidence(self) -> float:
-        """The looks say what sqrt(n) independent ones that agree with them on average would."""
-        return self.log_ratios / float(np.sqrt(self.looks)) if self.looks else 0.0
-
-
-@dataclass(frozen=True)
-class Vantage:
+class Viewpoint:
     """When and from where (`camera_map`, (3,)) an object, its middle at `centroid_map` (3,), is looked at."""
 
     stamp_ns: int
     camera_map: FloatArray
     centroid_map: FloatArray
 
-    @cached_property
-    def cell(self) -> str:
-        """The view this is one of: bearing and distance."""
+    def cell(self, parameters: BeliefParameters = DEFAULT) -> str:
+        """The cell of bearing and distance it lies in: views from one cell are correlated."""
         ray = self.camera_map - self.centroid_map
         distance = float(np.linalg.norm(ray))
-        azimuth = int(np.floor(np.degrees(np.arctan2(ray[1], ray[0])) / 15))
-        elevation = int(np.floor(np.degrees(np.arcsin(np.clip(ray[2] / max(distance, 1e-6), -1, 1))) / 15))
-        return f"{azimuth},{elevation},{int(np.floor(np.log(max(distance, 0.1)) / np.log(1.5)))}"
+        elevation_sine = np.clip(ray[2] / max(distance, 1e-6), -1, 1)
+        azimuth = int(np.floor(np.degrees(np.arctan2(ray[1], ray[0])) / parameters.bearing_cell_deg))
+        elevation = int(np.floor(np.degrees(np.arcsin(elevation_sine)) / parameters.bearing_cell_deg))
+        logs = np.log(max(distance, parameters.min_distance_m)) / np.log(parameters.distance_cell_ratio)
+        return f"{azimuth},{elevation},{int(np.floor(logs))}"
 
 
 @dataclass(frozen=True)
-class Spell:
-    """The last looks as far as they said the same: that they were `hit`s or not, how many, and since when."""
+class ViewpointCell:
+    """The views from one cell: those that supported the object, all of them, and the sum of their log ratios."""
 
-    hit: bool = False
-    looks: int = 0
+    supports: int = 0
+    views: int = 0
+    log_ratios: float = 0.0
+
+    def __add__(self, other: ViewpointCell) -> ViewpointCell:
+        return ViewpointCell(
+            self.supports + other.supports, self.views + other.views, self.log_ratios + other.log_ratios
+        )
+
+    @property
+    def evidence(self) -> float:
+        """The views say what sqrt(n) independent ones that agree with them on average would."""
+        return self.log_ratios / float(np.sqrt(self.views)) if self.views else 0.0
+
+
+@dataclass(frozen=True)
+class OutcomeRun:
+    """The last views as far as they had one outcome: that the object was `detected` or not, how many, since when."""
+
+    detected: bool = False
+    views: int = 0
     began_ns: int = 0
 
-    def then(self, stamp_ns: int, *, hit: bool) -> Spell:
-        """The spell after one more look."""
-        if self.looks > 0 and hit == self.hit and stamp_ns - self.began_ns < SPELL_NS:
-            return Spell(hit, self.looks + 1, self.began_ns)
-        return Spell(hit, 1, stamp_ns)
+    def extended(self, stamp_ns: int, *, detected: bool, duration_s: float) -> OutcomeRun:
+        """The run after one more view; it goes on for `duration_s` at most."""
+        if self.views > 0 and detected == self.detected and stamp_ns - self.began_ns < duration_s * 1e9:
+            return OutcomeRun(detected, self.views + 1, self.began_ns)
+        return OutcomeRun(detected, 1, stamp_ns)
 
     @property
     def weight(self) -> float:
-        """What the last look counts."""
-        return 1 / float(np.sqrt(self.looks))
+        """What the last view counts."""
+        return 1 / float(np.sqrt(self.views))
 
 
 @dataclass
-class Viewpoints:
-    """From where an object has been looked at, and what the looks said: evidence from nearly one place is correlated,
-    and so is that of looks in quick succession.
+class ViewpointHistory:
+    """From where an object has been looked at, and with what outcome: evidence from nearly one place is correlated,
+    and so is that of views in quick succession.
 
-    A detector that errs goes on to err for a while: the k-th look within `SPELL_NS` that says the same as those before
-    it counts 1 / sqrt(k), from wherever it was. A view is a cell of bearing (15 degrees in azimuth and elevation) and
-    distance (steps of a factor of 1.5). Its looks count by their square root, in whatever order they come: a long stare
-    does not grow to certainty, and neither a lucky first look nor an unlucky one decides.
+    A detector that errs goes on to err for a while: the k-th view of a run with one outcome counts 1 / sqrt(k), from
+    wherever it was. The views of one cell count by their square root, in whatever order they come: a long stare does
+    not grow to certainty, and neither a lucky first view nor an unlucky one decides.
     """
 
-    cells: dict[str, Cell] = field(default_factory=dict)
-    spell: Spell = field(default_factory=Spell)
+    cells: dict[str, ViewpointCell] = field(default_factory=dict)
+    run: OutcomeRun = field(default_factory=OutcomeRun)
+    parameters: BeliefParameters = field(default=DEFAULT, repr=False, compare=False)
 
-    def support(self, view: Vantage, log_ratio: float) -> tuple[float, float]:
-        """Take in a look that supported the object: how much its word on the label weighs, in (0, 1], and how far it
-        moves the log-odds of existence.
+    def add_detection(self, viewpoint: Viewpoint, log_ratio: float) -> tuple[float, float]:
+        """Take in a view with a detection: how much its word on the label weighs, in (0, 1], and how far it moves the
+        log-odds of existence.
         """
-        self.spell = self.spell.then(view.stamp_ns, hit=True)
-        gain = self._take_in(view.cell, Cell(1, 1, log_ratio * self.spell.weight))
-        n = self.cells[view.cell].supports
+        self._extend_run(viewpoint, detected=True)
+        cell = viewpoint.cell(self.parameters)
+        gain = self._add(cell, ViewpointCell(1, 1, log_ratio * self.run.weight))
+        n = self.cells[cell].supports
         return float(np.sqrt(n) - np.sqrt(n - 1)), gain
 
-    def miss(self, view: Vantage, log_ratio: float) -> float:
-        """Take in a look without a detection: how far it moves the log-odds of existence."""
-        self.spell = self.spell.then(view.stamp_ns, hit=False)
-        return self._take_in(view.cell, Cell(0, 1, log_ratio * self.spell.weight))
+    def add_miss(self, viewpoint: Viewpoint, log_ratio: float) -> float:
+        """Take in a view without a detection: how far it moves the log-odds of existence."""
+        self._extend_run(viewpoint, detected=False)
+        return self._add(viewpoint.cell(self.parameters), ViewpointCell(0, 1, log_ratio * self.run.weight))
 
-    def _take_in(self, cell: str, look: Cell) -> float:
-        before = self.cells.get(cell, Cell())
-        self.cells[cell] = before + look
-        return self.cells[cell].evidence - before.evidence
-
-    def absorb(self, other: Viewpoints) -> None:
+    def absorb(self, other: ViewpointHistory) -> None:
         """Add another object's viewpoints."""
         for name, cell in other.cells.items():
-            self.cells[name] = self.cells.get(name, Cell()) + cell
+            self.cells[name] = self.cells.get(name, ViewpointCell()) + cell
+
+    def _extend_run(self, viewpoint: Viewpoint, *, detected: bool) -> None:
+        duration_s = self.parameters.error_duration_s
+        self.run = self.run.extended(viewpoint.stamp_ns, detected=detected, duration_s=duration_s)
+
+    def _add(self, cell: str, view: ViewpointCell) -> float:
+        before = self.cells.get(cell, ViewpointCell())
+        self.cells[cell] = before + view
+        return self.cells[cell].evidence - before.evidence
+
+
+@dataclass
+class Existence:
+    """The belief that an object is real, as log-odds, and the views that it rests on."""
+
+    log_odds: float
+    viewpoints: ViewpointHistory = field(default_factory=ViewpointHistory)
+
+    def add_detection(self, viewpoint: Viewpoint, log_ratio: float) -> float:
+        """After a detection of this log ratio; how much its word on the label weighs, in (0, 1]."""
+        weight, gain = self.viewpoints.add_detection(viewpoint, log_ratio)
+        self._move(gain)
+        return weight
+
+    def add_miss(self, viewpoint: Viewpoint, log_ratio: float) -> None:
+        """After a view that did not detect the object although it could have."""
+        self._move(self.viewpoints.add_miss(viewpoint, log_ratio))
+
+    def absorb(self, other: Existence) -> None:
+        """Join the beliefs in two objects that turned out to be one."""
+        self.viewpoints.absorb(other.viewpoints)
+        self.log_odds = max(self.log_odds, other.log_odds)
+
+    def _move(self, gain: float) -> None:
+        bounds = self.viewpoints.parameters
+        self.log_odds = float(np.clip(self.log_odds + gain, bounds.min_existence, bounds.max_existence))

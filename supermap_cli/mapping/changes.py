@@ -30,14 +30,15 @@ class Changes:
 
     def drain(self, objects: ObjectMap) -> MapDelta:
         """Everything changed, as values; what is tentative still stays out."""
-        changed = [objects[n] for n in sorted(self.dirty) if n in objects.by_number and objects[n].confirmed]
-        states = self.closed_states + [open_state(each) for each in changed if each.present]
-        latest = {(each.object_number, each.index): each for each in states}
+        numbers = [number for number in sorted(self.dirty) if number in objects.by_number]
+        changed = [objects[number] for number in numbers if objects[number].confirmed]
+        states = self.closed_states + [open_state(obj) for obj in changed if obj.present]
+        latest = {(state.object_number, state.index): state for state in states}
         delta = MapDelta(
             observations=tuple(self.observations),
-            instances=tuple(instance_record(each) for each in changed) + tuple(self.merged),
+            instances=tuple(instance_record(obj) for obj in changed) + tuple(self.merged),
             states=tuple(latest[key] for key in sorted(latest)),
-            visits=tuple(visit(each) for each in changed),
+            visits=tuple(visit_record(obj) for obj in changed),
             temporal_edges=tuple(self.temporal_edges),
         )
         self.dirty, self.observations, self.closed_states = set(), [], []
@@ -45,20 +46,20 @@ class Changes:
         return delta
 
 
-def open_state(stands: MapObject, gone_ns: int | None = None) -> StateRecord:
+def open_state(obj: MapObject, gone_ns: int | None = None) -> StateRecord:
     """The state an object is in, as it is known now."""
-    shape = stands.shape
+    shape = obj.shape
     return StateRecord(
-        stands.number,
-        stands.state.index,
-        stands.state.first_seen_ns,
-        stands.last_seen_ns,
+        obj.number,
+        obj.state.index,
+        obj.state.first_seen_ns,
+        obj.last_seen_ns,
         gone_ns,
-        stands.state.empty_before_ns,
+        obj.state.empty_before_ns,
         shape.centroid,
         shape.box,
-        stands.label,
-        probability(stands.existence),
+        obj.label,
+        probability(obj.existence.log_odds),
     )
 
 
@@ -67,11 +68,11 @@ def probability(log_odds: float) -> float:
     return float(1 / (1 + np.exp(-log_odds)))
 
 
-def visit(seen: MapObject) -> Visit:
+def visit_record(obj: MapObject) -> Visit:
     """How often this traversal looked at an object."""
-    count = seen.visit
+    count = obj.visit
     return Visit(
-        seen.number,
+        obj.number,
         count.supported,
         count.in_view,
         count.contradicted,
@@ -80,30 +81,30 @@ def visit(seen: MapObject) -> Visit:
     )
 
 
-def instance_record(known: MapObject, merged_into: int | None = None) -> InstanceRecord:
+def instance_record(obj: MapObject, merged_into: int | None = None) -> InstanceRecord:
     """A confirmed object as the memory keeps it."""
     return InstanceRecord(
-        number=known.number,
-        label=known.label,
-        label_belief=known.labels.probabilities(),
-        existence_log_odds=known.existence,
-        presence="doubted" if known.doubted else "present" if known.present else "absent",
-        first_seen_ns=known.first_seen_ns,
-        last_seen_ns=known.last_seen_ns,
-        centroid_map=known.shape.centroid,
-        box=known.shape.box,
-        voxels=known.voxels.to_cloud(),
-        observations=known.observations,
+        number=obj.number,
+        label=obj.label,
+        label_belief=obj.labels.probabilities(),
+        existence_log_odds=obj.existence.log_odds,
+        presence="doubted" if obj.demoted else "present" if obj.present else "absent",
+        first_seen_ns=obj.first_seen_ns,
+        last_seen_ns=obj.last_seen_ns,
+        centroid_map=obj.shape.centroid,
+        box=obj.shape.box,
+        voxels=obj.voxels.to_cloud(),
+        observations=obj.observations,
         merged_into=merged_into,
         engine_state=EngineState(
-            label_logs=known.labels.logs,
-            unseen_log=known.labels.unseen_log,
-            looks=known.labels.looks,
-            viewpoints={name: astuple(cell) for name, cell in known.viewpoints.cells.items()},
-            state_index=known.state.index,
-            state_first_seen_ns=known.state.first_seen_ns,
-            state_empty_before_ns=known.state.empty_before_ns,
-            gone_ns=known.gone_ns,
-            best_crop=known.best_crop,
+            label_logs=obj.labels.logs,
+            unseen_log=obj.labels.unseen_log,
+            looks=obj.labels.weight,
+            viewpoints={name: astuple(cell) for name, cell in obj.existence.viewpoints.cells.items()},
+            state_index=obj.state.index,
+            state_first_seen_ns=obj.state.first_seen_ns,
+            state_empty_before_ns=obj.state.empty_before_ns,
+            gone_ns=obj.gone_ns,
+            best_crop=obj.best_crop,
         ).to_document(),
     )

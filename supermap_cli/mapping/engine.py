@@ -33,15 +33,16 @@ from supermap_cli.mapping.geometric_negation import negate_by_geometry
 from supermap_cli.mapping.keyframe_view import KeyframeView, move_seam, worth_lifting
 from supermap_cli.mapping.lifting import LiftedDetection, lift
 from supermap_cli.mapping.map_update import IdentityLinks, MapUpdate
-from supermap_cli.mapping.mask_overlap import claimed_by_smaller
+from supermap_cli.mapping.mask_overlap import without_smaller
 from supermap_cli.mapping.missed_detections import MissedObject, find_missed, negate_by_miss
 from supermap_cli.mapping.object_merging import ObjectMerging
 from supermap_cli.mapping.objects import MapObject, ObjectMap
 from supermap_cli.mapping.pair_evidence import PairEvidence
+from supermap_cli.mapping.parameters import MappingParameters
 from supermap_cli.mapping.recall import RecallModel, ScoreModel
 from supermap_cli.mapping.splitting import SplitEvidence
 from supermap_cli.mapping.transitions import Transitions
-from supermap_cli.mapping.visibility import look_at
+from supermap_cli.mapping.visibility import check_objects
 from supermap_cli.types.detections import Detections, TrackPrior
 from supermap_cli.types.keyframe import Keyframe
 from supermap_cli.types.memory import MapDelta
@@ -52,7 +53,8 @@ class MappingEngine:
     """The map while it is being built, and the steps that a keyframe takes through it; `take_changes` after a batch.
 
     `floor_z` metres is the floor's height in the map, where it is known. `recall` and `scores` are what this run has
-    learnt of its detector; `pairs` and `splits` what images have said of objects being one or two.
+    learnt of its detector; `pairs` and `splits` what images have said of objects being one or two. All of these follow
+    the engine's `parameters`.
     """
 
     config: MappingConfig = field(default_factory=MappingConfig)
@@ -65,14 +67,22 @@ class MappingEngine:
     pairs: PairEvidence = field(default_factory=PairEvidence)
     splits: SplitEvidence = field(default_factory=SplitEvidence)
     links: IdentityLinks = field(default_factory=IdentityLinks)
+    parameters: MappingParameters = field(default_factory=MappingParameters)
     transitions: Transitions = field(init=False)
     _merging: ObjectMerging = field(init=False, repr=False)
     _update: MapUpdate = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
+        parameters = self.parameters
+        self.objects.use(parameters.object_sets())
+        self.recall.parameters = self.scores.parameters = parameters.recall
+        self.pairs.parameters = parameters.pair_evidence
+        self.splits.use(parameters.splitting, parameters.belief)
         self.transitions = Transitions(self.objects)
-        fusion = DetectionFusion(self.transitions, self.recall, self.scores, self.config.crop_px, self.ablate)
-        self._merging = ObjectMerging(self.objects, self.transitions, fusion, self.pairs, self.splits)
+        fusion = DetectionFusion(
+            self.transitions, self.recall, self.scores, self.config.crop_px, self.ablate, parameters
+        )
+        self._merging = ObjectMerging(self.objects, self.transitions, fusion, self.pairs, self.splits, parameters)
         self._update = MapUpdate(
             self.objects,
             self.transitions,
@@ -82,6 +92,7 @@ class MappingEngine:
             self.splits,
             self.links,
             self.ablate,
+            parameters,
         )
 
     def get_neighbor_objects(self, keyframe: Keyframe) -> list[MapObject]:
@@ -92,14 +103,23 @@ class MappingEngine:
         """CompareDepth: every voxel of the neighbours is supported (the paper's observable), occluded (unobservable) or
         contradicted (disappeared) by the keyframe's depth, or none of these.
         """
-        depth = depth_view(keyframe, self._range_m(keyframe), self.floor_z)
-        views = look_at(depth, neighbors)
+        depth = depth_view(
+            keyframe,
+            self._range_m(keyframe),
+            self.floor_z,
+            parameters=self.parameters.depth,
+            returns_parameters=self.parameters.returns,
+            fov_parameters=self.parameters.below_lidar_fov,
+        )
+        views = check_objects(depth, neighbors, self.parameters.visibility)
         if "geometric-consistency" in self.ablate:
             views = {number: view.unchecked() for number, view in views.items()}
         return KeyframeView(keyframe, depth, views)
 
     def update_from_map(self, view: KeyframeView) -> tuple[TrackPrior, ...]:
-        """UpdateFromMap: where tracked objects ought to be in this image (hybrid state: c = pi(K T_CW X))."""
+        """UpdateFromMap: where the objects that the view's camera tracks ought to be in its image, projected as in the
+        hybrid state: c = pi(K T_CW X).
+        """
         if "tracker" in self.ablate:
             return ()
         camera, priors = view.keyframe.camera, []
@@ -107,8 +127,9 @@ class MappingEngine:
             obj, box = self.objects[number], object_view.box_xyxy
             if camera.full_turn and box is not None and box[2] - box[0] > camera.width / 2:
                 continue  # across the seam
-            if obj.track_id >= 0 and obj.present and box is not None:
-                priors.append(TrackPrior(obj.track_id, box.astype(np.float32), obj.label, object_view.hidden))
+            track_id = obj.track_ids.get(view.keyframe.camera_id)
+            if track_id is not None and obj.present and box is not None:
+                priors.append(TrackPrior(track_id, box.astype(np.float32), obj.label, object_view.hidden))
         return tuple(priors)
 
     def unproject(
@@ -119,13 +140,14 @@ class MappingEngine:
         `track_ids` (n,), -1 = no track, are the detections'. Overlapping masks are parted first, and weak detections
         where nothing is expected are left out.
         """
+        parameters = self.parameters
         ids = np.full(len(detections), -1) if track_ids is None else track_ids
-        view, detections, ids = move_seam(view, detections, ids)
+        view, detections, ids = move_seam(view, detections, ids, parameters.seam)
         view = view.with_masked(detections)
-        masks = claimed_by_smaller(list(detections.masks), detections.labels)
-        worth = worth_lifting(view, detections)
+        masks = without_smaller(list(detections.masks), detections.labels, parameters.mask_overlap)
+        worth = worth_lifting(view, detections, parameters.association.strong_score, parameters.keyframe_view)
         chosen = tuple(mask if lifting else None for mask, lifting in zip(masks, worth, strict=True))
-        return view, lift(view.keyframe, view.depth, detections.with_masks(chosen), ids)
+        return view, lift(view.keyframe, view.depth, detections.with_masks(chosen), ids, parameters.lifting_sets())
 
     def obj_merge(self, view: KeyframeView, lifted: Sequence[LiftedDetection]) -> set[int]:
         """ObjMerge: assign the detections to objects and fuse them, split objects, start new ones; the numbers of those
@@ -142,20 +164,32 @@ class MappingEngine:
         """Lines 16 to 20: the objects on the image that were not found, and what that says; without `detections` no
         detector has looked, and only geometry speaks.
         """
-        missed = find_missed(view, matched, self.objects, self.recall, detector_looked=detections is not None)
+        missed = find_missed(
+            view,
+            matched,
+            self.objects,
+            self.recall,
+            detector_looked=detections is not None,
+            parameters=self.parameters.missed_detections,
+            absence_parameters=self.parameters.absence,
+            lifting_parameters=self.parameters.lifting,
+        )
         self.transitions.changes.dirty.update(miss.obj.number for miss in missed if miss.detectability.observable)
         return missed
 
     def obj_negate(self, view: KeyframeView, missed: Sequence[MissedObject]) -> None:
         """ObjNegate: geometry and misses speak against objects, until these are absent or believed in no more."""
+        parameters = self.parameters
         for miss in missed:
             obj, gone_ns = miss.obj, None
             if not obj.present:
                 continue
             if "geometric-consistency" not in self.ablate:
-                gone_ns = negate_by_geometry(obj, miss.detectability.view, view.stamp_ns)
+                gone_ns = negate_by_geometry(
+                    obj, miss.detectability.view, view.stamp_ns, parameters.absence, parameters.fusion
+                )
             if gone_ns is None and "semantic-fusion" not in self.ablate:
-                gone_ns = negate_by_miss(miss, view.viewpoint_of(obj))
+                gone_ns = negate_by_miss(miss, view.viewpoint_of(obj), self.recall, parameters.missed_detections)
             if gone_ns is not None:
                 self.transitions.mark_absent(obj, gone_ns)
 

@@ -1,78 +1,102 @@
-"""Fusion: one keyframe's evidence enters an object's voxels, its label belief and its existence."""
+"""Fusion: one keyframe's evidence enters an object's voxels, its label belief and its existence.
+
+The log-odds update of eq. 8 with an inverse sensor model for each ray, as in OctoMap, of voxels instead of points.
+Departs from the paper in that voxels also count how often they lay inside and outside the object's masks.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
 
 from supermap_cli.mapping.association import pixels_in_region
-from supermap_cli.mapping.belief import Vantage
+from supermap_cli.mapping.belief import Viewpoint
 from supermap_cli.mapping.lifting import LiftedDetection
 from supermap_cli.mapping.objects import MapObject
-from supermap_cli.mapping.recall import ScoreModel, miss_log_ratio
+from supermap_cli.mapping.recall import RecallModel, ScoreModel, miss_log_ratio
 from supermap_cli.mapping.visibility import ObjectView
-from supermap_cli.mapping.voxel_map import LOG_ODDS_MAX
-
-HIT_LOG_ODDS = 0.85
-MISS_LOG_ODDS = -0.6
-"""logit(0.70) and logit(0.35): the inverse sensor model of one ray (OctoMap uses 0.7 and 0.4)."""
-
-EXISTENCE_MIN, EXISTENCE_MAX = -6.0, 12.0
-"""Existence is clamped, so that a few dozen looks can always turn it."""
+from supermap_cli.types.parameters import TUNED, parameter
 
 
-def fuse_geometry(seen: MapObject, view: ObjectView) -> None:
-    """Occupancy: L += logit(p) for every voxel the rays hit or went through."""
-    log_odds = seen.voxels.log_odds
-    log_odds[view.supported] = np.minimum(log_odds[view.supported] + HIT_LOG_ODDS / 2, LOG_ODDS_MAX)
-    log_odds[view.contradicted] += MISS_LOG_ODDS
+@dataclass(frozen=True)
+class FusionParameters:
+    """The inverse sensor model, and which voxels are dropped."""
+
+    hit_log_odds: float = parameter(
+        0.85, "1", "what a point of a detection says for its voxel: logit(0.70)", "Hornung et al. 2013 (OctoMap): 0.7"
+    )
+    supported_log_odds: float = parameter(
+        0.425, "1", "what a ray that ends at a voxel says for it, inside a mask or not: half as much", TUNED
+    )
+    miss_log_odds: float = parameter(
+        -0.6,
+        "1",
+        "what a ray that goes through a voxel says of it: logit(0.35)",
+        "Hornung et al. 2013 (OctoMap): 0.4",
+        at_most=0.0,
+    )
+    min_log_odds: float = parameter(-1.2, "1", "voxels at or below this are dropped: two rays through", TUNED)
+    max_outside_ratio: float = parameter(
+        2.0, "1", "voxels seen outside more than this many times as often as inside are dropped", TUNED
+    )
+    max_outside: float = parameter(2.0, "1", "views outside that are allowed on top of this", TUNED)
+
+
+DEFAULT = FusionParameters()
+
+
+def fuse_geometry(obj: MapObject, view: ObjectView, parameters: FusionParameters = DEFAULT) -> None:
+    """Occupancy: L += logit(p) for every voxel the rays hit or went through (eq. 8)."""
+    log_odds, most = obj.voxels.log_odds, obj.parameters.voxel_map.log_odds_max
+    log_odds[view.supported] = np.minimum(log_odds[view.supported] + parameters.supported_log_odds, most)
+    log_odds[view.contradicted] += parameters.miss_log_odds
 
 
 def fuse_mask(
-    seen: MapObject, view: ObjectView, detection: LiftedDetection, parts: Sequence[LiftedDetection] = ()
+    obj: MapObject, view: ObjectView, detection: LiftedDetection, parts: Sequence[LiftedDetection] = ()
 ) -> None:
-    """Semantic support: the voxels visible now lie in the mask's core, beside the mask, or at its rim (which says
-    nothing). What lies in the masks of other `parts` of the object is not beside it.
+    """Semantic support: the voxels visible now lie in the mask's core, outside the mask, or at its rim (which says
+    nothing). What lies in the masks of other `parts` of the object is not outside it.
     """
     mask, rim = detection.mask, detection.rim_px
     inside = view.shown & pixels_in_region(detection.core, mask.u0, mask.v0, view)
     padded = cv2.copyMakeBorder(mask.pixels.astype(np.uint8), *(rim,) * 4, cv2.BORDER_CONSTANT, value=0)
     grown = cv2.dilate(padded, np.ones((2 * rim + 1, 2 * rim + 1), np.uint8)) > 0
-    beside = view.shown & ~pixels_in_region(grown, mask.u0 - rim, mask.v0 - rim, view)
+    outside = view.shown & ~pixels_in_region(grown, mask.u0 - rim, mask.v0 - rim, view)
     for part in parts:
-        beside &= ~pixels_in_region(part.mask.pixels, part.mask.u0, part.mask.v0, view)
-    seen.voxels.inside[inside] += 1
-    seen.voxels.outside[beside] += 1
+        outside &= ~pixels_in_region(part.mask.pixels, part.mask.u0, part.mask.v0, view)
+    obj.voxels.inside[inside] += 1
+    obj.voxels.outside[outside] += 1
 
 
-def fuse_points(seen: MapObject, detection: LiftedDetection) -> None:
+def fuse_points(obj: MapObject, detection: LiftedDetection, parameters: FusionParameters = DEFAULT) -> None:
     """Enter the points a detection adds, and drop the voxels that the evidence has turned against."""
-    voxels = seen.voxels
+    voxels = obj.voxels
     if not len(voxels):
         voxels.voxel_m = max(voxels.voxel_m, detection.voxel_m)
-    voxels.add_points(detection.points_map, detection.rgb, HIT_LOG_ODDS)
-    kept = (voxels.log_odds > -1.2) & (voxels.outside <= 2 * voxels.inside + 2)
+    voxels.add_points(detection.points_map, detection.rgb, parameters.hit_log_odds)
+    most_outside = parameters.max_outside_ratio * voxels.inside + parameters.max_outside
+    kept = (voxels.log_odds > parameters.min_log_odds) & (voxels.outside <= most_outside)
     if kept.any():
         voxels.keep(kept)
-    voxels.fit_voxel()
-    seen.touched()
+    voxels.fit_voxel(obj.parameters.voxel_map)
+    obj.voxels_changed()
 
 
-def believe_more(seen: MapObject, detection: LiftedDetection, scores: ScoreModel, vantage: Vantage) -> None:
+def fuse_detection(obj: MapObject, detection: LiftedDetection, scores: ScoreModel, viewpoint: Viewpoint) -> None:
     """Label and existence after a detection."""
-    log_ratio = scores.detection_log_ratio(detection.score, again=seen.observations > 0)
-    weight, gain = seen.viewpoints.support(vantage, log_ratio)
-    seen.labels.update(detection.hypotheses, weight)
-    seen.labels.longest_side_m = float(seen.shape.box.size.max())
-    seen.existence = float(np.clip(seen.existence + gain, EXISTENCE_MIN, EXISTENCE_MAX))
+    log_ratio = scores.detection_log_ratio(detection.score, again=obj.observations > 0)
+    weight = obj.existence.add_detection(viewpoint, log_ratio)
+    obj.labels.update(detection.hypotheses, weight)
+    obj.labels.longest_side_m = float(obj.shape.box.size.max())
 
 
-def believe_less(missed: MapObject, expected_recall: float, vantage: Vantage) -> None:
-    """Existence after a look at which the detector kept silent although it could have spoken."""
-    gain = missed.viewpoints.miss(vantage, miss_log_ratio(expected_recall))
-    missed.existence = float(np.clip(missed.existence + gain, EXISTENCE_MIN, EXISTENCE_MAX))
+def fuse_miss(obj: MapObject, expected_recall: float, viewpoint: Viewpoint, recall: RecallModel) -> None:
+    """Existence after a view in which the detector did not find the object although it could have."""
+    obj.existence.add_miss(viewpoint, miss_log_ratio(expected_recall, recall.parameters))
 
 
 def area_share(view: ObjectView, image_area_px: int) -> float:

@@ -8,19 +8,34 @@ import numpy as np
 
 from supermap_cli.geometry.arrays import BoolArray, IntArray
 from supermap_cli.geometry.boxes import pairwise_iou
-from supermap_cli.mapping.belief import Vantage
+from supermap_cli.mapping import seam
+from supermap_cli.mapping.belief import Viewpoint
 from supermap_cli.mapping.depth import DepthView
 from supermap_cli.mapping.objects import MapObject
-from supermap_cli.mapping.seam import turn_px, turned_depth, turned_detections, turned_keyframe, turned_view
+from supermap_cli.mapping.seam import (
+    SeamParameters,
+    turn_px,
+    turned_depth,
+    turned_detections,
+    turned_keyframe,
+    turned_view,
+)
 from supermap_cli.mapping.visibility import ObjectView
 from supermap_cli.types.detections import Detections
 from supermap_cli.types.keyframe import Keyframe
+from supermap_cli.types.parameters import TUNED, parameter
 
-STRONG_SCORE = 0.3
-"""Detections below this support what the map already holds, and give birth to nothing (ByteTrack's two stages)."""
 
-EXPECTED_IOU = 0.2
-"""Overlap with an object's predicted box from which a weak detection may be of that object."""
+@dataclass(frozen=True)
+class KeyframeViewParameters:
+    """Which detections are lifted."""
+
+    expected_iou: float = parameter(
+        0.2, "1", "overlap with an object's predicted box from which a weak detection may be of it", TUNED, at_most=1.0
+    )
+
+
+DEFAULT = KeyframeViewParameters()
 
 
 @dataclass(frozen=True)
@@ -55,31 +70,39 @@ class KeyframeView:
         """The keyframe's."""
         return self.keyframe.stamp_ns
 
-    def viewpoint_of(self, obj: MapObject) -> Vantage:
+    def viewpoint_of(self, obj: MapObject) -> Viewpoint:
         """From where the keyframe shows an object."""
-        return Vantage(self.stamp_ns, self.keyframe.T_map_camera[:3, 3], obj.shape.centroid)
+        return Viewpoint(self.stamp_ns, self.keyframe.T_map_camera[:3, 3], obj.shape.centroid)
 
 
 def move_seam(
-    view: KeyframeView, detections: Detections, track_ids: IntArray
+    view: KeyframeView,
+    detections: Detections,
+    track_ids: IntArray,
+    parameters: SeamParameters = seam.DEFAULT,
 ) -> tuple[KeyframeView, Detections, IntArray]:
     """Preprocessing of panoramas: turn view, detections and their tracks so that no mask lies across the seam.
 
     Anything else comes back as it is.
     """
-    by_px = turn_px(detections, view.keyframe.camera)
+    by_px = turn_px(detections, view.keyframe.camera, parameters)
     if not by_px:
         return view, detections, track_ids
     turned = view.turned(by_px)
-    return turned, *turned_detections(detections, track_ids, view.keyframe.camera.width, by_px)
+    return turned, *turned_detections(detections, track_ids, view.keyframe.camera.width, by_px, parameters)
 
 
-def worth_lifting(view: KeyframeView, detections: Detections) -> BoolArray:
+def worth_lifting(
+    view: KeyframeView,
+    detections: Detections,
+    strong_score: float,
+    parameters: KeyframeViewParameters = DEFAULT,
+) -> BoolArray:
     """(n,) the detections that can come to something: strong ones, and weak ones about where an object is expected."""
-    worth: BoolArray = detections.scores >= STRONG_SCORE
+    worth: BoolArray = detections.scores >= strong_score
     boxes = [object_view.box_xyxy for object_view in view.views.values() if object_view.box_xyxy is not None]
     if boxes and not worth.all():
-        worth = worth | (pairwise_iou(detections.boxes_xyxy, np.array(boxes)) > EXPECTED_IOU).any(axis=1)
+        worth = worth | (pairwise_iou(detections.boxes_xyxy, np.array(boxes)) > parameters.expected_iou).any(axis=1)
     return worth
 
 

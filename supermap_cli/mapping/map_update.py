@@ -10,15 +10,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from supermap_cli.config import Ablation
-from supermap_cli.mapping import lifecycle
-from supermap_cli.mapping.association import ANIMATE_MEMORY_NS
+from supermap_cli.mapping.association import is_recent
+from supermap_cli.mapping.duplicates import near_pairs, older_first, same_object
 from supermap_cli.mapping.free_space import FreeSpaceMemory
+from supermap_cli.mapping.lifecycle import is_demoted, ready_to_confirm
 from supermap_cli.mapping.objects import MapObject, ObjectMap
 from supermap_cli.mapping.pair_evidence import PairEvidence
+from supermap_cli.mapping.parameters import MappingParameters
 from supermap_cli.mapping.recall import ScoreModel
+from supermap_cli.mapping.relocation import by_presence, relocations
 from supermap_cli.mapping.splitting import SplitEvidence
 from supermap_cli.mapping.transitions import Transitions
-from supermap_cli.types.labels import ANIMATE
 
 
 @dataclass
@@ -33,7 +35,7 @@ class IdentityLinks:
 
 @dataclass
 class MapUpdate:
-    """Carries out, for the whole map, what `lifecycle` decides."""
+    """Carries out, for the whole map, what `lifecycle`, `relocation` and `duplicates` decide."""
 
     objects: ObjectMap
     transitions: Transitions
@@ -43,6 +45,7 @@ class MapUpdate:
     splits: SplitEvidence
     links: IdentityLinks
     ablate: frozenset[Ablation]
+    parameters: MappingParameters
 
     def update(self, stamp_ns: int, matched: set[int]) -> None:
         """After a keyframe that has `matched` these objects."""
@@ -58,9 +61,10 @@ class MapUpdate:
         `None`: nobody looks any more.
         """
         for obj in self.objects:
-            lost = stamp_ns is None or stamp_ns - obj.last_seen_ns > ANIMATE_MEMORY_NS
-            if lost and obj.present and obj.label in ANIMATE:
-                obj.existence = min(obj.existence, lifecycle.FORGET_LOG_ODDS)
+            lost = stamp_ns is None or not is_recent(obj, stamp_ns, self.parameters.association)
+            if lost and obj.present and obj.is_dynamic:
+                least = self.parameters.lifecycle.forget_log_odds
+                obj.existence.log_odds = min(obj.existence.log_odds, least)
 
     def forget(self) -> None:
         """Drop tentative objects that nothing speaks for; demote confirmed ones, until they are confirmed again.
@@ -69,22 +73,23 @@ class MapUpdate:
         """
         for obj in list(self.objects):
             if not obj.confirmed:
-                if obj.existence <= lifecycle.FORGET_LOG_ODDS or not obj.present:
-                    if obj.present and obj.label not in ANIMATE:
+                if obj.existence.log_odds <= self.parameters.lifecycle.forget_log_odds or not obj.present:
+                    if obj.present and not obj.is_dynamic:
                         self.scores.record_clutter(observation.score for observation in obj.pending)
                     self.objects.remove(obj.number)
                 continue
-            demoted = obj.existence <= (lifecycle.CONFIRM_LOG_ODDS if obj.doubted else lifecycle.DOUBT_LOG_ODDS)
-            if demoted != obj.doubted:
+            demoted = is_demoted(obj, self.parameters.lifecycle)
+            if demoted != obj.demoted:
                 self.transitions.set_demoted(obj, demoted=demoted)
 
     def _confirm(self) -> None:
-        newly = [obj for obj in self.objects if not obj.confirmed and lifecycle.ready_to_confirm(obj)]
+        parameters = self.parameters.lifecycle
+        newly = [obj for obj in self.objects if not obj.confirmed and ready_to_confirm(obj, parameters)]
         for obj in newly:
             points = obj.shape.points
             empty_ns = self.free_space.last_seen_empty(points, obj.voxels.voxel_m, obj.state.first_seen_ns)
             obj.state.empty_before_ns = empty_ns
-            obj.confirmed = True
+            obj.set_status(confirmed=True)
         relocated = set() if "tracker" in self.ablate else self._relocate(newly)
         for obj in newly:
             if obj.number not in relocated:
@@ -96,14 +101,14 @@ class MapUpdate:
         A pair is judged at the later of two events: the one confirmed, the other seen to be gone; either may be noticed
         first. It is judged again when two that were found have turned out to be one: that may end an ambiguity.
         """
-        gone, found, standing = lifecycle.by_presence(self.objects)
+        gone, found, standing = by_presence(self.objects)
         news = {obj.number for obj in newly} | {obj.number for obj in gone if obj.number in self.transitions.touched}
         news |= self.links.absorbed
         self.links.absorbed = set()
         if not gone or not news:
             return set()
         taken = set()
-        for match in lifecycle.relocations(gone, found, standing):
+        for match in relocations(gone, found, standing, self.parameters.relocation):
             if news.isdisjoint((match.gone, match.found)):
                 continue
             old, new = self.objects[match.gone], self.objects[match.found]
@@ -116,13 +121,13 @@ class MapUpdate:
         return taken
 
     def _merge(self, matched: set[int], stamp_ns: int) -> None:
-        for first, second in lifecycle.near_pairs(self.objects, matched):
+        for first, second in near_pairs(self.objects, matched, self.parameters.duplicates):
             if first.number not in self.objects.by_number or second.number not in self.objects.by_number:
                 continue
             apart = self.pairs.seen_apart(first.number, second.number)
             as_one = self.pairs.seen_as_one(first.number, second.number)
-            if as_one or lifecycle.same_thing(first, second, seen_apart=apart):
-                kept, joined = lifecycle.older(first, second)
+            if as_one or same_object(first, second, seen_apart=apart, parameters=self.parameters.duplicates):
+                kept, joined = older_first(first, second)
                 self.transitions.merge(kept, joined, stamp_ns)
                 self.pairs.forget(joined.number)
                 self.splits.forget(joined.number)

@@ -1,14 +1,34 @@
-"""Masks of one image that cover the same pixels: a large mask often swallows the smaller things on or before it."""
+"""Masks of one image that cover the same pixels: a large mask often swallows the smaller things on or before it.
+
+Comes between `GenerateMasks` and `Unproject` of the paper's Algorithm 1, step (4), which takes masks as they are.
+"""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 
 from supermap_cli.geometry.arrays import BoolArray
 from supermap_cli.types.detections import RegionMask
+from supermap_cli.types.parameters import TUNED, parameter
 
 
-def claimed_by_smaller(masks: list[RegionMask | None], labels: tuple[str, ...]) -> list[RegionMask | None]:
+@dataclass(frozen=True)
+class MaskOverlapParameters:
+    """Which of two masks has a pixel that both cover."""
+
+    smaller_share: float = parameter(
+        0.3, "1", "a mask of another label smaller than this share of one takes its pixels", TUNED, at_most=1.0
+    )
+
+
+DEFAULT = MaskOverlapParameters()
+
+
+def without_smaller(
+    masks: list[RegionMask | None], labels: tuple[str, ...], parameters: MaskOverlapParameters = DEFAULT
+) -> list[RegionMask | None]:
     """Take out of each mask what a much smaller detection with another label claims: the cup is not the table."""
     areas = [0 if mask is None else np.count_nonzero(mask.pixels) for mask in masks]
     result: list[RegionMask | None] = []
@@ -18,10 +38,23 @@ def claimed_by_smaller(masks: list[RegionMask | None], labels: tuple[str, ...]) 
             continue
         pixels = mask.pixels.copy()
         for j, other in enumerate(masks):
-            if other is not None and labels[i] != labels[j] and areas[j] < 0.3 * areas[i]:
+            if other is not None and labels[i] != labels[j] and areas[j] < parameters.smaller_share * areas[i]:
                 _subtract(pixels, mask, other)
         result.append(RegionMask(mask.u0, mask.v0, pixels))
     return result
+
+
+def overlap_share(first: RegionMask, second: RegionMask) -> float:
+    """The share of the smaller one of two masks that lies in the other."""
+    (first_h, first_w), (second_h, second_w) = first.pixels.shape, second.pixels.shape
+    u0, v0 = max(first.u0, second.u0), max(first.v0, second.v0)
+    u1, v1 = min(first.u0 + first_w, second.u0 + second_w), min(first.v0 + first_h, second.v0 + second_h)
+    if u1 <= u0 or v1 <= v0:
+        return 0.0
+    of_first = first.pixels[v0 - first.v0 : v1 - first.v0, u0 - first.u0 : u1 - first.u0]
+    of_second = second.pixels[v0 - second.v0 : v1 - second.v0, u0 - second.u0 : u1 - second.u0]
+    smaller = min(int(np.count_nonzero(first.pixels)), int(np.count_nonzero(second.pixels)))
+    return np.count_nonzero(of_first & of_second) / smaller if smaller else 0.0
 
 
 def _subtract(pixels: BoolArray, mask: RegionMask, other: RegionMask) -> None:

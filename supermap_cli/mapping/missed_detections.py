@@ -11,32 +11,45 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from supermap_cli.geometry.cameras import Camera
-from supermap_cli.mapping.absence import ABSENT_SHARE, LEAST_THROUGH, OBSERVABLE_SHARE
-from supermap_cli.mapping.belief import Vantage
-from supermap_cli.mapping.fusion import area_share, believe_less
+from supermap_cli.mapping import absence, lifting
+from supermap_cli.mapping.absence import AbsenceParameters
+from supermap_cli.mapping.belief import Viewpoint
+from supermap_cli.mapping.fusion import area_share, fuse_miss
 from supermap_cli.mapping.keyframe_view import KeyframeView
-from supermap_cli.mapping.lifting import is_truncated
+from supermap_cli.mapping.lifting import LiftingParameters, is_truncated
 from supermap_cli.mapping.objects import MapObject, ObjectMap
 from supermap_cli.mapping.recall import RecallModel, miss_log_ratio
 from supermap_cli.mapping.visibility import ObjectView
-from supermap_cli.types.labels import ANIMATE
+from supermap_cli.types.parameters import TUNED, parameter
 
-SURE_LOG_ODDS = 4.0
-"""Only objects believed this firmly teach how often the detector misses what is there."""
 
-UNCOVERED_SHARE = 0.6
-"""Share of an object beneath all rays that must be free of other masks before a miss counts."""
+@dataclass(frozen=True)
+class MissedDetectionParameters:
+    """When a miss counts, and when misses alone say that an object has gone."""
 
-GONE_LOG_ODDS, SILENT_NS, FOUND_SHARE = 4.0, 2_000_000_000, 0.5
-"""Gone, too, where no ray can tell: misses of that weight and for so long, after it was found in that share."""
+    empty_share: float = parameter(
+        0.5,
+        "1",
+        "share of what rays tell of an object's place: if they went through more, a miss says nothing on its own",
+        TUNED,
+        at_most=1.0,
+    )
+    uncovered_share: float = parameter(
+        0.6, "1", "share of an object below all rays that must be free of other masks before a miss counts", TUNED
+    )
+    gone_log_odds: float = parameter(
+        4.0, "1", "evidence of misses from which an object is gone that no ray can reach", TUNED
+    )
+    gone_after_s: float = parameter(2.0, "s", "time that these misses must last", TUNED)
+    min_found_share: float = parameter(
+        0.5, "1", "share of the keyframes before that must have found it: else it was never real", TUNED, at_most=1.0
+    )
+    through_log_odds: float = parameter(
+        -1.0, "1", "what the few rays say that reach the top of such an object, and go through it", TUNED, at_most=0.0
+    )
 
-THROUGH_LOG_ODDS = -1.0
-"""What the few rays say that reach the top of such a thing, and go through at least `LEAST_THROUGH` voxels of it."""
 
-EMPTY_SHARE = 0.5
-"""Where rays went through more than this share of what they tell of its place, an object's not being found says
-nothing on its own.
-"""
+DEFAULT = MissedDetectionParameters()
 
 
 @dataclass(frozen=True)
@@ -49,22 +62,23 @@ class Detectability:
     view: ObjectView
     camera: Camera
     unmeasured: bool
+    absence_parameters: AbsenceParameters = absence.DEFAULT
+    lifting_parameters: LiftingParameters = lifting.DEFAULT
 
     @property
     def observable(self) -> bool:
         """Whether its not being found counts."""
-        return self.unmeasured or self.view.observable_share >= OBSERVABLE_SHARE
+        return self.unmeasured or self.view.observable_share >= self.absence_parameters.observable_share
 
-    @property
-    def missable(self) -> bool:
+    def missable(self, parameters: MissedDetectionParameters = DEFAULT) -> bool:
         """Whether it would be found if it is there: its place is not seen to be empty."""
-        return self.unmeasured or (self.observable and self.view.contradicted_share <= EMPTY_SHARE)
+        return self.unmeasured or (self.observable and self.view.contradicted_share <= parameters.empty_share)
 
     @cached_property
     def truncated(self) -> bool:
         """Whether the image's border cuts it."""
         box = self.view.box_xyxy
-        return box is not None and is_truncated(box, self.camera)
+        return box is not None and is_truncated(box, self.camera, self.lifting_parameters)
 
     @cached_property
     def area_share(self) -> float:
@@ -92,6 +106,9 @@ def find_missed(
     recall: RecallModel,
     *,
     detector_looked: bool,
+    parameters: MissedDetectionParameters = DEFAULT,
+    absence_parameters: AbsenceParameters = absence.DEFAULT,
+    lifting_parameters: LiftingParameters = lifting.DEFAULT,
 ) -> tuple[MissedObject, ...]:
     """The objects in view that were not found, in the view's order.
 
@@ -101,68 +118,89 @@ def find_missed(
     missed = []
     for number, object_view in view.views.items():
         obj, found = objects[number], number in matched
-        if not found and obj.label in ANIMATE and object_view.contradicted_share > EMPTY_SHARE:
+        if not found and obj.is_dynamic and object_view.contradicted_share > parameters.empty_share:
             continue  # it has walked on, and is not where it was for anybody to miss it
-        detectability = Detectability(object_view, view.keyframe.camera, _only_image_shows(object_view, view))
+        unmeasured = _only_image_shows(object_view, view, parameters, absence_parameters)
+        detectability = Detectability(
+            object_view, view.keyframe.camera, unmeasured, absence_parameters, lifting_parameters
+        )
         if detectability.observable and not found:
             obj.visit.in_view += 1
         if detector_looked and detectability.observable:
             _record_recall(recall, obj, detectability, found=found)
         if not found:
             expected = None
-            if detector_looked and obj.present and detectability.missable:
+            if detector_looked and obj.present and detectability.missable(parameters):
                 expected = recall.expected(obj.label, detectability.area_share, detectability.truncated)
             missed.append(MissedObject(obj, detectability, expected))
     return tuple(missed)
 
 
-def negate_by_miss(missed: MissedObject, vantage: Vantage) -> int | None:
+def negate_by_miss(
+    missed: MissedObject,
+    viewpoint: Viewpoint,
+    recall: RecallModel,
+    parameters: MissedDetectionParameters = DEFAULT,
+) -> int | None:
     """Existence after a miss; since when the object is gone, if misses alone say so."""
     obj, expected = missed.obj, missed.expected_recall
     if expected is None:
         return None
-    believe_less(obj, expected, vantage)
-    if missed.detectability.unmeasured and fallen_silent(obj, missed.detectability.view, vantage, expected):
-        return obj.first_silent_ns
-    return None
+    fuse_miss(obj, expected, viewpoint, recall)
+    if not missed.detectability.unmeasured:
+        return None
+    against = miss_log_ratio(expected, recall.parameters)
+    if _rays_went_through(missed.detectability):
+        against += parameters.through_log_odds
+    return obj.misses.first_ns if is_gone_by_misses(obj, viewpoint, against, parameters) else None
 
 
-def fallen_silent(obj: MapObject, view: ObjectView, vantage: Vantage, expected_recall: float) -> bool:
-    """Take in one more view that did not find a thing that no ray can reach; whether it has gone: it was found in most
-    views, and then in none for some time.
+def is_gone_by_misses(
+    obj: MapObject, viewpoint: Viewpoint, log_ratio: float, parameters: MissedDetectionParameters = DEFAULT
+) -> bool:
+    """Take in one more view that did not find an object that no ray can reach; whether it has gone: it was found in
+    most views, and then in none for some time.
 
     What was never real is found now and then; it is demoted, as all that the detector imagines.
     """
-    visit = obj.visit
-    if obj.silence == 0:
-        obj.first_silent_ns = vantage.stamp_ns
-    against = miss_log_ratio(expected_recall)
-    if int(view.contradicted.sum()) >= LEAST_THROUGH and view.contradicted_share > ABSENT_SHARE:
-        against += THROUGH_LOG_ODDS
-    obj.silence += obj.silent_views.miss(vantage, against)
+    visit, misses = obj.visit, obj.misses
+    if misses.log_odds == 0:
+        misses.first_ns = viewpoint.stamp_ns
+    misses.log_odds += misses.viewpoints.add_miss(viewpoint, log_ratio)
     return (
         obj.confirmed
-        and obj.silence < -GONE_LOG_ODDS
-        and vantage.stamp_ns - obj.first_silent_ns > SILENT_NS
-        and visit.supported > FOUND_SHARE * visit.in_view_then
+        and misses.log_odds < -parameters.gone_log_odds
+        and viewpoint.stamp_ns - misses.first_ns > parameters.gone_after_s * 1e9
+        and visit.supported > parameters.min_found_share * visit.in_view_at_support
     )
+
+
+def _rays_went_through(detectability: Detectability) -> bool:
+    view, parameters = detectability.view, detectability.absence_parameters
+    enough = int(view.contradicted.sum()) >= parameters.min_voxels
+    return enough and view.contradicted_share > parameters.absent_share
 
 
 def _record_recall(recall: RecallModel, obj: MapObject, detectability: Detectability, *, found: bool) -> None:
     """A trial of the detector, if the object is surely there; where no ray can tell, later views say if it was."""
-    if not (obj.confirmed and obj.present and obj.existence > SURE_LOG_ODDS):
+    if not (obj.confirmed and obj.present and obj.existence.log_odds > recall.parameters.sure_log_odds):
         return
     if detectability.unmeasured and not found:
-        obj.unsettled.append((detectability.area_share, detectability.truncated))
+        obj.misses.unsettled.append((detectability.area_share, detectability.truncated))
     else:
         recall.record(obj.label, detectability.area_share, detectability.truncated, detected=found, weight=1.0)
 
 
-def _only_image_shows(object_view: ObjectView, view: KeyframeView) -> bool:
+def _only_image_shows(
+    object_view: ObjectView,
+    view: KeyframeView,
+    parameters: MissedDetectionParameters,
+    absence_parameters: AbsenceParameters,
+) -> bool:
     """Whether an object lies where only the image shows it, and nothing that is detected covers most of its place."""
     if view.masked is None:
         return False
     free = (object_view.unmeasured & ~view.masked[object_view.v, object_view.u]) | object_view.contradicted
-    if not len(free) or float(object_view.unmeasured.mean()) < OBSERVABLE_SHARE:
+    if not len(free) or float(object_view.unmeasured.mean()) < absence_parameters.observable_share:
         return False
-    return float(free.mean()) > UNCOVERED_SHARE
+    return float(free.mean()) > parameters.uncovered_share

@@ -7,14 +7,22 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 from supermap_cli.mapping import lifecycle
-from supermap_cli.mapping.association import Affinity, affinity, associate, expected_courses, reached
+from supermap_cli.mapping.association import (
+    Affinity,
+    Association,
+    Courses,
+    affinity,
+    associate,
+    expected_courses,
+    within_reach,
+)
 from supermap_cli.mapping.detection_fusion import DetectionFusion
-from supermap_cli.mapping.keyframe_view import STRONG_SCORE, KeyframeView
+from supermap_cli.mapping.keyframe_view import KeyframeView
 from supermap_cli.mapping.lifting import LiftedDetection
 from supermap_cli.mapping.objects import MapObject, ObjectMap
 from supermap_cli.mapping.pair_evidence import PairEvidence
+from supermap_cli.mapping.parameters import MappingParameters
 from supermap_cli.mapping.splitting import (
-    WHOLE_SHARE,
     SplitEvidence,
     nearer_to_second,
     parts_beside,
@@ -23,7 +31,6 @@ from supermap_cli.mapping.splitting import (
     whole_of,
 )
 from supermap_cli.mapping.transitions import Transitions
-from supermap_cli.types.labels import ANIMATE
 
 NO_PARTS: Mapping[int, Sequence[LiftedDetection]] = MappingProxyType({})
 
@@ -37,6 +44,7 @@ class ObjectMerging:
     fusion: DetectionFusion
     pairs: PairEvidence
     splits: SplitEvidence
+    parameters: MappingParameters
 
     def merge(self, view: KeyframeView, lifted: Sequence[LiftedDetection]) -> set[int]:
         """The numbers of the objects that a detection was assigned to.
@@ -44,50 +52,77 @@ class ObjectMerging:
         Strong detections first, then weak ones (ByteTrack's two stages), then re-activation of what was absent; only
         then new objects.
         """
-        strong = [detection for detection in lifted if detection.score >= STRONG_SCORE]
-        weak = [detection for detection in lifted if detection.score < STRONG_SCORE]
-        courses = expected_courses(self.objects, view.stamp_ns)
-        near = reached(lifted, self.objects, courses)
+        parameters = self.parameters
+        strong_score = parameters.association.strong_score
+        strong = [detection for detection in lifted if detection.score >= strong_score]
+        weak = [detection for detection in lifted if detection.score < strong_score]
+        courses = expected_courses(self.objects, view.stamp_ns, parameters.association)
+        near = within_reach(lifted, self.objects, courses, parameters.association)
         present = [obj for obj in near if obj.present]
         matched: dict[int, LiftedDetection] = {}
 
-        first = associate(strong, present, view.views, courses)
+        first = self._associate(view, strong, present, courses)
         given = {number: strong[row] for row, number, _ in first.pairs}
-        parts = parts_beside(self.objects, given, [strong[row] for row in first.free])
+        parts = parts_beside(
+            self.objects,
+            given,
+            [strong[row] for row in first.free],
+            parameters.splitting,
+            parameters.pair_evidence,
+        )
         self._fuse_pairs(view, strong, first.pairs, matched, parts)
         remaining = [obj for obj in present if obj.number not in matched]
-        second = associate(weak, remaining, view.views, courses)
+        second = self._associate(view, weak, remaining, courses)
         self._fuse_pairs(view, weak, second.pairs, matched)
 
         unexplained = [strong[row] for row in first.free]
         absent = [obj for obj in near if not obj.present]
-        third = associate(unexplained, absent, view.views, courses)
+        third = self._associate(view, unexplained, absent, courses)
         self._fuse_pairs(view, unexplained, third.pairs, matched)
 
         for detection in (unexplained[row] for row in third.free):
-            whole = whole_of(self.objects, detection, matched)
+            whole = whole_of(self.objects, detection, matched, parameters.splitting)
             if whole is not None:
                 part = self._split(view, whole, matched[whole.number], detection)
                 self.fusion.fuse(view, part or whole, detection, None)
             else:
                 self._initialize(view, detection)
-        self.pairs.take_in(self.objects, matched, view.views)
+        self.pairs.add_image(self.objects, matched, view.views)
         return set(matched)
 
     def merge_by_track(self, view: KeyframeView, lifted: Sequence[LiftedDetection]) -> set[int]:
         """Without the 3D-aware tracker (an ablation) a thing is what was one track in the image, and a new track is a
         new thing.
         """
-        tracked = {obj.track_id: obj for obj in self.objects if obj.present and obj.track_id >= 0}
+        camera_id, parameters = view.keyframe.camera_id, self.parameters.association
+        tracked = {obj.track_ids[camera_id]: obj for obj in self.objects if obj.present and camera_id in obj.track_ids}
         matched: set[int] = set()
         for detection in lifted:
             obj = tracked.get(detection.track_id)
             if obj is not None and obj.number not in matched:
-                self.fusion.fuse(view, obj, detection, affinity(detection, obj, view.views.get(obj.number)))
+                object_view = view.views.get(obj.number)
+                fit = affinity(detection, obj, object_view, camera_id=camera_id, parameters=parameters)
+                self.fusion.fuse(view, obj, detection, fit)
                 matched.add(obj.number)
-            elif detection.score >= STRONG_SCORE:
+            elif detection.score >= parameters.strong_score:
                 self._initialize(view, detection)
         return matched
+
+    def _associate(
+        self,
+        view: KeyframeView,
+        detections: Sequence[LiftedDetection],
+        candidates: Sequence[MapObject],
+        courses: Courses,
+    ) -> Association:
+        return associate(
+            detections,
+            candidates,
+            view.views,
+            courses,
+            camera_id=view.keyframe.camera_id,
+            parameters=self.parameters.association,
+        )
 
     def _fuse_pairs(
         self,
@@ -99,8 +134,9 @@ class ObjectMerging:
     ) -> None:
         for row, number, fit in pairs:
             obj = self.objects[number]
-            if obj.confirmed and obj.present and obj.label not in ANIMATE and fit.explained > WHOLE_SHARE:
-                self.splits.seen_as_one(number, view.viewpoint_of(obj))
+            whole = fit.explained > self.parameters.splitting.whole_share
+            if obj.confirmed and obj.present and not obj.is_dynamic and whole:
+                self.splits.add_one_mask(number, view.viewpoint_of(obj))
             self.fusion.fuse(view, obj, detections[row], fit, parts.get(number, ()))
             matched[number] = detections[row]
 
@@ -108,24 +144,32 @@ class ObjectMerging:
         self, view: KeyframeView, whole: MapObject, first: LiftedDetection, second: LiftedDetection
     ) -> MapObject | None:
         """The object of the second detection, if by now the images say that the two on `whole` are two things."""
-        if not whole.confirmed or whole.label in ANIMATE or first.score < STRONG_SCORE:
+        parameters = self.parameters
+        if not whole.confirmed or whole.is_dynamic or first.score < parameters.association.strong_score:
             return None
-        if not side_by_side(whole.shape, first, second):
+        if not side_by_side(whole.shape, first, second, parameters.splitting, parameters.pair_evidence):
             return None
-        if not self.splits.seen_as_two(whole.number, first, second, view.viewpoint_of(whole)):
+        if not self.splits.add_two_masks(whole.number, first, second, view.viewpoint_of(whole)):
             return None
         part = nearer_to_second(whole.voxels.centers(), first.points_map, second.points_map)
         if not part.any() or part.all():
             return None
         new = split_off(self.objects.new_number(), whole, part, view.stamp_ns)
         self.objects.add(new)
-        whole.touched()
+        whole.voxels_changed()
         self.transitions.split(whole, new)
-        self.pairs.told_apart(whole.number, new.number, self.splits.looks(whole.number))
+        self.pairs.set_apart(whole.number, new.number, self.splits.images(whole.number))
         self.splits.forget(whole.number)
         return new
 
     def _initialize(self, view: KeyframeView, detection: LiftedDetection) -> None:
-        new = lifecycle.initialize(self.objects.new_number(), detection, view.stamp_ns)
+        new = lifecycle.initialize(
+            self.objects.new_number(),
+            detection,
+            view.stamp_ns,
+            view.keyframe.camera_id,
+            parameters=self.parameters.lifecycle,
+            sets=self.objects.parameters,
+        )
         self.objects.add(new)
         self.fusion.fuse(view, new, detection, None)

@@ -1,4 +1,7 @@
-"""What images say of two objects of one label: that they are two, or parts of one."""
+"""What images say of two objects of one label: that they are two, or parts of one.
+
+Evidence for MapMerge (Algorithm 1, step 5); the paper merges without it, and so joins chairs that stand together.
+"""
 
 from __future__ import annotations
 
@@ -11,12 +14,27 @@ from supermap_cli.mapping.association import share_inside
 from supermap_cli.mapping.lifting import LiftedDetection
 from supermap_cli.mapping.objects import MapObject
 from supermap_cli.mapping.visibility import ObjectView
+from supermap_cli.types.parameters import TUNED, parameter
 
-SPANNED_SHARE = 0.6
-"""A mask spans an object when it holds more than this share of what is seen of it."""
 
-SURE_LOOKS = 3
-"""Images that must have shown two objects under one mask before they are taken for one."""
+@dataclass(frozen=True)
+class PairEvidenceParameters:
+    """When one image speaks of two objects, and how many are enough."""
+
+    spanned_share: float = parameter(
+        0.6, "1", "a mask spans an object when it holds more than this share of what is seen of it", TUNED, at_most=1.0
+    )
+    sure_images: int = parameter(
+        3, "1", "images that must have shown two objects under one mask before they are taken for one", TUNED
+    )
+    apart_factor: float = parameter(3.0, "1", "how many times as often as apart they must have been shown so", TUNED)
+    gap_m: float = parameter(0.3, "m", "gap between the bounds of two objects that may be one", TUNED)
+    box_overlap: float = parameter(
+        0.3, "1", "boxes that share less of the smaller one than this are side by side", TUNED, at_most=1.0
+    )
+
+
+DEFAULT = PairEvidenceParameters()
 
 
 @dataclass
@@ -29,34 +47,39 @@ class PairEvidence:
 
     apart: dict[tuple[int, int], int] = field(default_factory=dict)
     spanned: dict[tuple[int, int], int] = field(default_factory=dict)
+    parameters: PairEvidenceParameters = field(default=DEFAULT, repr=False, compare=False)
 
-    def take_in(
+    def add_image(
         self,
         objects: Iterable[MapObject],
         matched: Mapping[int, LiftedDetection],
         views: Mapping[int, ObjectView],
     ) -> None:
         """Count one image's evidence. `views` are the objects as they were before the image."""
-        in_view = [each for each in objects if each.number in views and views[each.number].shown.any()]
-        for each in in_view:
-            detection = matched.get(each.number)
+        in_view = [obj for obj in objects if obj.number in views and views[obj.number].shown.any()]
+        parameters = self.parameters
+        for obj in in_view:
+            detection = matched.get(obj.number)
             if detection is None:
                 continue
             for other in in_view:
-                if other.number == each.number or other.label != each.label or not within_reach(each, other):
+                if other.number == obj.number or other.label != obj.label:
+                    continue
+                if not bounds_within(obj, other, parameters.gap_m):
                     continue
                 if other.number in matched:
-                    if each.number < other.number and boxes_apart(detection, matched[other.number]):
-                        self._count(self.apart, each, other)
-                elif share_inside(detection, views[other.number]) > SPANNED_SHARE:
-                    self._count(self.spanned, each, other)
+                    apart = obj.number < other.number and boxes_apart(detection, matched[other.number], parameters)
+                    if apart:
+                        self._count(self.apart, obj, other)
+                elif share_inside(detection, views[other.number]) > parameters.spanned_share:
+                    self._count(self.spanned, obj, other)
 
     @staticmethod
     def _count(counts: dict[tuple[int, int], int], first: MapObject, second: MapObject) -> None:
         key = (min(first.number, second.number), max(first.number, second.number))
         counts[key] = counts.get(key, 0) + 1
 
-    def told_apart(self, first: int, second: int, images: int) -> None:
+    def set_apart(self, first: int, second: int, images: int) -> None:
         """Two objects that were one come with the images that have shown them side by side."""
         self.apart[min(first, second), max(first, second)] = images
 
@@ -68,7 +91,8 @@ class PairEvidence:
         """Whether images have shown the two under one mask often enough, and clearly more often than apart."""
         key = (min(first, second), max(first, second))
         spanned = self.spanned.get(key, 0)
-        return spanned >= SURE_LOOKS and spanned > 3 * self.apart.get(key, 0)
+        enough = spanned >= self.parameters.sure_images
+        return enough and spanned > self.parameters.apart_factor * self.apart.get(key, 0)
 
     def forget(self, number: int) -> None:
         """Drop an object's pairs."""
@@ -77,18 +101,18 @@ class PairEvidence:
                 del counts[key]
 
 
-def within_reach(first: MapObject, second: MapObject) -> bool:
-    """Whether two objects' bounds come within 0.3 m."""
+def bounds_within(first: MapObject, second: MapObject, gap_m: float) -> bool:
+    """Whether two objects' bounds come within a distance along every axis."""
     gap = np.maximum(first.shape.low - second.shape.high, second.shape.low - first.shape.high)
-    return bool(gap.max() < 0.3)
+    return bool(gap.max() < gap_m)
 
 
-def boxes_apart(first: LiftedDetection, second: LiftedDetection) -> bool:
-    """Whether two image boxes share less than 0.3 of the smaller one."""
+def boxes_apart(first: LiftedDetection, second: LiftedDetection, parameters: PairEvidenceParameters = DEFAULT) -> bool:
+    """Whether two image boxes share little of the smaller one."""
     a, b = first.box_xyxy, second.box_xyxy
     width = min(a[2], b[2]) - max(a[0], b[0])
     height = min(a[3], b[3]) - max(a[1], b[1])
     if width <= 0 or height <= 0:
         return True
     smaller = min((a[2] - a[0]) * (a[3] - a[1]), (b[2] - b[0]) * (b[3] - b[1]))
-    return bool(width * height < 0.3 * smaller)
+    return bool(width * height < parameters.box_overlap * smaller)

@@ -1,4 +1,7 @@
-"""How often the detector finds what is there: learnt from the run itself, so that a miss weighs what it should."""
+"""How often the detector finds what is there, and how it scores it: learnt from the run itself.
+
+No counterpart in the paper, where a missed detection always negates; here it weighs by how likely it was.
+"""
 
 from __future__ import annotations
 
@@ -8,15 +11,42 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from supermap_cli.geometry.arrays import FloatArray
+from supermap_cli.types.parameters import TUNED, parameter
 
-AREA_BINS_PX = (0.0004, 0.0015, 0.006, 0.025, 0.1)
-"""Borders of the visible area as a share of the image, a factor of four apart."""
 
-CLUTTER_RECALL = 0.35
-"""P(a detector fires once more at what fooled it) / P(it fires at a thing seen like that): its errors come back."""
+@dataclass(frozen=True)
+class RecallParameters:
+    """Priors of a detector, bounds of one detection's word, and which objects teach the rest."""
 
-LEAST_DETECTION, MOST_DETECTION = -0.3, 2.5
-"""Bounds of one detection's word: a hesitant one says less against a thing than silence does; and none is proof."""
+    area_bins: tuple[float, ...] = parameter(
+        (0.0004, 0.0015, 0.006, 0.025, 0.1),
+        "1",
+        "borders of the visible area as a share of the image, a factor of four apart",
+        "COCO's small and medium, carried on",
+    )
+    prior_rate: float = parameter(0.5, "1", "P(detected | there, observable) before any trial", TUNED, at_most=1.0)
+    prior_trials: float = parameter(4.0, "1", "trials that the prior is worth", TUNED, at_least=1e-3)
+    min_rate: float = parameter(0.02, "1", "least P(detected | there)", TUNED, at_most=1.0)
+    max_rate: float = parameter(0.95, "1", "greatest P(detected | there): no miss is proof", TUNED, at_most=0.999)
+    sure_log_odds: float = parameter(
+        4.0, "1", "only objects believed this firmly teach how often the detector misses what is there", TUNED
+    )
+    clutter_recall: float = parameter(
+        0.35,
+        "1",
+        "P(a detector fires once more at what fooled it) / P(it fires at a thing seen like that): its errors come back",
+        TUNED,
+        at_least=1e-3,
+        at_most=1.0,
+    )
+    min_detection: float = parameter(
+        -0.3, "1", "least log ratio of a detection: a hesitant one says less against an object than a miss does", TUNED
+    )
+    max_detection: float = parameter(2.5, "1", "greatest log ratio of a detection: none is proof", TUNED)
+    prior_scores: float = parameter(100.0, "1", "detections that the prior on the scores is worth", TUNED)
+
+
+DEFAULT = RecallParameters()
 
 
 @dataclass
@@ -24,29 +54,26 @@ class RecallModel:
     """Beta-Bernoulli detection rates by class, visible area and truncation.
 
     Every keyframe in which a confirmed object was observable is a trial. A cell starts as its class's overall rate, and
-    a class as the prior (a beta distribution worth `PRIOR_TRIALS` trials).
+    a class as the prior (a beta distribution worth `prior_trials` trials).
     """
 
     hits: dict[str, float] = field(default_factory=dict)
     trials: dict[str, float] = field(default_factory=dict)
+    parameters: RecallParameters = field(default=DEFAULT, repr=False, compare=False)
 
-    PRIOR_RATE = 0.5
-    PRIOR_TRIALS = 4.0
-
-    @staticmethod
-    def cell(label: str, area_share: float, truncated: bool) -> str:
+    def cell(self, label: str, area_share: float, truncated: bool) -> str:
         """The cell of one opportunity."""
-        return f"{label}|{int(np.searchsorted(AREA_BINS_PX, area_share))}|{int(truncated)}"
+        return f"{label}|{int(np.searchsorted(self.parameters.area_bins, area_share))}|{int(truncated)}"
 
     def expected(self, label: str, area_share: float, truncated: bool) -> float:
-        """P(detected | there, observable), in (0.02, 0.95)."""
-        rate = self._posterior(label, self.PRIOR_RATE)
+        """P(detected | there, observable); never certain."""
+        rate = self._posterior(label, self.parameters.prior_rate)
         rate = self._posterior(self.cell(label, area_share, truncated), rate)
-        return float(np.clip(rate, 0.02, 0.95))
+        return float(np.clip(rate, self.parameters.min_rate, self.parameters.max_rate))
 
     def _posterior(self, key: str, prior: float) -> float:
-        trials = self.trials.get(key, 0.0)
-        return (self.hits.get(key, 0.0) + prior * self.PRIOR_TRIALS) / (trials + self.PRIOR_TRIALS)
+        trials, prior_trials = self.trials.get(key, 0.0), self.parameters.prior_trials
+        return (self.hits.get(key, 0.0) + prior * prior_trials) / (trials + prior_trials)
 
     def record(self, label: str, area_share: float, truncated: bool, detected: bool, weight: float) -> None:
         """Count one opportunity."""
@@ -56,8 +83,7 @@ class RecallModel:
 
 
 SCORE_BINS = 10
-PRIOR_SCORES = 100.0
-"""Detections that the prior on the scores is worth."""
+"""Bins of the histograms of scores in [0, 1]: as many as the prior's densities are told for."""
 
 _CENTERS = (np.arange(SCORE_BINS) + 0.5) / SCORE_BINS
 _REAL_PRIOR = _CENTERS**2 * (1 - _CENTERS)
@@ -75,6 +101,7 @@ class ScoreModel:
 
     real: list[float] = field(default_factory=lambda: [0.0] * SCORE_BINS)
     clutter: list[float] = field(default_factory=lambda: [0.0] * SCORE_BINS)
+    parameters: RecallParameters = field(default=DEFAULT, repr=False, compare=False)
 
     def record_real(self, score: float) -> None:
         """Count a detection of an object believed in firmly."""
@@ -89,11 +116,12 @@ class ScoreModel:
         """Log P(a detection of this score | a thing is there) / P(... | something fooled the detector); `again`: it is
         not the first there.
         """
-        k = score_bin(score)
-        real = (self.real[k] + PRIOR_SCORES * _share(_REAL_PRIOR, k)) / (sum(self.real) + PRIOR_SCORES)
-        clutter = (self.clutter[k] + PRIOR_SCORES * _share(_CLUTTER_PRIOR, k)) / (sum(self.clutter) + PRIOR_SCORES)
-        fires = -np.log(CLUTTER_RECALL) if again else 0.0
-        return float(np.clip(np.log(real / clutter) + fires, LEAST_DETECTION, MOST_DETECTION))
+        k, prior = score_bin(score), self.parameters.prior_scores
+        real = (self.real[k] + prior * _share(_REAL_PRIOR, k)) / (sum(self.real) + prior)
+        clutter = (self.clutter[k] + prior * _share(_CLUTTER_PRIOR, k)) / (sum(self.clutter) + prior)
+        fires = -np.log(self.parameters.clutter_recall) if again else 0.0
+        log_ratio = np.log(real / clutter) + fires
+        return float(np.clip(log_ratio, self.parameters.min_detection, self.parameters.max_detection))
 
 
 def score_bin(score: float) -> int:
@@ -105,6 +133,6 @@ def _share(density: FloatArray, k: int) -> float:
     return float(density[k] / density.sum())
 
 
-def miss_log_ratio(expected_recall: float) -> float:
+def miss_log_ratio(expected_recall: float, parameters: RecallParameters = DEFAULT) -> float:
     """Log P(not detected | there) / P(not detected | something fooled it); near 0 where the detector is blind."""
-    return float(np.log((1 - expected_recall) / (1 - CLUTTER_RECALL * expected_recall)))
+    return float(np.log((1 - expected_recall) / (1 - parameters.clutter_recall * expected_recall)))

@@ -12,15 +12,25 @@ from typing import Any
 
 from supermap_cli.config import Ablation, MappingConfig
 from supermap_cli.geometry.boxes import Box3D
-from supermap_cli.mapping.absence import EmptyRun
-from supermap_cli.mapping.belief import Cell, LabelBelief, Spell, Viewpoints
+from supermap_cli.mapping.absence import AbsenceEvidence, EmptyRun
+from supermap_cli.mapping.belief import Existence, LabelBelief, OutcomeRun, ViewpointCell, ViewpointHistory
 from supermap_cli.mapping.drift import DriftCorrection, DriftMark
 from supermap_cli.mapping.engine import MappingEngine
 from supermap_cli.mapping.free_space import FreeSpaceMemory
 from supermap_cli.mapping.map_update import IdentityLinks
 from supermap_cli.mapping.motion import Course, MotionState
-from supermap_cli.mapping.objects import MapObject, ObjectMap, ObjectShape, OpenState, VisitCount
+from supermap_cli.mapping.objects import (
+    DisplacementEvidence,
+    MapObject,
+    MissEvidence,
+    ObjectMap,
+    ObjectShape,
+    ObjectStatus,
+    OpenState,
+    VisitCount,
+)
 from supermap_cli.mapping.pair_evidence import PairEvidence
+from supermap_cli.mapping.parameters import MappingParameters
 from supermap_cli.mapping.recall import RecallModel, ScoreModel
 from supermap_cli.mapping.splitting import Halves, SplitEvidence
 from supermap_cli.mapping.voxel_map import VoxelMap
@@ -29,14 +39,17 @@ from supermap_cli.types.memory import Observation
 from supermap_cli.types.packing import pack, unpack
 
 CLASSES: Mapping[type, tuple[str, ...]] = {
-    MapObject: ("_changed",),
+    MapObject: ("_changed", "parameters"),
     VoxelMap: ("_keys", "_centers", "_sphere"),
-    LabelBelief: ("_known",),
-    **dict.fromkeys((ObjectShape, OpenState, VisitCount, EmptyRun, Cell, Spell, Viewpoints, Course, MotionState), ()),
-    **dict.fromkeys((PairEvidence, RecallModel, ScoreModel, Halves, SplitEvidence, IdentityLinks), ()),
+    LabelBelief: ("_cached", "parameters", "size_parameters"),
+    SplitEvidence: ("parameters", "belief_parameters"),
+    **dict.fromkeys((ObjectShape, ViewpointHistory, Course, MotionState), ("parameters",)),
+    **dict.fromkeys((PairEvidence, RecallModel, ScoreModel), ("parameters",)),
+    **dict.fromkeys((ObjectStatus, OpenState, Existence, ViewpointCell, OutcomeRun, VisitCount), ()),
+    **dict.fromkeys((AbsenceEvidence, EmptyRun, DisplacementEvidence, MissEvidence, Halves, IdentityLinks), ()),
     **dict.fromkeys((Observation, Hypothesis, Box3D, DriftMark), ()),
 }
-"""What a snapshot consists of -> what is left out: what is worked out anew when it is asked for."""
+"""What a snapshot consists of -> what is left out: what is worked out anew when it is asked for, and the parameters."""
 
 
 def engine_snapshot(engine: MappingEngine) -> bytes:
@@ -62,13 +75,15 @@ def restore_engine(
     config: MappingConfig | None = None,
     ablate: frozenset[Ablation] = frozenset(),
     free_space: FreeSpaceMemory | None = None,
+    parameters: MappingParameters | None = None,
 ) -> MappingEngine:
     """A new engine that is where another one was; only the free space, which the memory holds, is given to it.
 
     Raises `packing.PackingError` for bytes that are no snapshot.
     """
     kept = unpack(snapshot, CLASSES)
-    objects = ObjectMap(kept["next_number"])
+    parameters = parameters or MappingParameters()
+    objects = ObjectMap(kept["next_number"], parameters=parameters.object_sets())
     for obj in kept["objects"]:
         objects.add(obj)
     return MappingEngine(
@@ -82,6 +97,7 @@ def restore_engine(
         kept["pairs"],
         kept["splits"],
         kept["links"],
+        parameters,
     )
 
 

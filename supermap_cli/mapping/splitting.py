@@ -1,4 +1,8 @@
-"""What images say of one object of the map: that it is one thing, or two side by side under one name."""
+"""What images say of one object of the map: that it is one thing, or two side by side under one name.
+
+No counterpart in the paper: what its detector joins once stays one object. Here it is a sequential test of the two
+hypotheses, and what turns out to be two is split.
+"""
 
 from __future__ import annotations
 
@@ -9,66 +13,96 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from supermap_cli.geometry.arrays import BoolArray, FloatArray
-from supermap_cli.mapping.belief import Vantage, Viewpoints
+from supermap_cli.mapping import belief, pair_evidence
+from supermap_cli.mapping.belief import BeliefParameters, Existence, Viewpoint, ViewpointHistory
 from supermap_cli.mapping.lifting import LiftedDetection
-from supermap_cli.mapping.objects import MapObject, ObjectMap, ObjectShape, OpenState
-from supermap_cli.mapping.pair_evidence import boxes_apart
+from supermap_cli.mapping.mask_overlap import overlap_share
+from supermap_cli.mapping.objects import MapObject, ObjectMap, ObjectShape, ObjectStatus, OpenState
+from supermap_cli.mapping.pair_evidence import PairEvidenceParameters, boxes_apart
+from supermap_cli.types.parameters import TUNED, parameter
 
-AS_TWO_LOG_RATIO = float(np.log(0.75 / 0.03))
-"""Two masks: both of two things are found, and not as one; or the detector splits a thing, in 3 % of images."""
 
-AS_ONE_LOG_RATIO = float(np.log(0.06 / 0.97))
-"""One mask over all: the detector joins two that touch, in 6 % of images; or there is one."""
+@dataclass(frozen=True)
+class SplittingParameters:
+    """What one image says of an object's being two, and when all together are enough."""
 
-SPLIT_LOG_ODDS = 6.0
-"""An object is split at odds of 7 to 1, and before all images no more than one in 50 is two."""
+    two_masks_of_two: float = parameter(
+        0.75, "1", "P(two masks | two things): both are found, and not as one", TUNED, at_least=1e-3, at_most=0.999
+    )
+    two_masks_of_one: float = parameter(
+        0.03, "1", "P(two masks | one thing): the detector splits it", TUNED, at_least=1e-3, at_most=0.999
+    )
+    one_mask_of_two: float = parameter(
+        0.06, "1", "P(one mask | two things): the detector joins two that touch", TUNED, at_least=1e-3, at_most=0.999
+    )
+    one_mask_of_one: float = parameter(0.97, "1", "P(one mask | one thing)", TUNED, at_least=1e-3, at_most=0.999)
+    split_log_odds: float = parameter(
+        6.0, "1", "evidence for a split: odds of 7 to 1, and before all images no more than one in 50 is two", TUNED
+    )
+    min_log_odds: float = parameter(
+        -4.0,
+        "1",
+        "no less is believed of its being two: a detector may have joined the two as long as they were far away",
+        TUNED,
+    )
+    min_images: int = parameter(2, "1", "images that must have shown the same two", TUNED)
+    whole_share: float = parameter(
+        0.8, "1", "one mask is over all of an object if it holds more than this share of what is seen of it", TUNED
+    )
+    part_share: float = parameter(
+        0.5, "1", "a detection is of an object's part if more than this share of its points lies on the object", TUNED
+    )
+    max_mask_overlap: float = parameter(
+        0.1, "1", "masks that share more than this of the smaller one are not of two things", TUNED
+    )
+    same_halves_share: float = parameter(
+        0.5,
+        "1",
+        "two images mean the same two if neither lies farther off than this share of the distance between them",
+        TUNED,
+    )
 
-LEAST_LOG_ODDS = -4.0
-"""No less is believed of its being two: a detector may have joined the two for as long as they were far away."""
+    @property
+    def as_two_log_ratio(self) -> float:
+        """What two masks say."""
+        return float(np.log(self.two_masks_of_two / self.two_masks_of_one))
 
-WHOLE_SHARE = 0.8
-"""One mask is over all of it if it holds more than this share of what is seen of it."""
+    @property
+    def as_one_log_ratio(self) -> float:
+        """What one mask over all says."""
+        return float(np.log(self.one_mask_of_two / self.one_mask_of_one))
 
-ON_SHARE = 0.5
-"""A detection is of an object's part if more than this share of its points lies on the object."""
 
-SHARED_SHARE = 0.1
-"""Masks that share more than this of the smaller one are not of two things."""
-
-SAME_HALVES = 0.5
-"""Two images mean the same two if neither lies farther off than this share of the distance between the two."""
-
-LEAST_LOOKS = 2
-"""Images that must have shown the same two."""
+DEFAULT = SplittingParameters()
 
 
 @dataclass
 class Halves:
     """The evidence on one object: log-odds that it is two, from where it was looked at, and the middles (3,) of the
-    two, as the mean over the `looks` that showed the same two.
+    two, as the mean over the `images` that showed the same two.
     """
 
     log_odds: float = 0.0
-    viewpoints: Viewpoints = field(default_factory=Viewpoints)
+    viewpoints: ViewpointHistory = field(default_factory=ViewpointHistory)
     first: FloatArray | None = None
     second: FloatArray | None = None
-    looks: int = 0
+    images: int = 0
 
-    def add(self, gain: float) -> None:
+    def add(self, gain: float, parameters: SplittingParameters = DEFAULT) -> None:
         """Take in what one image says, in log-odds."""
-        self.log_odds = max(self.log_odds + gain, LEAST_LOG_ODDS)
+        self.log_odds = max(self.log_odds + gain, parameters.min_log_odds)
 
-    def agree(self, first: FloatArray, second: FloatArray) -> bool:
+    def agree(self, first: FloatArray, second: FloatArray, parameters: SplittingParameters = DEFAULT) -> bool:
         """Take in the middles that an image shows; whether they are those of the images before."""
         off, crossed = self.off(first, second)
-        if off < SAME_HALVES and self.first is not None and self.second is not None:
+        if off < parameters.same_halves_share and self.first is not None and self.second is not None:
             a, b = (second, first) if crossed else (first, second)
-            self.looks += 1
-            self.first = self.first + (a - self.first) / self.looks
-            self.second = self.second + (b - self.second) / self.looks
+            self.images += 1
+            self.first = self.first + (a - self.first) / self.images
+            self.second = self.second + (b - self.second) / self.images
             return True
         new = self.first is None
-        self.first, self.second, self.looks = first, second, 1
+        self.first, self.second, self.images = first, second, 1
         return new
 
     def off(self, first: FloatArray, second: FloatArray) -> tuple[float, bool]:
@@ -89,53 +123,62 @@ class SplitEvidence:
     """What all images have said, by object number."""
 
     halves: dict[int, Halves] = field(default_factory=dict)
+    parameters: SplittingParameters = field(default=DEFAULT, repr=False, compare=False)
+    belief_parameters: BeliefParameters = field(default=belief.DEFAULT, repr=False, compare=False)
 
-    def seen_as_one(self, number: int, view: Vantage) -> None:
+    def use(self, parameters: SplittingParameters, belief_parameters: BeliefParameters) -> None:
+        """Set the parameters of all evidence."""
+        self.parameters, self.belief_parameters = parameters, belief_parameters
+        for halves in self.halves.values():
+            halves.viewpoints.parameters = belief_parameters
+
+    def add_one_mask(self, number: int, viewpoint: Viewpoint) -> None:
         """An image showed all that can be seen of an object under one mask."""
-        known = self.halves.setdefault(number, Halves())
-        known.add(known.viewpoints.miss(view, AS_ONE_LOG_RATIO))
+        known = self._halves_of(number)
+        known.add(known.viewpoints.add_miss(viewpoint, self.parameters.as_one_log_ratio), self.parameters)
 
-    def seen_as_two(self, number: int, first: LiftedDetection, second: LiftedDetection, view: Vantage) -> bool:
+    def add_two_masks(self, number: int, first: LiftedDetection, second: LiftedDetection, viewpoint: Viewpoint) -> bool:
         """An image showed two things side by side on an object; whether it is by now surely two.
 
         Where the two lie elsewhere than before, the detector cut one thing in some way or other.
         """
-        known = self.halves.setdefault(number, Halves())
-        if known.agree(first.centroid_map, second.centroid_map):
-            known.add(known.viewpoints.support(view, AS_TWO_LOG_RATIO)[1])
-        return known.log_odds > SPLIT_LOG_ODDS and known.looks >= LEAST_LOOKS
+        parameters = self.parameters
+        known = self._halves_of(number)
+        if known.agree(first.centroid_map, second.centroid_map, parameters):
+            gain = known.viewpoints.add_detection(viewpoint, parameters.as_two_log_ratio)[1]
+            known.add(gain, parameters)
+        return known.log_odds > parameters.split_log_odds and known.images >= parameters.min_images
 
-    def looks(self, number: int) -> int:
+    def images(self, number: int) -> int:
         """How many images in a row showed the same two."""
-        return self.halves[number].looks if number in self.halves else 0
+        return self.halves[number].images if number in self.halves else 0
 
     def forget(self, number: int) -> None:
         """Drop what is known of an object."""
         self.halves.pop(number, None)
 
+    def _halves_of(self, number: int) -> Halves:
+        if number not in self.halves:
+            self.halves[number] = Halves(viewpoints=ViewpointHistory(parameters=self.belief_parameters))
+        return self.halves[number]
 
-def side_by_side(shape: ObjectShape, first: LiftedDetection, second: LiftedDetection) -> bool:
+
+def side_by_side(
+    shape: ObjectShape,
+    first: LiftedDetection,
+    second: LiftedDetection,
+    parameters: SplittingParameters = DEFAULT,
+    pair_parameters: PairEvidenceParameters = pair_evidence.DEFAULT,
+) -> bool:
     """Whether two detections of one image, both mostly on an object's shape, show two things beside one another."""
-    if not boxes_apart(first, second) or shared(first, second) > SHARED_SHARE:
+    if not boxes_apart(first, second, pair_parameters):
+        return False
+    if overlap_share(first.mask, second.mask) > parameters.max_mask_overlap:
         return False
     apart = np.abs(first.centroid_map - second.centroid_map)
     if float(np.linalg.norm(apart[:2])) < float(apart[2]):
         return False
-    return min(shape.share_near(each.points_map) for each in (first, second)) > ON_SHARE
-
-
-def shared(first: LiftedDetection, second: LiftedDetection) -> float:
-    """The share of the smaller one of two masks that lies in the other."""
-    a, b = first.mask, second.mask
-    (ah, aw), (bh, bw) = a.pixels.shape, b.pixels.shape
-    u0, v0 = max(a.u0, b.u0), max(a.v0, b.v0)
-    u1, v1 = min(a.u0 + aw, b.u0 + bw), min(a.v0 + ah, b.v0 + bh)
-    if u1 <= u0 or v1 <= v0:
-        return 0.0
-    of_a = a.pixels[v0 - a.v0 : v1 - a.v0, u0 - a.u0 : u1 - a.u0]
-    of_b = b.pixels[v0 - b.v0 : v1 - b.v0, u0 - b.u0 : u1 - b.u0]
-    smaller = min(int(np.count_nonzero(a.pixels)), int(np.count_nonzero(b.pixels)))
-    return np.count_nonzero(of_a & of_b) / smaller if smaller else 0.0
+    return min(shape.share_near(detection.points_map) for detection in (first, second)) > parameters.part_share
 
 
 def nearer_to_second(points_map: FloatArray, first: FloatArray, second: FloatArray) -> BoolArray:
@@ -146,38 +189,49 @@ def nearer_to_second(points_map: FloatArray, first: FloatArray, second: FloatArr
 
 def split_off(number: int, whole: MapObject, part: BoolArray, stamp_ns: int) -> MapObject:
     """A new object of the voxels `part` (n,) of another one, which loses them: as real, and called the same."""
+    sets = whole.parameters
     return MapObject(
         number,
         whole.voxels.taken_out(part),
         whole.labels.copy(),
-        stamp_ns,
-        stamp_ns,
-        whole.existence,
+        Existence(whole.existence.log_odds, ViewpointHistory(parameters=sets.belief)),
         OpenState(0, stamp_ns),
-        confirmed=True,
-        entered=True,
+        stamp_ns,
+        stamp_ns,
+        status=ObjectStatus(confirmed=True, stored=True),
     )
 
 
-def whole_of(objects: ObjectMap, detection: LiftedDetection, given: Iterable[int]) -> MapObject | None:
-    """The one of the objects with these numbers that a further detection of the same image lies on: detectors split
-    large things.
+def whole_of(
+    objects: ObjectMap,
+    detection: LiftedDetection,
+    matched: Iterable[int],
+    parameters: SplittingParameters = DEFAULT,
+) -> MapObject | None:
+    """The one of the matched objects that a further detection of the same image lies on: detectors split large
+    things.
     """
     label = detection.hypotheses[0].label
-    for number in given:
+    for number in matched:
         whole = objects[number]
-        if whole.label == label and whole.shape.share_near(detection.points_map) > 0.5:
+        if whole.label == label and whole.shape.share_near(detection.points_map) > parameters.part_share:
             return whole
     return None
 
 
 def parts_beside(
-    objects: ObjectMap, given: Mapping[int, LiftedDetection], free: Sequence[LiftedDetection]
+    objects: ObjectMap,
+    matched: Mapping[int, LiftedDetection],
+    free: Sequence[LiftedDetection],
+    parameters: SplittingParameters = DEFAULT,
+    pair_parameters: PairEvidenceParameters = pair_evidence.DEFAULT,
 ) -> dict[int, list[LiftedDetection]]:
-    """Which of the free detections lie on an object side by side with the one that it was given, by its number."""
+    """Which of the free detections lie on an object side by side with the one matched to it, by its number."""
     parts: dict[int, list[LiftedDetection]] = {}
     for detection in free:
-        whole = whole_of(objects, detection, given)
-        if whole is not None and side_by_side(whole.shape, given[whole.number], detection):
+        whole = whole_of(objects, detection, matched, parameters)
+        if whole is None:
+            continue
+        if side_by_side(whole.shape, matched[whole.number], detection, parameters, pair_parameters):
             parts.setdefault(whole.number, []).append(detection)
     return parts

@@ -1,4 +1,7 @@
-"""The turns in an object's life as they are carried out: states closed and opened, temporal edges written."""
+"""Transitions of an object's status as they are carried out: states closed and opened, temporal edges written.
+
+The paper keeps one map; here every state that ends stays known, so that the map can be asked about any time (4D).
+"""
 
 from __future__ import annotations
 
@@ -6,36 +9,21 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.geometry.boxes import displacement_m
 from supermap_cli.mapping.changes import Changes, instance_record, open_state
-from supermap_cli.mapping.lifecycle import join
-from supermap_cli.mapping.objects import MapObject, ObjectMap, OpenState
-from supermap_cli.mapping.voxel_map import FINEST_VOXEL_M, VoxelMap
+from supermap_cli.mapping.displacement import Displacement
+from supermap_cli.mapping.duplicates import merge_evidence
+from supermap_cli.mapping.objects import DisplacementEvidence, MapObject, ObjectMap, OpenState
+from supermap_cli.mapping.voxel_map import VoxelMap
 from supermap_cli.types.memory import Observation, TemporalEdge, TemporalKind
-
-SAME_SHIFT_M = 0.1
-"""Two images that show a thing shifted by this much more or less agree."""
-
-
-@dataclass(frozen=True)
-class Whereabouts:
-    """Where an image shows an object that is not in its place: its middle (3,), the shift (3,) if it is known, and how
-    much the image says so (`shifting.agreement`).
-    """
-
-    centroid_map: FloatArray
-    shift_m: FloatArray | None
-    gain: float
-
-    def agrees_with(self, shift_m: FloatArray) -> bool:
-        """Whether another image that shows it shifted by (3,) metres means the same place."""
-        return self.shift_m is None or float(np.linalg.norm(self.shift_m - shift_m)) < SAME_SHIFT_M
 
 
 @dataclass
 class Transitions:
-    """Carries out what `lifecycle` decides. `touched` collects the objects that a keyframe has changed."""
+    """Carries out what `lifecycle`, `duplicates` and `relocation` decide.
+
+    `touched` collects the objects that a keyframe has changed.
+    """
 
     objects: ObjectMap
     changes: Changes = field(default_factory=Changes)
@@ -48,57 +36,56 @@ class Transitions:
 
     def add_observation(self, observation: Observation) -> None:
         """Keep an observation: at once if its object is confirmed, else with the object until it is."""
-        of = self.objects[observation.object_number]
-        if of.confirmed:
+        obj = self.objects[observation.object_number]
+        if obj.confirmed:
             self.changes.observations.append(observation)
         else:
-            of.pending.append(observation)
+            obj.pending.append(observation)
 
-    def confirm(self, confirmed: MapObject) -> None:
-        """A tentative object enters the map; it appeared if its place had been seen empty before."""
-        confirmed.entered = True
-        self._flush(confirmed)
-        state = confirmed.state
+    def confirm(self, obj: MapObject) -> None:
+        """A confirmed object enters the memory; it appeared if its place had been seen empty before."""
+        obj.set_status(stored=True)
+        self._flush(obj)
+        state = obj.state
         if state.empty_before_ns is not None:
-            self._note("appeared", confirmed, None, (state.empty_before_ns, state.first_seen_ns))
+            self._add_edge("appeared", obj, None, (state.empty_before_ns, state.first_seen_ns))
 
-    def mark_absent(self, gone: MapObject, gone_ns: int) -> None:
+    def mark_absent(self, obj: MapObject, gone_ns: int) -> None:
         """An object was seen to be gone, the first time at `gone_ns`, or since it was last seen."""
-        gone_ns = max(gone_ns, gone.last_seen_ns + 1)
-        gone.present, gone.gone_ns, gone.track_id = False, gone_ns, -1
-        if gone.confirmed:
-            self.changes.closed_states.append(open_state(gone, gone_ns))
-            self._note("disappeared", gone, gone.state.index, (gone.last_seen_ns, gone_ns))
-            self.mark_changed(gone)
+        gone_ns = max(gone_ns, obj.last_seen_ns + 1)
+        obj.mark_absent(gone_ns)
+        if obj.confirmed:
+            self.changes.closed_states.append(open_state(obj, gone_ns))
+            self._add_edge("disappeared", obj, obj.state.index, (obj.last_seen_ns, gone_ns))
+            self.mark_changed(obj)
 
-    def reactivate(self, back: MapObject, stamp_ns: int) -> None:
+    def reactivate(self, obj: MapObject, stamp_ns: int) -> None:
         """An object that was gone stands in its old place again; its cloud starts anew."""
-        before, gone_ns = back.state.index, back.gone_ns
-        back.present, back.gone_ns = True, None
-        back.in_place()
-        back.state = OpenState(before + 1, stamp_ns, gone_ns)
-        back.best_crop = 0.0
-        self._restart_cloud(back)
-        if back.confirmed:
-            self._note("reappeared", back, before, (gone_ns, stamp_ns))
+        before, gone_ns = obj.state.index, obj.gone_ns
+        obj.mark_present()
+        obj.state = OpenState(before + 1, stamp_ns, gone_ns)
+        obj.best_crop = 0.0
+        self._restart_cloud(obj)
+        if obj.confirmed:
+            self._add_edge("reappeared", obj, before, (gone_ns, stamp_ns))
 
-    def displace(self, moved: MapObject, to: Whereabouts, since_ns: int) -> None:
-        """An object stands beside its old place since `since_ns`, or is on the move: its cloud comes along where it is
+    def displace(self, obj: MapObject, to: Displacement, since_ns: int) -> None:
+        """An object stands beside its old place since `since_ns`, or is moving: its cloud comes along where it is
         known how far, else it starts anew.
         """
-        if moved.confirmed and not moved.on_the_move:
-            distance_m = float(np.linalg.norm(to.centroid_map - moved.shape.centroid))
-            before, last_ns = moved.state.index, moved.last_seen_ns
-            self.changes.closed_states.append(open_state(moved, since_ns))
-            moved.state = OpenState(before + 1, since_ns, last_ns)
-            moved.best_crop = 0.0
-            self._note("moved", moved, before, (last_ns, since_ns), distance_m)
+        if obj.confirmed and not obj.is_moving:
+            distance_m = float(np.linalg.norm(to.centroid_map - obj.shape.centroid))
+            before, last_ns = obj.state.index, obj.last_seen_ns
+            self.changes.closed_states.append(open_state(obj, since_ns))
+            obj.state = OpenState(before + 1, since_ns, last_ns)
+            obj.best_crop = 0.0
+            self._add_edge("moved", obj, before, (last_ns, since_ns), distance_m)
         if to.shift_m is None:
-            self._restart_cloud(moved)
+            self._restart_cloud(obj)
         else:
-            moved.voxels = moved.voxels.moved(to.shift_m)
-            moved.touched()
-        moved.shifted_looks, moved.shifted_to, moved.shifted_gain = 0, None, 0.0
+            obj.voxels = obj.voxels.moved(to.shift_m)
+            obj.voxels_changed()
+        obj.displacement = DisplacementEvidence()
 
     def relocate(self, old: MapObject, found: MapObject) -> None:
         """`old`, which was gone, is what was `found` elsewhere; a stored `found` becomes part of it."""
@@ -106,23 +93,23 @@ class Transitions:
         if gone_ns is None or gone_ns > found.state.first_seen_ns:
             gone_ns = found.state.first_seen_ns
             self.changes.closed_states.append(open_state(old, gone_ns))
-        old.voxels, old.present, old.gone_ns = found.voxels, True, None
-        old.in_place()
-        old.shifted_looks, old.shifted_to = 0, None
+        old.voxels = found.voxels
+        old.mark_present()
+        old.displacement.interrupt()
+        old.displacement.shift_m = None
         old.labels.absorb(found.labels)
-        old.viewpoints = found.viewpoints
-        old.existence, old.last_seen_ns, old.track_id = found.existence, found.last_seen_ns, found.track_id
+        old.existence, old.last_seen_ns, old.track_ids = found.existence, found.last_seen_ns, found.track_ids
         old.state = OpenState(before + 1, found.state.first_seen_ns, found.state.empty_before_ns)
         old.observations += found.observations
         old.motion, old.best_crop = found.motion, found.best_crop
-        old.touched()
-        if found.entered:
+        old.voxels_changed()
+        if found.status.stored:
             self._retire(found, old, old.state.first_seen_ns)
-        old.pending = [replace(each, object_number=old.number) for each in found.pending]
+        old.pending = [replace(observation, object_number=old.number) for observation in found.pending]
         self.objects.remove(found.number)
         self._flush(old)
         distance_m = displacement_m(origin, old.shape.box)
-        self._note("moved", old, before, (left_ns, old.state.first_seen_ns), distance_m)
+        self._add_edge("moved", old, before, (left_ns, old.state.first_seen_ns), distance_m)
 
     def link_candidate(self, old: MapObject, found: MapObject, probability: float) -> None:
         """`found` may be `old`, but the evidence does not single it out: both stay."""
@@ -131,10 +118,10 @@ class Transitions:
 
     def merge(self, kept: MapObject, joined: MapObject, stamp_ns: int) -> None:
         """Two objects turned out to be one."""
-        if joined.entered:
+        if joined.status.stored:
             self._retire(joined, kept, stamp_ns)
-        joined.pending = [replace(each, object_number=kept.number) for each in joined.pending]
-        join(kept, joined)
+        joined.pending = [replace(observation, object_number=kept.number) for observation in joined.pending]
+        merge_evidence(kept, joined)
         if kept.confirmed:
             self._flush(kept)
         self.objects.remove(joined.number)
@@ -155,7 +142,7 @@ class Transitions:
 
     def set_demoted(self, obj: MapObject, *, demoted: bool) -> None:
         """A confirmed object is believed in no more, or again."""
-        obj.doubted = demoted
+        obj.set_status(demoted=demoted)
         self.mark_changed(obj)
 
     def _flush(self, confirmed: MapObject) -> None:
@@ -165,18 +152,18 @@ class Transitions:
 
     @staticmethod
     def _restart_cloud(moved: MapObject) -> None:
-        moved.voxels = VoxelMap(FINEST_VOXEL_M)
-        moved.touched()
+        moved.voxels = VoxelMap(moved.parameters.voxel_map.finest_voxel_m)
+        moved.voxels_changed()
 
-    def _note(
+    def _add_edge(
         self,
         kind: TemporalKind,
-        of: MapObject,
+        obj: MapObject,
         from_state: int | None,
         bounds_ns: tuple[int | None, int],
         distance_m: float | None = None,
     ) -> None:
-        self._link(kind, (of.number, from_state), of, bounds_ns, distance_m=distance_m)
+        self._link(kind, (obj.number, from_state), obj, bounds_ns, distance_m=distance_m)
 
     def _link(
         self,

@@ -1,5 +1,5 @@
 """Was a thing pushed aside between two memories? Its cloud is laid where the other memory's lies, and that memory's
-depth images say which of the two places it is in (as `mapping.shifting` does within a build).
+depth images say which of the two places it is in (as `mapping.displacement` does within a build).
 
 Two clouds of a thing that stood still lie askew, too, where each shows another side of it: then the images agree with
 neither place less than with the other.
@@ -13,17 +13,8 @@ import numpy as np
 
 from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.mapping.depth import DepthView
+from supermap_cli.mapping.displacement import DEFAULT, depth_agreement, level_grid
 from supermap_cli.mapping.objects import MapObject
-from supermap_cli.mapping.shifting import (
-    COARSE_M,
-    FINE_M,
-    LEAST_GAIN,
-    LEAST_SHIFT_M,
-    MOST_SHIFT_M,
-    SURE_GAIN,
-    level_grid,
-    lies_in,
-)
 
 LEAST_LOOKS = 3
 TOLD_SHARE = 0.05
@@ -46,24 +37,24 @@ class LaidAside:
 
     def look(self, depth: DepthView, standing: MapObject, stamp_ns: int) -> None:
         """Take in what an image says of both places."""
-        there, here = lies_in(depth, standing, np.array([self.shift_m, np.zeros(3)]))
+        there, here = depth_agreement(depth, standing, np.array([self.shift_m, np.zeros(3)]))
         gain = float(there - here)
         self.looks += 1
         self.gain += gain
-        if gain > LEAST_GAIN and self.since_ns is None:
+        if gain > DEFAULT.min_gain and self.since_ns is None:
             self.since_ns = stamp_ns
 
     @property
     def is_sure(self) -> bool:
         """Whether it was pushed aside."""
-        return self.looks >= LEAST_LOOKS and self.gain > max(2 * SURE_GAIN, LEAST_GAIN * self.looks)
+        return self.looks >= LEAST_LOOKS and self.gain > max(2 * DEFAULT.sure_gain, DEFAULT.min_gain * self.looks)
 
 
 def laid_aside(first: MapObject, second: MapObject) -> LaidAside | None:
     """The level shift by which the first cloud lies best on the second; `None` if that is none to speak of."""
-    shift = _best(first, second, level_grid(COARSE_M, MOST_SHIFT_M))
-    shift = _best(first, second, shift + level_grid(FINE_M, COARSE_M))
-    return LaidAside(shift) if float(np.linalg.norm(shift)) >= LEAST_SHIFT_M else None
+    shift = _best(first, second, level_grid(DEFAULT.coarse_step_m, DEFAULT.max_shift_m))
+    shift = _best(first, second, shift + level_grid(DEFAULT.fine_step_m, DEFAULT.coarse_step_m))
+    return LaidAside(shift) if float(np.linalg.norm(shift)) >= DEFAULT.min_shift_m else None
 
 
 def _best(first: MapObject, second: MapObject, shifts: FloatArray) -> FloatArray:

@@ -9,12 +9,12 @@ from typing import Literal
 from supermap_cli.geometry.boxes import displacement_m
 from supermap_cli.mapping import lifecycle
 from supermap_cli.mapping.changes import instance_record, open_state
+from supermap_cli.mapping.duplicates import merge_evidence
 from supermap_cli.mapping.free_space import FreeSpaceMemory
-from supermap_cli.mapping.lifecycle import Relocation
 from supermap_cli.mapping.objects import MapObject, ObjectMap, OpenState
+from supermap_cli.mapping.relocation import Relocation, relocations
 from supermap_cli.merging.laying_aside import LaidAside
 from supermap_cli.merging.meeting import Met
-from supermap_cli.types.labels import ANIMATE
 from supermap_cli.types.memory import InstanceRecord, StateRecord, TemporalEdge, TemporalKind
 
 How = Literal["in place", "back in place", "moved", "part", "new"]
@@ -85,7 +85,7 @@ class Lives:
         self.merged.append(instance_record(other.last, merged_into=whole.number))
         bounds_ns = (other.states[0].first_seen_ns, max(whole.last_seen_ns, other.last.last_seen_ns))
         self._link("merged", (number, 0), (whole.number, whole.state.index), bounds_ns)
-        lifecycle.join(whole, other.last)
+        merge_evidence(whole, other.last)
         self._extend(whole)
 
     def leave_unmet(self) -> None:
@@ -96,9 +96,9 @@ class Lives:
                 continue
             if known.number in self.stood and not known.present and known.gone_ns is not None:
                 self._leave(known, known.gone_ns)
-            doubted = known.existence <= lifecycle.DOUBT_LOG_ODDS
-            if known.present and doubted and not known.doubted:
-                known.doubted = True
+            doubted = known.existence.log_odds <= lifecycle.DEFAULT.demote_log_odds
+            if known.present and doubted and not known.demoted:
+                known.set_status(demoted=True)
                 self.changed.add(known.number)
 
     def find_elsewhere(self, others: Sequence[Met]) -> None:
@@ -108,9 +108,9 @@ class Lives:
         for each in others:
             self._ask_whether_it_came(each)
         things = {each.first.number: each for each in others if each.is_thing}
-        gone = [each for each in self.objects if not each.present and each.label not in ANIMATE]
-        standing = [each for each in self.objects if each.present and each.label not in ANIMATE]
-        matches = lifecycle.relocations(gone, [each.first for each in things.values()], standing)
+        gone = [each for each in self.objects if not each.present and not each.is_dynamic]
+        standing = [each for each in self.objects if each.present and not each.is_dynamic]
+        matches = relocations(gone, [each.first for each in things.values()], standing)
         for match in (each for each in matches if each.certain):
             self._take_over(self.objects[match.gone], things[match.found])
         for each in others:
@@ -184,7 +184,7 @@ class Lives:
         self._go_on(known, other, "moved", empty_ns, distance_m)
 
     def _take_over(self, known: MapObject, found: Met) -> None:
-        """A thing of the map that is gone is one that was found elsewhere (as `transitions.take_over`)."""
+        """A thing of the map that is gone is one that was found elsewhere (as `transitions.relocate`)."""
         came = found.first.state
         if known.gone_ns is None or known.gone_ns > came.first_seen_ns:
             self._close(known, came.first_seen_ns)
@@ -231,14 +231,13 @@ class Lives:
     def _pour(self, known: MapObject, other: Met, *, fresh: bool) -> None:
         """All that is known of it comes together; `fresh`: its cloud is that of its last place."""
         last = other.last
-        lifecycle.join(known, last)
+        merge_evidence(known, last)
         if fresh:
-            known.voxels, known.viewpoints = last.voxels, last.viewpoints
-            known.existence = last.existence
-        known.present, known.gone_ns, known.doubted = last.present, last.gone_ns, False
-        known.in_place()
+            known.voxels, known.existence = last.voxels, last.existence
+        known.status = replace(last.status, demoted=False)
+        known.clear_negative_evidence()
         known.best_crop = max(known.best_crop, last.best_crop)
-        known.touched()
+        known.voxels_changed()
 
     def _settle(self, known: MapObject, other: Met, offset: int, how: How, moved_m: float | None = None) -> None:
         """Its numbers are known; its present state is the other memory's last, but where that went on."""
@@ -270,7 +269,7 @@ class Lives:
     def _leave(self, known: MapObject, gone_ns: int) -> None:
         """It was seen to be gone."""
         self._close(known, gone_ns)
-        known.present, known.gone_ns = False, gone_ns
+        known.mark_absent(gone_ns)
         self._note("disappeared", known, (known.last_seen_ns, gone_ns))
 
     def _extend(self, known: MapObject) -> None:

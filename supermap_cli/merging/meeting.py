@@ -8,10 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from supermap_cli.mapping import lifecycle
 from supermap_cli.mapping.association import distance_log_ratio
+from supermap_cli.mapping.duplicates import same_object
 from supermap_cli.mapping.objects import MapObject, OpenState
-from supermap_cli.types.labels import ANIMATE
 from supermap_cli.types.memory import InstanceRecord, StateRecord
 
 REACH_M = 0.6
@@ -39,7 +38,7 @@ class Met:
     @property
     def is_thing(self) -> bool:
         """Whether it may be a thing of the map: what moves by itself is somebody else each time."""
-        return self.record.merged_into is None and self.last.label not in ANIMATE and not self.last.doubted
+        return self.record.merged_into is None and not self.last.is_dynamic and not self.last.demoted
 
 
 def met(record: InstanceRecord, states: Sequence[StateRecord], last: MapObject) -> Met:
@@ -78,7 +77,7 @@ def parts_of(known: Sequence[MapObject], others: Sequence[MapObject]) -> list[tu
     pairs = []
     for other in others:
         wholes = [each for each in known if each.present and _apart_m(each, other) <= REACH_M]
-        within = [each for each in wholes if lifecycle.same_thing(each, other, seen_apart=False)]
+        within = [each for each in wholes if same_object(each, other, seen_apart=False)]
         if within:
             pairs.append((max(within, key=lambda each: each.shape.share_near(other.shape.points)), other))
     return pairs
@@ -113,6 +112,6 @@ def standing_log_ratio(first: MapObject, second: MapObject) -> float:
     p, q = first.labels.probabilities(), second.labels.probabilities()
     agreement = sum(p[label] * q.get(label, 0.0) for label in p)
     log_ratio += float(np.log((agreement + 0.05) / 0.2))
-    if log_ratio <= 0 and lifecycle.same_thing(first, second, seen_apart=False):
+    if log_ratio <= 0 and same_object(first, second, seen_apart=False):
         return 0.1
     return float(log_ratio)

@@ -23,7 +23,6 @@ from supermap_cli.merging.passage import Passage
 from supermap_cli.merging.placing import place_memory
 from supermap_cli.merging.relations import join_edges, judge_anew
 from supermap_cli.merging.witnessing import Witness
-from supermap_cli.types.labels import ANIMATE
 from supermap_cli.types.memory import MapDelta, SpatialEdge, StateRecord, TemporalEdge, Visit
 
 Progress = Callable[[int, int], None]
@@ -121,13 +120,11 @@ class MemoryMerge:
     def _join_lives(self, objects: ObjectMap, others: Sequence[Met], passage: Passage) -> None:
         """Recognise things in their places, ask the other memory's images about the rest, look for that elsewhere."""
         things = {id(each.first): each for each in others if each.is_thing}
-        pairs = in_place(
-            [each for each in objects if each.label not in ANIMATE], [each.first for each in things.values()]
-        )
+        pairs = in_place([each for each in objects if not each.is_dynamic], [each.first for each in things.values()])
         stood = frozenset(each.number for each in objects if each.present)
         met_there = {id(first) for _, first in pairs}
         parts = parts_of(
-            [each for each in objects if each.label not in ANIMATE],
+            [each for each in objects if not each.is_dynamic],
             [each.first for each in things.values() if id(each.first) not in met_there],
         )
         aside = {

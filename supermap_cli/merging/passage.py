@@ -10,7 +10,7 @@ import numpy as np
 from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.geometry.boxes import Box3D
 from supermap_cli.geometry.se3 import transform_points
-from supermap_cli.mapping.belief import Viewpoints
+from supermap_cli.mapping.belief import ViewpointHistory
 from supermap_cli.mapping.objects import MapObject
 from supermap_cli.mapping.restoring import restore_object
 from supermap_cli.types.memory import InstanceRecord, KeyframeRecord, StateRecord, TemporalEdge, Visit
@@ -93,16 +93,17 @@ class Passage:
         carried = restore_object(instance)
         carried.number = number
         carried.voxels = carried.voxels.carried(self.T_map_other)
-        carried.viewpoints = Viewpoints({self._view(name): cell for name, cell in carried.viewpoints.cells.items()})
+        cells = carried.existence.viewpoints.cells
+        carried.existence.viewpoints = ViewpointHistory({self._view(name): cell for name, cell in cells.items()})
         carried.first_seen_ns, carried.last_seen_ns = self.time(carried.first_seen_ns), self.time(carried.last_seen_ns)
-        carried.gone_ns = self.maybe_time(carried.gone_ns)
+        carried.status = replace(carried.status, gone_ns=self.maybe_time(carried.gone_ns))
         carried.state.first_seen_ns = self.time(carried.state.first_seen_ns)
         carried.state.empty_before_ns = self.maybe_time(carried.state.empty_before_ns)
-        carried.touched()
+        carried.voxels_changed()
         return carried
 
     def _view(self, name: str) -> str:
-        """A cell of viewpoints, "azimuth,elevation,distance" (`belief.Vantage.cell`), turned."""
+        """A cell of viewpoints, "azimuth,elevation,distance" (`belief.Viewpoint.cell`), turned."""
         azimuth, elevation, distance = name.split(",")
         turned = int(azimuth) + round(np.degrees(self.yaw) / _AZIMUTH_DEG)
         return f"{(turned + _AZIMUTHS // 2) % _AZIMUTHS - _AZIMUTHS // 2},{elevation},{distance}"

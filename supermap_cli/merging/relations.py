@@ -47,7 +47,7 @@ def judge_anew(
             ended_ns[_ends(each)] = max(each.until_ns, ended_ns.get(_ends(each), 0))
     graph = SceneGraph()
     graph.resume(each for each in known.values() if each.until_ns is None)
-    standing = [each for each in objects if each.confirmed and each.present and not each.doubted]
+    standing = [each for each in objects if each.confirmed and each.present and not each.demoted]
     nodes = {each.number: GraphNode(each.number, each.label, each.shape.box, each.shape.points) for each in standing}
     for edge in graph.update(nodes, met, stamp_ns):
         if edge.since_ns == stamp_ns:

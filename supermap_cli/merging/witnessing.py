@@ -14,18 +14,17 @@ import numpy as np
 
 from supermap_cli.geometry.arrays import Float32Array
 from supermap_cli.geometry.cameras import camera_from_json
-from supermap_cli.mapping.absence import ABSENT_SHARE, OBSERVABLE_SHARE
-from supermap_cli.mapping.belief import Vantage
+from supermap_cli.mapping.absence import DEFAULT as ABSENCE
+from supermap_cli.mapping.belief import Viewpoint
 from supermap_cli.mapping.depth import DepthView
 from supermap_cli.mapping.free_space import decode_small_depth
-from supermap_cli.mapping.fusion import area_share, believe_less
+from supermap_cli.mapping.fusion import area_share, fuse_miss
 from supermap_cli.mapping.geometric_negation import update_absence
 from supermap_cli.mapping.lifting import is_truncated
 from supermap_cli.mapping.objects import MapObject, ObjectMap
 from supermap_cli.mapping.recall import RecallModel
-from supermap_cli.mapping.visibility import ObjectView, look_at
+from supermap_cli.mapping.visibility import ObjectView, check_objects
 from supermap_cli.merging.laying_aside import TOLD_SHARE, LaidAside
-from supermap_cli.types.labels import ANIMATE
 from supermap_cli.types.memory import KeyframeRecord, Visit
 
 REACH_M = 6.0
@@ -62,12 +61,12 @@ class Witness:
     def look(self, traversal: int, keyframe: KeyframeRecord) -> None:
         """Take in one keyframe, in the map's frame and time."""
         near = self.objects.within(keyframe.T_map_camera[:3, 3], REACH_M)
-        standing = [each for each in near if each.present and each.label not in ANIMATE]
+        standing = [each for each in near if each.present and not each.is_dynamic]
         if not standing:
             return
         depth = stored_view(keyframe)
-        for number, view in look_at(depth, standing).items():
-            if view.observable_share >= OBSERVABLE_SHARE:
+        for number, view in check_objects(depth, standing).items():
+            if view.observable_share >= ABSENCE.observable_share:
                 self.visits.setdefault((traversal, number), Testimony()).in_view += 1
             self._weigh(traversal, self.objects[number], view, keyframe, depth)
 
@@ -77,17 +76,20 @@ class Witness:
         if seen.number in self.aside and view.observable_share >= TOLD_SHARE:
             self.aside[seen.number].look(depth, seen, keyframe.stamp_ns)
         gone_ns = update_absence(seen, view, keyframe.stamp_ns)
-        if view.contradicted_share > ABSENT_SHARE:
+        if view.contradicted_share > ABSENCE.absent_share:
             self.visits.setdefault((traversal, seen.number), Testimony()).contradicted += 1
         if gone_ns is not None:
-            seen.present, seen.gone_ns = False, max(gone_ns, seen.last_seen_ns + 1)
+            seen.mark_absent(max(gone_ns, seen.last_seen_ns + 1))
             return
-        stands = view.observable_share >= OBSERVABLE_SHARE and view.contradicted_share <= ABSENT_SHARE / 2
+        stands = (
+            view.observable_share >= ABSENCE.observable_share and view.contradicted_share <= ABSENCE.absent_share / 2
+        )
         if stands and keyframe.detected and seen.number not in self.found:
             box, area_px = view.box_xyxy, depth.camera.width * depth.camera.height
             truncated = box is not None and is_truncated(box, depth.camera)
             rate = self.recall.expected(seen.label, area_share(view, area_px), truncated)
-            believe_less(seen, rate, Vantage(keyframe.stamp_ns, keyframe.T_map_camera[:3, 3], seen.shape.centroid))
+            viewpoint = Viewpoint(keyframe.stamp_ns, keyframe.T_map_camera[:3, 3], seen.shape.centroid)
+            fuse_miss(seen, rate, viewpoint, self.recall)
 
 
 def stored_view(record: KeyframeRecord, reach_m: float = REACH_M) -> DepthView:

@@ -34,7 +34,7 @@ from supermap_cli.query.views import (
     traversal_view,
     vector,
 )
-from supermap_cli.types.labels import ANIMATE
+from supermap_cli.types.labels import DYNAMIC_CLASSES
 from supermap_cli.types.memory import StateRecord, TemporalEdge
 
 CERTAIN_CHANGES: frozenset[ChangeKind] = frozenset({"appeared", "disappeared", "moved", "relabelled"})
@@ -145,7 +145,9 @@ class DiffBuilder:
         """What became of each of some instances, if either end speaks of it; who walked by is left out."""
         observers = self.times.observers_before | self.times.observers_after
         found = self.reader.instances_of(numbers, traversal_ids=observers)
-        things = [instance for instance in found if instance.presence != "doubted" and instance.label not in ANIMATE]
+        things = [
+            instance for instance in found if instance.presence != "doubted" and instance.label not in DYNAMIC_CLASSES
+        ]
         edges = self._edges(things)
         comparisons = [
             StateComparison(instance, self.times, edges[instance.number], self.reader.text_ids) for instance in things

@@ -2,5 +2,5 @@
 
 from __future__ import annotations
 
-ANIMATE = frozenset({"person", "people", "pedestrian", "man", "woman", "child", "dog", "cat", "bird"})
-"""Classes that move by themselves: one that stands still is still no part of the room."""
+DYNAMIC_CLASSES = frozenset({"person", "people", "pedestrian", "man", "woman", "child", "dog", "cat", "bird"})
+"""Classes that move by themselves: one that stands still is no part of the room."""

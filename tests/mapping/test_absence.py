@@ -21,7 +21,7 @@ def run_of(*looks: tuple[NDArray[np.bool_], NDArray[np.bool_]]) -> EmptyRun:
     """A run of looks, one a second, each by what it supports and what it goes through."""
     run = EmptyRun()
     for at_s, (supported, through) in enumerate(looks):
-        run.take_in(CODES, supported | through, through, at_s * 1_000_000_000)
+        run.add(CODES, supported | through, through, at_s * 1_000_000_000)
     return run
 
 
@@ -47,18 +47,18 @@ def test_a_few_rays_do_not_speak_for_a_small_thing() -> None:
     run = EmptyRun()
     codes = np.arange(40)
     for at_s in range(5):
-        run.take_in(codes, codes < 25, codes < 25, at_s)
+        run.add(codes, codes < 25, codes < 25, at_s)
     assert not run.shows_absence(40)
 
 
 def test_it_begins_with_the_first_look_that_saw_through_it() -> None:
     run = run_of((voxels(0, 70), NONE), (NONE, voxels(70, 140)), (NONE, voxels(140, 210)))
-    assert (run.looks, run.began_ns) == (2, 1_000_000_000)
+    assert (run.views, run.began_ns) == (2, 1_000_000_000)
 
 
 def test_what_is_seen_in_its_place_ends_it() -> None:
     run = run_of((NONE, voxels(0, 100)), (NONE, voxels(100, 200)), (voxels(200, 400), NONE))
-    assert run.looks == 0
+    assert run.views == 0
 
 
 def test_the_last_word_on_a_voxel_counts() -> None:
@@ -68,8 +68,8 @@ def test_the_last_word_on_a_voxel_counts() -> None:
 
 def test_other_voxels_begin_anew() -> None:
     run = run_of(*[(NONE, voxels(0, 500))] * 3)
-    run.take_in(np.arange(900), np.arange(900) < 400, np.arange(900) < 400, 9)
-    assert (run.looks, run.began_ns) == (1, 9)
+    run.add(np.arange(900), np.arange(900) < 400, np.arange(900) < 400, 9)
+    assert (run.views, run.began_ns) == (1, 9)
 
 
 def test_strays_say_nothing() -> None:

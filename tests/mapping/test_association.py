@@ -7,9 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from supermap_cli.mapping.association import Association, affinity, associate, near_enough
+from supermap_cli.mapping.association import DEFAULT, Association, affinity, associate, near_enough
 from supermap_cli.mapping.lifting import LiftedDetection
 from supermap_cli.mapping.objects import MapObject
+from supermap_cli.types.sensing import MAIN_CAMERA
 from support import scenes as s
 
 LEFT, RIGHT = s.CHAIR.at(1.6, 0.35), s.CHAIR.at(1.6, -0.35)
@@ -114,7 +115,7 @@ def test_its_own_track_fits_better_and_another_worse() -> None:
     view = s.view_of(run.engine, scene.keyframe).views[1]
 
     def fit(track_id: int) -> float:
-        chair.track_id = track_id
+        chair.track_ids = {MAIN_CAMERA: track_id}
         return affinity(replace(s.lifted(scene, 2), track_id=5), chair, view).log_ratio
 
     assert fit(5) > fit(-1) > fit(6)
@@ -131,4 +132,5 @@ def test_the_gate_holds_back_what_fits_badly() -> None:
     run = mapped(s.CHAIR)
     scene = s.render((*s.ROOM, s.CHAIR), s.looking((0, 0, 1.2), (1.6, 0, 0.4)))
     views = s.view_of(run.engine, scene.keyframe).views
-    assert associate([s.lifted(scene, 2)], list(run.map.values()), views, gate=np.inf).free == (0,)
+    closed = replace(DEFAULT, gate=np.inf)
+    assert associate([s.lifted(scene, 2)], list(run.map.values()), views, parameters=closed).free == (0,)

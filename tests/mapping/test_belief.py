@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from supermap_cli.mapping.belief import LabelBelief, Vantage, Viewpoints, label_agreement
+from supermap_cli.mapping.belief import LabelBelief, Viewpoint, ViewpointHistory, label_agreement
 from supermap_cli.types.detections import Hypothesis
 
 LABELS = ("chair", "couch", "bench", "stool")
@@ -114,13 +114,13 @@ ORIGIN = np.zeros(3)
 PLACE = (2.0, 0.1, 1.0)
 
 
-def seen_from(place: tuple[float, float, float], at_s: float = 0.0) -> Vantage:
-    return Vantage(round(at_s * 1e9), np.array(place), ORIGIN)
+def seen_from(place: tuple[float, float, float], at_s: float = 0.0) -> Viewpoint:
+    return Viewpoint(round(at_s * 1e9), np.array(place), ORIGIN)
 
 
 def test_looks_from_one_place_add_up_like_the_square_root() -> None:
-    views = Viewpoints()
-    looks = [views.support(seen_from(PLACE, 5.0 * k), 1.0) for k in range(100)]
+    views = ViewpointHistory()
+    looks = [views.add_detection(seen_from(PLACE, 5.0 * k), 1.0) for k in range(100)]
     assert looks[0] == (1.0, 1.0)
     assert sum(weight for weight, _ in looks) == pytest.approx(10.0)
     assert sum(gain for _, gain in looks) == pytest.approx(10.0)
@@ -128,17 +128,17 @@ def test_looks_from_one_place_add_up_like_the_square_root() -> None:
 
 @pytest.mark.parametrize("elsewhere", [(0.1, 2.0, 1.0), (2.0, 0.1, 3.0), (6.0, 0.1, 3.0), (-2.0, 0.1, 1.0)])
 def test_a_look_from_elsewhere_counts_in_full(elsewhere: tuple[float, float, float]) -> None:
-    views = Viewpoints()
-    views.support(seen_from(PLACE), 1.0)
-    assert views.support(seen_from(elsewhere, 5.0), 2.0) == (1.0, 2.0)
+    views = ViewpointHistory()
+    views.add_detection(seen_from(PLACE), 1.0)
+    assert views.add_detection(seen_from(elsewhere, 5.0), 2.0) == (1.0, 2.0)
 
 
 @given(st.lists(st.floats(-2, 3), min_size=1, max_size=8), st.randoms(use_true_random=False))
 def test_hits_and_misses_from_one_place_count_in_whatever_order(words: list[float], random: object) -> None:
     def told(order: list[float]) -> float:
-        views = Viewpoints()
+        views = ViewpointHistory()
         looks = ((seen_from(PLACE, 5.0 * k), word) for k, word in enumerate(order))
-        return sum(views.support(at, word)[1] if word > 0 else views.miss(at, word) for at, word in looks)
+        return sum(views.add_detection(at, word)[1] if word > 0 else views.add_miss(at, word) for at, word in looks)
 
     shuffled = sorted(words, key=lambda _: random.random())  # type: ignore[attr-defined]
     assert told(words) == pytest.approx(told(shuffled), abs=1e-9)
@@ -147,28 +147,28 @@ def test_hits_and_misses_from_one_place_count_in_whatever_order(words: list[floa
 
 def test_looks_in_quick_succession_share_their_errors_wherever_they_are_from() -> None:
     around = [(2 * np.cos(0.5 * k), 2 * np.sin(0.5 * k), 1.0) for k in range(8)]
-    quick, slow = Viewpoints(), Viewpoints()
-    at_once = sum(quick.miss(seen_from(place, 0.2 * k), -1.0) for k, place in enumerate(around))
-    assert sum(slow.miss(seen_from(place, 5.0 * k), -1.0) for k, place in enumerate(around)) == pytest.approx(-8.0)
+    quick, slow = ViewpointHistory(), ViewpointHistory()
+    at_once = sum(quick.add_miss(seen_from(place, 0.2 * k), -1.0) for k, place in enumerate(around))
+    assert sum(slow.add_miss(seen_from(place, 5.0 * k), -1.0) for k, place in enumerate(around)) == pytest.approx(-8.0)
     assert at_once == pytest.approx(-sum(1 / np.sqrt(k) for k in range(1, 9)))
 
 
 def test_a_hit_ends_a_spell_of_misses() -> None:
-    views = Viewpoints()
-    views.miss(seen_from(PLACE, 0.0), -1.0)
-    assert views.support(seen_from((0.1, 2.0, 1.0), 0.3), 1.0)[1] == 1.0
-    assert views.miss(seen_from((-2.0, 0.1, 1.0), 0.6), -1.0) == -1.0
+    views = ViewpointHistory()
+    views.add_miss(seen_from(PLACE, 0.0), -1.0)
+    assert views.add_detection(seen_from((0.1, 2.0, 1.0), 0.3), 1.0)[1] == 1.0
+    assert views.add_miss(seen_from((-2.0, 0.1, 1.0), 0.6), -1.0) == -1.0
 
 
 def test_a_camera_on_the_object_itself_is_no_error() -> None:
-    assert Viewpoints().support(Vantage(0, ORIGIN, ORIGIN), 1.0) == (1.0, 1.0)
+    assert ViewpointHistory().add_detection(Viewpoint(0, ORIGIN, ORIGIN), 1.0) == (1.0, 1.0)
 
 
 def test_joined_viewpoints_are_counted_together() -> None:
-    one, other = Viewpoints(), Viewpoints()
+    one, other = ViewpointHistory(), ViewpointHistory()
     for k, views in enumerate((one, other, other)):
-        views.support(seen_from(PLACE, 5.0 * k), 1.0)
+        views.add_detection(seen_from(PLACE, 5.0 * k), 1.0)
     one.absorb(other)
-    weight, gain = one.support(seen_from(PLACE, 20.0), 1.0)
+    weight, gain = one.add_detection(seen_from(PLACE, 20.0), 1.0)
     assert weight == pytest.approx(np.sqrt(4) - np.sqrt(3))
     assert gain == pytest.approx(np.sqrt(4) - np.sqrt(3))

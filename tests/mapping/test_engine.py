@@ -118,10 +118,10 @@ def test_touched_are_the_objects_of_the_last_keyframe() -> None:
 def test_an_image_no_detector_looked_at_speaks_by_its_geometry_alone() -> None:
     run = s.Run()
     run.walk(CHAIR_WORLD)
-    before = (run.map[1].existence, run.map[1].observations, run.map[1].voxels.log_odds.sum())
+    before = (run.map[1].existence.log_odds, run.map[1].observations, run.map[1].voxels.log_odds.sum())
     run.detector = lambda scene, at_s: None
     run.walk(CHAIR_WORLD)
-    after = (run.map[1].existence, run.map[1].observations, run.map[1].voxels.log_odds.sum())
+    after = (run.map[1].existence.log_odds, run.map[1].observations, run.map[1].voxels.log_odds.sum())
     assert after[:2] == before[:2]
     assert after[2] > before[2]
 
@@ -189,7 +189,7 @@ def test_without_geometric_consistency_what_is_hidden_counts_as_missed() -> None
     for name, run in (("whole", s.Run()), ("ablated", ablated("geometric-consistency"))):
         run.walk(CHAIR_WORLD)
         run.walk((*CHAIR_WORLD, screen))
-        existence[name] = run.engine.objects[1].existence
+        existence[name] = run.engine.objects[1].existence.log_odds
     assert existence["ablated"] < existence["whole"]
 
 
@@ -220,7 +220,7 @@ def test_without_semantic_fusion_silence_says_nothing() -> None:
         run.walk(CHAIR_WORLD)
         run.detector = lambda _, at_s: no_detections(s.ns(at_s))
         run.walk(CHAIR_WORLD)
-        existence[name] = run.map[1].existence
+        existence[name] = run.map[1].existence.log_odds
     assert existence["whole"] < existence["ablated"]
 
 

@@ -9,19 +9,17 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from supermap_cli.mapping.belief import Vantage, Viewpoints
+from supermap_cli.mapping.belief import DEFAULT, Existence, Viewpoint
 from supermap_cli.mapping.fusion import (
-    EXISTENCE_MAX,
-    EXISTENCE_MIN,
     area_share,
-    believe_less,
-    believe_more,
+    fuse_detection,
     fuse_geometry,
     fuse_mask,
+    fuse_miss,
     fuse_points,
 )
 from supermap_cli.mapping.objects import MapObject
-from supermap_cli.mapping.recall import ScoreModel
+from supermap_cli.mapping.recall import RecallModel, ScoreModel
 from supermap_cli.mapping.visibility import ObjectView
 from supermap_cli.mapping.voxel_map import LOG_ODDS_MAX
 from support import scenes as s
@@ -96,25 +94,25 @@ def test_existence_rises_with_detections_and_falls_with_misses_within_bounds(cha
     scores, here, there = ScoreModel(), EYE[:3, 3], np.array([1.6, -2.5, 1.3])
     seconds = itertools.count(step=5)
 
-    def at(place: NDArray[np.float64]) -> Vantage:
-        return Vantage(s.ns(next(seconds)), place, chair.shape.centroid)
+    def at(place: NDArray[np.float64]) -> Viewpoint:
+        return Viewpoint(s.ns(next(seconds)), place, chair.shape.centroid)
 
-    chair.existence, chair.observations, chair.viewpoints = 0.0, 1, Viewpoints()
-    believe_more(chair, one, scores, at(here))
-    once = chair.existence
+    chair.existence, chair.observations = Existence(0.0), 1
+    fuse_detection(chair, one, scores, at(here))
+    once = chair.existence.log_odds
     assert once > 0.9
-    believe_more(chair, one, scores, at(here))
-    assert once < chair.existence < 2 * once
-    believe_more(chair, one, scores, at(there))
-    assert chair.existence > 2 * once
+    fuse_detection(chair, one, scores, at(here))
+    assert once < chair.existence.log_odds < 2 * once
+    fuse_detection(chair, one, scores, at(there))
+    assert chair.existence.log_odds > 2 * once
     for _ in range(50):
-        believe_more(chair, one, scores, at(here))
-    assert chair.existence == EXISTENCE_MAX
-    believe_less(chair, 0.9, at(there))
-    assert EXISTENCE_MIN < chair.existence < EXISTENCE_MAX
+        fuse_detection(chair, one, scores, at(here))
+    assert chair.existence.log_odds == DEFAULT.max_existence
+    fuse_miss(chair, 0.9, at(there), RecallModel())
+    assert DEFAULT.min_existence < chair.existence.log_odds < DEFAULT.max_existence
     for _ in range(3000):
-        believe_less(chair, 0.9, at(there))
-    assert chair.existence == EXISTENCE_MIN
+        fuse_miss(chair, 0.9, at(there), RecallModel())
+    assert chair.existence.log_odds == DEFAULT.min_existence
 
 
 def test_the_visible_area_is_that_of_what_can_be_seen(chair: MapObject) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from supermap_cli.mapping.mask_overlap import claimed_by_smaller
+from supermap_cli.mapping.mask_overlap import without_smaller
 from supermap_cli.types.detections import RegionMask
 
 
@@ -20,13 +20,13 @@ def pixels(mask: RegionMask | None) -> NDArray[np.bool_]:
 
 
 def test_the_cup_is_taken_out_of_the_tables_mask() -> None:
-    table, cup = claimed_by_smaller([square(0, 0, 40), square(10, 10, 5)], ("table", "cup"))
+    table, cup = without_smaller([square(0, 0, 40), square(10, 10, 5)], ("table", "cup"))
     assert pixels(table).sum() == 40 * 40 - 5 * 5
     assert not (pixels(table) & pixels(cup)).any()
 
 
 def test_only_the_part_that_lies_in_the_mask_is_taken_out() -> None:
-    table, _ = claimed_by_smaller([square(10, 10, 20), square(7, 7, 5)], ("table", "cup"))
+    table, _ = without_smaller([square(10, 10, 20), square(7, 7, 5)], ("table", "cup"))
     assert pixels(table).sum() == 20 * 20 - 2 * 2
 
 
@@ -34,10 +34,10 @@ def test_only_the_part_that_lies_in_the_mask_is_taken_out() -> None:
     ("labels", "side"), [(("cup", "cup"), 5), (("table", "cup"), 39)], ids=["same label", "nearly as large"]
 )
 def test_masks_of_the_same_label_or_size_are_left_alone(labels: tuple[str, str], side: int) -> None:
-    table, _ = claimed_by_smaller([square(0, 0, 40), square(10, 10, side)], labels)
+    table, _ = without_smaller([square(0, 0, 40), square(10, 10, side)], labels)
     assert pixels(table).sum() == 40 * 40
 
 
 def test_detections_without_masks_stay_without() -> None:
-    assert claimed_by_smaller([], ()) == []
-    assert claimed_by_smaller([None, None], ("a", "b")) == [None, None]
+    assert without_smaller([], ()) == []
+    assert without_smaller([None, None], ("a", "b")) == [None, None]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from supermap_cli.mapping.lifecycle import join
+from supermap_cli.mapping.duplicates import merge_evidence
 from supermap_cli.mapping.objects import OpenState
 from supermap_cli.types.detections import Detections
 from support import scenes as s
@@ -115,7 +115,7 @@ def test_a_place_was_not_empty_when_the_other_half_already_stood_there() -> None
     kept, joined = run.map[1], run.map[2]
     kept.first_seen_ns, kept.state = s.ns(5), OpenState(0, s.ns(5), s.ns(4))
     joined.first_seen_ns, joined.state = s.ns(2), OpenState(0, s.ns(2), s.ns(1))
-    join(kept, joined)
+    merge_evidence(kept, joined)
     assert (kept.state.first_seen_ns, kept.state.empty_before_ns) == (s.ns(2), s.ns(1))
 
 
@@ -124,10 +124,10 @@ def test_what_the_other_half_was_last_seen_at_was_not_yet_empty() -> None:
     run = s.Run()
     run.walk((*s.ROOM, s.CHAIR.at(1.6, 0.5), s.CHAIR.at(1.6, -0.5)), 6)
     kept, joined = run.standing("chair")
-    kept.absent_looks, kept.first_absent_ns = 1, s.ns(1.9)
+    kept.absence.add_empty(s.ns(1.9))
     joined.last_seen_ns = s.ns(2.0)
-    join(kept, joined)
-    assert (kept.last_seen_ns, kept.absent_looks) == (s.ns(2.0), 0)
+    merge_evidence(kept, joined)
+    assert (kept.last_seen_ns, kept.absence.views) == (s.ns(2.0), 0)
     run.engine.transitions.mark_absent(kept, s.ns(1.9))
     assert kept.gone_ns is not None
     assert kept.gone_ns > kept.last_seen_ns

@@ -13,7 +13,7 @@ from support import scenes as s
 def follow(places: list[tuple[float, float]], *, overlap: float = 0.0, size_m: float = 0.3) -> MotionState:
     motion = MotionState()
     for i, (x, y) in enumerate(places):
-        motion.sighted(i, np.array([x, y, 0.5]), overlap, size_m)
+        motion.add_detection(i, np.array([x, y, 0.5]), overlap, size_m)
     return motion
 
 
@@ -48,7 +48,7 @@ def test_it_comes_to_rest_when_its_last_sightings_agree() -> None:
 def course_of(places: list[tuple[float, float]], step_s: float = 0.4) -> Course:
     course = first_course(0, np.array(places[0]))
     for k, place in enumerate(places[1:], start=1):
-        course = course.seen(round(k * step_s * 1e9), np.array(place))
+        course = course.updated(round(k * step_s * 1e9), np.array(place))
     return course
 
 
@@ -89,7 +89,7 @@ def walk_past(run: s.Run, missed: tuple[int, ...] = (), others: Sequence[s.Thing
 def test_who_walks_by_is_one_object() -> None:
     run = s.Run()
     assert walk_past(run) == {1}
-    assert run.map[1].on_the_move
+    assert run.map[1].is_moving
 
 
 def test_who_was_missed_on_the_way_is_found_again_farther_on() -> None:

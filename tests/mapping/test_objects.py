@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from supermap_cli.mapping.belief import LabelBelief
+from supermap_cli.mapping.belief import Existence, LabelBelief
 from supermap_cli.mapping.objects import MapObject, ObjectMap, OpenState, coarse_edge_m, measure_shape, upright_box
 from supermap_cli.mapping.voxel_map import VoxelMap
 from support import scenes as s
@@ -29,7 +29,8 @@ def voxels_of(points: np.ndarray) -> VoxelMap:
 
 
 def an_object(number: int, center: s.Point) -> MapObject:
-    return MapObject(number, voxels_of(filled((0.2, 0.2, 0.2), 0, center)), LabelBelief(), 0, 0, 0.0, OpenState(0, 0))
+    voxels = voxels_of(filled((0.2, 0.2, 0.2), 0, center))
+    return MapObject(number, voxels, LabelBelief(), Existence(0.0), OpenState(0, 0), 0, 0)
 
 
 @settings(max_examples=30)
@@ -76,7 +77,7 @@ def test_a_shape_is_measured_anew_only_when_the_voxels_changed() -> None:
     one = an_object(1, (0, 0, 0))
     shape = one.shape
     assert one.shape is shape
-    one.touched()
+    one.voxels_changed()
     assert one.shape is not shape
 
 

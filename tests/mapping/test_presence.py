@@ -7,7 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 import pytest
 
-from supermap_cli.mapping.absence import OBSERVABLE_SHARE
+from supermap_cli.mapping.absence import DEFAULT
 from supermap_cli.types.memory import TemporalEdge
 from support import scenes as s
 
@@ -60,10 +60,10 @@ def test_a_thing_that_is_hidden_stays(run: s.Run) -> None:
 
 
 def test_a_thing_out_of_view_stays(run: s.Run) -> None:
-    before = run.map[1].existence
+    before = run.map[1].existence.log_odds
     run.walk(s.ROOM, 10, target=(1.6, 4, 0.4))
     assert run.standing("chair")
-    assert run.map[1].existence == before
+    assert run.map[1].existence.log_odds == before
     assert run.take().temporal_edges == ()
 
 
@@ -87,7 +87,7 @@ def through_slits(run: s.Run, world: tuple[s.Thing, ...], slits: Iterable[float]
     for y in slits:
         run.see((*world, *slit(float(y))), (0, 0, 1.2))
         assert run.last_view is not None
-        assert run.last_view.views[1].observable_share < OBSERVABLE_SHARE
+        assert run.last_view.views[1].observable_share < DEFAULT.observable_share
 
 
 def test_looks_at_parts_of_an_empty_place_add_up(run: s.Run) -> None:
@@ -139,9 +139,9 @@ def test_a_thing_that_was_gone_and_stands_there_again_has_the_same_number(run: s
 
 def test_what_is_gone_is_not_missed_any_further(run: s.Run) -> None:
     run.walk(s.ROOM)
-    existence = run.map[1].existence
+    existence = run.map[1].existence.log_odds
     run.walk(s.ROOM, 20)
-    assert run.map[1].existence == existence
+    assert run.map[1].existence.log_odds == existence
     assert len(run.take().temporal_edges) == 1
 
 
@@ -162,13 +162,13 @@ def test_a_thing_the_detector_no_longer_finds_is_doubted_less_from_one_place_tha
     for angle in np.linspace(-1, 1, 12):
         stare.see(CHAIR_WORLD, (0, 0, 1.2))
         walk.see(CHAIR_WORLD, (1.6 - 1.6 * np.cos(angle), 1.6 * np.sin(angle), 1.2))
-    assert walk.map[1].existence < stare.map[1].existence < 8.0
+    assert walk.map[1].existence.log_odds < stare.map[1].existence.log_odds < 8.0
     assert stare.map[1].present
     assert walk.map[1].present
 
 
 def test_a_thing_believed_in_no_more_is_doubted_not_gone_until_it_is_found_again(run: s.Run) -> None:
-    run.map[1].existence = -1.3
+    run.map[1].existence.log_odds = -1.3
     run.detector = lambda scene, at_s: s.detect(scene, at_s, blind_to=["chair"])
     for angle in np.linspace(-1, 1, 8):
         run.see(CHAIR_WORLD, (1.6 - 1.6 * np.cos(angle), 1.6 * np.sin(angle), 1.2))

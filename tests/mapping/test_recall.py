@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from supermap_cli.mapping.recall import CLUTTER_RECALL, RecallModel, ScoreModel, miss_log_ratio
+from supermap_cli.mapping.recall import DEFAULT, RecallModel, ScoreModel, miss_log_ratio
 
 LARGE, SMALL = 0.2, 0.001
 
@@ -56,7 +56,7 @@ def test_a_miss_speaks_against_a_thing_by_how_well_it_would_have_been_found(reca
 
 def test_a_miss_where_the_detector_is_blind_says_nothing() -> None:
     assert miss_log_ratio(0.0) == pytest.approx(0.0)
-    assert miss_log_ratio(0.95) == pytest.approx(np.log(0.05 / (1 - 0.95 * CLUTTER_RECALL)))
+    assert miss_log_ratio(0.95) == pytest.approx(np.log(0.05 / (1 - 0.95 * DEFAULT.clutter_recall)))
 
 
 @given(st.floats(0.0, 0.95), st.booleans())

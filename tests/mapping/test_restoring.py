@@ -55,7 +55,7 @@ def back_again(run: s.Run) -> None:
 
 def doubted(run: s.Run) -> None:
     run.walk(CHAIR_WORLD)
-    run.map[1].doubted = True
+    run.map[1].set_status(demoted=True)
 
 
 @pytest.mark.parametrize("life", [seen, gone, back_again, doubted], ids=lambda life: life.__name__)

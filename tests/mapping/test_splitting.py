@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from supermap_cli.mapping.belief import Vantage
-from supermap_cli.mapping.splitting import SplitEvidence, nearer_to_second, shared, side_by_side
+from supermap_cli.mapping.belief import Viewpoint
+from supermap_cli.mapping.mask_overlap import overlap_share
+from supermap_cli.mapping.splitting import SplitEvidence, nearer_to_second, side_by_side
 from supermap_cli.types.detections import Detections
 from support import scenes as s
 
@@ -101,8 +102,8 @@ def test_images_that_cut_a_thing_now_so_and_now_so_do_not_agree() -> None:
     pairs = [_parts(scene, column) for column in (50, 108)]
     evidence = SplitEvidence()
     for k in range(12):
-        view = Vantage(s.ns(3 * k), np.array([0, 0.4 * k - 2, 1.2]), np.array([1.6, 0, 0.4]))
-        assert not evidence.seen_as_two(1, *pairs[k % 2], view)
+        view = Viewpoint(s.ns(3 * k), np.array([0, 0.4 * k - 2, 1.2]), np.array([1.6, 0, 0.4]))
+        assert not evidence.add_two_masks(1, *pairs[k % 2], view)
 
 
 def _parts(scene: s.Scene, column: int) -> list[s.LiftedDetection]:
@@ -118,7 +119,7 @@ def test_two_masks_on_one_another_are_not_side_by_side() -> None:
     run = seen_as_one_from_afar()
     assert side_by_side(run.map[1].shape, left, right)
     assert not side_by_side(run.map[1].shape, left, left)
-    assert (shared(left, right), shared(left, left)) == (0, 1)
+    assert (overlap_share(left.mask, right.mask), overlap_share(left.mask, left.mask)) == (0, 1)
 
 
 @pytest.mark.parametrize(("x", "second"), [(0.1, False), (0.9, True)])

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from supermap_cli.mapping.depth import DepthView, depth_sigma_m, depth_view
-from supermap_cli.mapping.visibility import ObjectView, check_visibility, look_at, tolerance_m
+from supermap_cli.mapping.visibility import ObjectView, check_objects, check_visibility, tolerance_m
 from support import scenes as s
 
 VOXEL_M = 0.02
@@ -130,8 +130,8 @@ def test_objects_are_looked_at_in_one_pass_and_those_off_the_image_left_out() ->
     run.walk((*s.ROOM, s.CHAIR, s.CUP.at(1.6, 0.7)), 4)
     chair, cup = run.standing("chair")[0], run.standing("cup")[0]
     scene = s.render((*s.ROOM, s.CHAIR), s.looking((0, 0, 1.2), (1.6, -0.8, 0.6)))
-    views = look_at(depth_view(scene.keyframe, 6.0), [chair, cup])
+    views = check_objects(depth_view(scene.keyframe, 6.0), [chair, cup])
     assert list(views) == [chair.number]
     assert len(views[chair.number].u) == len(chair.voxels)
     assert views[chair.number].contradicted_share < 0.1
-    assert look_at(depth_view(scene.keyframe, 6.0), []) == {}
+    assert check_objects(depth_view(scene.keyframe, 6.0), []) == {}

@@ -8,9 +8,9 @@ import numpy as np
 
 from supermap_cli.geometry.cameras import camera_to_json
 from supermap_cli.geometry.voxels import pack_keys, voxel_keys
-from supermap_cli.mapping.belief import LabelBelief
+from supermap_cli.mapping.belief import Existence, LabelBelief
 from supermap_cli.mapping.free_space import encode_small_depth
-from supermap_cli.mapping.objects import MapObject, ObjectMap, OpenState
+from supermap_cli.mapping.objects import MapObject, ObjectMap, ObjectStatus, OpenState
 from supermap_cli.mapping.voxel_map import VoxelMap
 from supermap_cli.merging.laying_aside import LaidAside, laid_aside
 from supermap_cli.merging.meeting import in_place, parts_of
@@ -21,6 +21,7 @@ from supermap_cli.types.memory import KeyframeRecord, SpatialEdge
 from support import memories as m
 from support import scenes as s
 
+STORED = ObjectStatus(confirmed=True, stored=True)
 TABLE = s.Thing("table", (2.0, 0, 0.4), (0.8, 1.6, 0.8), (150, 100, 60))
 
 
@@ -37,7 +38,7 @@ def thing(number: int, of: s.Thing, low: float = 0.0, high: float = 1.0) -> MapO
     labels = LabelBelief()
     labels.update((Hypothesis(of.label, 0.9),), 2.0)
     voxels = VoxelMap(0.02, codes, ones * 2, ones * 3, ones * 0, np.tile(np.float32(of.rgb), (len(codes), 1)))
-    return MapObject(number, voxels, labels, s.ns(0), s.ns(5), 4.0, OpenState(0, s.ns(0)), confirmed=True, entered=True)
+    return MapObject(number, voxels, labels, Existence(4.0), OpenState(0, s.ns(0)), s.ns(0), s.ns(5), status=STORED)
 
 
 def record(things: tuple[s.Thing, ...], eye: s.Point, at_s: float) -> KeyframeRecord:
@@ -73,7 +74,7 @@ def test_another_thing_in_that_place_is_not_it() -> None:
 
 def test_what_had_gone_is_only_met_by_what_nothing_standing_explains() -> None:
     gone, stands = thing(1, s.CHAIR), thing(2, s.CHAIR.at(1.6, 0.05))
-    gone.present = False
+    gone.mark_absent(None)
     pairs = in_place([gone, stands], [thing(-1, s.CHAIR)])
     assert [known.number for known, _ in pairs] == [2]
     assert [known.number for known, _ in in_place([gone], [thing(-1, s.CHAIR)])] == [1]
@@ -108,7 +109,7 @@ def test_a_thing_that_stands_is_in_view_and_is_believed_less_if_no_detector_find
     assert known.present
     assert witness.visits[1, 1].in_view >= 6
     assert witness.visits[1, 1].contradicted == 0
-    assert known.existence < 4.0
+    assert known.existence.log_odds < 4.0
 
 
 def test_a_thing_behind_another_is_neither_there_nor_gone() -> None:
@@ -116,7 +117,7 @@ def test_a_thing_behind_another_is_neither_there_nor_gone() -> None:
     screen = s.Thing("box", (1.2, 0, 1.0), (0.1, 4.0, 2.0))
     witness = witness_of(known, (screen,))
     assert known.present
-    assert known.existence == 4.0
+    assert known.existence.log_odds == 4.0
     assert (1, 1) not in witness.visits
 
 

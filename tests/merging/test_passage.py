@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from supermap_cli.geometry.se3 import inverse, make_transform, transform_points
 from supermap_cli.geometry.voxels import pack_keys
-from supermap_cli.mapping.belief import Vantage, Viewpoints
+from supermap_cli.mapping.belief import Viewpoint, ViewpointHistory
 from supermap_cli.mapping.voxel_map import VoxelMap
 from supermap_cli.merging.passage import Passage
 from support import memories as m
@@ -95,11 +95,11 @@ def test_views_turn_with_the_frame(yaw_deg: float, bearing: float, distance: flo
     """By whole cells of 15 degrees a view is that of the camera in the map's frame."""
     camera = distance * np.array([np.cos(bearing), np.sin(bearing), 0.3])
     view, turned = (
-        Vantage(0, transform_points(T, camera[None])[0], T[:3, 3]) for T in (np.eye(4), level(yaw_deg, 1, 2))
+        Viewpoint(0, transform_points(T, camera[None])[0], T[:3, 3]) for T in (np.eye(4), level(yaw_deg, 1, 2))
     )
     if abs(np.degrees(bearing) / 15 - round(np.degrees(bearing) / 15)) < 1e-6:
         return  # on the edge of a cell
-    seen = Viewpoints()
-    seen.support(view, 1.0)
+    seen = ViewpointHistory()
+    seen.add_detection(view, 1.0)
     (name,) = seen.cells
-    assert Passage(level(yaw_deg), 0)._view(name) == turned.cell
+    assert Passage(level(yaw_deg), 0)._view(name) == turned.cell()

@@ -217,7 +217,7 @@ class Run:
 
     def standing(self, label: str | None = None) -> list[MapObject]:
         """What is in the map and stands there now."""
-        here = [each for each in self.map.values() if each.present and not each.doubted]
+        here = [each for each in self.map.values() if each.present and not each.demoted]
         return here if label is None else [each for each in here if each.label == label]
 
 
