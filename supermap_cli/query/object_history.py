@@ -1,4 +1,4 @@
-"""The life of one instance (`supermap history ID`)."""
+"""The history of one instance (`supermap history ID`)."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ from supermap_cli.query.views import (
 from supermap_cli.types.memory import Presence, SpatialEdge, StateRecord
 
 MAX_RELATIONS = 12
-"""How many relations are told of one state; those that say most where it stood first."""
+"""Relations listed for one state, ranked by `_RELATION_PRIORITY`."""
 
 MAX_FRAMES = 3
-"""How many pictures are named of one state: the best, one for each traversal as far as there are."""
+"""Pictures listed for one state: the best one per traversal."""
 
 _SYMMETRIC_RELATIONS = frozenset({"beside", "near"})
 _RELATION_PRIORITY = ("inside", "on", "attached to", "under", "above", "beside", "near")
@@ -37,7 +37,7 @@ _RELATION_PRIORITY = ("inside", "on", "attached to", "under", "above", "beside",
 
 @dataclass(frozen=True)
 class SightingsView:
-    """How one traversal saw an instance, in keyframes, and what it called it, by the share of its observations."""
+    """The keyframe counts of one traversal for an instance, and the shares of the labels that it observed."""
 
     traversal: str
     supported: int
@@ -51,7 +51,7 @@ class SightingsView:
 
 @dataclass(frozen=True)
 class FrameView:
-    """A picture that is kept of it: the observation, its keyframe, and the state it was in."""
+    """A stored crop: its observation, keyframe, and the state of the instance."""
 
     observation: int
     keyframe: int
@@ -63,7 +63,7 @@ class FrameView:
 
 @dataclass(frozen=True)
 class SurroundingsView:
-    """Next to what it stood in one state; `more` relations are left out."""
+    """The relations of an instance in one state; `more` of them are not listed."""
 
     state: int
     relations: tuple[RelationView, ...]
@@ -72,8 +72,8 @@ class SurroundingsView:
 
 @dataclass(frozen=True)
 class ObjectHistory:
-    """The life of one instance: its states, what happened between them, what stood around it, how each traversal saw
-    it, and the pictures that are kept; as of a time, up to that.
+    """The history of one instance: its states, events, relations, visits of each traversal, and stored pictures;
+    optionally up to a time.
     """
 
     id: str
@@ -97,9 +97,9 @@ class ObjectHistory:
 def object_history(
     reader: MapReader, text_id: str, time_point: TimePoint | None = None, clock: Clock | None = None
 ) -> ObjectHistory:
-    """The life of one instance, or its life until an instant, told by a clock.
+    """The history of one instance, up to `time_point` if given (then `clock` is needed for its `standing`).
 
-    Raises `QueryError` for an id that there never was.
+    Raises `QueryError` for an unknown id.
     """
     instance = find_instance(reader, text_id)
     end_ns = None if time_point is None else time_point.at_ns
@@ -172,16 +172,16 @@ def _sightings(
 def _surroundings(
     reader: MapReader, instance: StoredInstance, states: Sequence[StateRecord], end_ns: int | None
 ) -> tuple[SurroundingsView, ...]:
-    """The relations of each state, every one once, with all of the time that it held in that state."""
+    """The relations of each state, one edge per relation, over the time that it held in that state."""
     edges = [edge for edge in reader.edges_of([instance.number]) if end_ns is None or edge.since_ns <= end_ns]
     others = {number for edge in edges for number in (edge.subject, edge.object)}
     reader.text_ids.of(others)
     instances = {instance.number: instance for instance in reader.instances_of(others)}
     surroundings = []
     for state in states:
-        high = state_end_ns(state, instance.states)
-        held = _merge_edges(edge for edge in edges if _overlaps(edge, state.first_seen_ns, high))
-        ranked = _select_relations(held, instance.number)
+        end_of_state_ns = state_end_ns(state, instance.states)
+        state_edges = _merge_edges(edge for edge in edges if _overlaps(edge, state.first_seen_ns, end_of_state_ns))
+        ranked = _select_relations(state_edges, instance.number)
         views = tuple(
             relation_view(reader, edge, instances[edge.subject], instances[edge.object], state.last_seen_ns)
             for edge in ranked[:MAX_RELATIONS]
@@ -195,7 +195,7 @@ def _overlaps(edge: SpatialEdge, low_ns: int, high_ns: float) -> bool:
 
 
 def _merge_edges(edges: Iterable[SpatialEdge]) -> list[SpatialEdge]:
-    """One edge for each relation, from when it held first to when it held last; stored both ways it is one."""
+    """Merges the edges of a relation between two instances, in either direction, into one over their whole time."""
     merged: dict[tuple[str, frozenset[int]], SpatialEdge] = {}
     for edge in edges:
         key = edge.relation, frozenset((edge.subject, edge.object))
@@ -217,7 +217,7 @@ def _merge_edges(edges: Iterable[SpatialEdge]) -> list[SpatialEdge]:
 
 
 def _select_relations(edges: Iterable[SpatialEdge], own: int) -> list[SpatialEdge]:
-    """Of the relations to each other object the one that says most, ranked; what holds both ways from its own side."""
+    """The highest-ranked relation to each other instance; symmetric ones with this instance as the subject."""
     chosen: dict[int, SpatialEdge] = {}
     for edge in sorted(edges, key=_rank):
         other = edge.object if edge.subject == own else edge.subject
@@ -236,7 +236,7 @@ def _rank(edge: SpatialEdge) -> tuple[int, float, int]:
 def _frames(
     reader: MapReader, instance: StoredInstance, states: Sequence[StateRecord], end_ns: int | None
 ) -> tuple[FrameView, ...]:
-    """The best pictures of each state: one of each traversal, of the latest traversals if there are many."""
+    """The best crops of each state: one per traversal, of the most recent traversals."""
     traversal_names = {traversal.id: traversal.name for traversal in reader.traversals}
     crops = [
         crop

@@ -1,4 +1,4 @@
-"""Spatial relations: their words, which stored edges answer them, and what two boxes say where none is stored."""
+"""Spatial relations: their words, the stored edges that answer them, and geometric predicates on two boxes."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ _WORDS: dict[RelationName, tuple[str, ...]] = {
 RELATION_WORDS: tuple[tuple[str, RelationName], ...] = tuple(
     sorted(((word, name) for name, words in _WORDS.items() for word in words), key=lambda pair: -len(pair[0].split()))
 )
-"""Every phrase for a relation, those of more words first."""
+"""All phrases for a relation, those with more words first."""
 
 
 @dataclass(frozen=True)
 class EdgeForm:
     """A stored relation that answers a question; `turned` if its subject is the question's object.
 
-    `checked` asks the boxes, too: under(table, cup) means on(cup, table) only where they touch.
+    `checked` also tests the boxes: under(table, cup) implies on(cup, table) only if they touch.
     """
 
     relation: str
@@ -65,23 +65,23 @@ REACH: dict[RelationName, Reach] = {
     "above": Reach(0.0, math.inf, rise_m=-0.1),
     "attached to": Reach(0.05, 0.05),
 }
-"""How far apart two boxes that stand in a relation can be at most."""
+"""Largest distance (m) between two boxes in a relation."""
 
 
 def box_distance_m(a: Box3D, b: Box3D) -> float:
-    """The distance between two upright boxes, 0 where they touch or overlap."""
+    """The distance (m) between two upright boxes, 0 if they touch or overlap."""
     vertical = max(a.z_min - b.z_max, b.z_min - a.z_max, 0.0)
     return float(np.hypot(footprint_gap_m(a, b), vertical))
 
 
 def covered_share(a: Box3D, b: Box3D) -> float:
-    """The share of a's outline on the floor that lies within b's."""
+    """The share of a's footprint that lies within b's."""
     area = float(a.size[0] * a.size[1])
     return footprint_overlap_m2(a, b) / area if area > 0 else 0.0
 
 
 def holds(relation: RelationName, a: Box3D, b: Box3D) -> bool:
-    """Whether a stands in a relation to b, as far as two boxes can say; nearness is scaled by the things' size."""
+    """Whether the relation holds between two boxes; for "near" and "beside" the threshold scales with their size."""
     return _PREDICATES[relation](a, b)
 
 

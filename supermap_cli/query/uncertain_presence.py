@@ -1,6 +1,5 @@
-"""Of which things nobody can say whether they stood there at the time that a question speaks of.
-
-They were seen later, and their place had not been seen empty before; or they were on their way.
+"""Instances whose presence at a question's time is unknown: they were seen later and their place had not been seen
+empty before, or they left or came within a gap.
 """
 
 from __future__ import annotations
@@ -13,16 +12,16 @@ from supermap_cli.query.candidates import LabelCandidates
 from supermap_cli.query.views import InstanceView
 
 MAX_NOTED = 5
-"""Of how many things an answer says that nobody can tell."""
+"""Instances of unknown presence that an answer names in its notes."""
 
 SEARCH_LIMIT = 400
-"""Among how many it looks for those of which nobody can tell, where it need not count."""
+"""Instances searched for unknown presence, unless all are counted."""
 
 
 @dataclass(frozen=True)
 class UncertainInstances:
-    """Those of which nobody can say whether they stood there, and that are not listed: the first few, and how many
-    there are of `looked_at` (`None`: of all); `besides` are those that are not counted among what fits.
+    """The first few instances of unknown presence that are not listed in the answer, their `count` among the `searched`
+    instances (`None`: all), and how many of them are not counted as matches either (`unmatched`).
     """
 
     instances: list[StoredInstance]
@@ -37,7 +36,7 @@ NO_UNCERTAIN = UncertainInstances([], 0, 0)
 def uncertain_instances(
     candidates: LabelCandidates, listed: Iterable[InstanceView], *, counting: bool
 ) -> UncertainInstances:
-    """Of all that were ever called so, those of which nobody can say, but for those that are listed."""
+    """Instances that ever had the label, are not listed, and whose presence at the time is unknown."""
     if candidates.selector.kind != "at":
         return NO_UNCERTAIN
     listed_presences = {view.id: view.presence for view in listed}
