@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from supermap_cli.query.views import RelationView
 
 MAX_ROWS = 40
-"""A longer table is printed from its beginning and its end."""
+"""A longer table is cut in the middle."""
 
 EXAMPLES = """
 Examples:
@@ -78,7 +78,7 @@ def history(  # noqa: PLR0917 - a command line has many options
 
 
 def _save_pictures(frames: Sequence[FrameView], jpegs: dict[int, bytes], text_id: str, folder: Path) -> None:
-    """One file for each picture, named after the object, its state and the keyframe."""
+    """Write one file per picture, named after the object, its state and the keyframe's stamp."""
     from supermap_cli.reports.files import write_file  # noqa: PLC0415 - keeps start-up light
 
     saved = 0
@@ -171,7 +171,7 @@ def _print_sightings(history: ObjectHistory, clock: Clock) -> None:
 
 
 def _shorten_rows(rows: Sequence[tuple[str, ...]]) -> list[tuple[str, ...]]:
-    """The first and the last rows of a long table, and how many are left out; `--json` has all."""
+    """The first and last rows of a long table, and how many are left out; `--json` has all."""
     if len(rows) <= MAX_ROWS:
         return list(rows)
     half = MAX_ROWS // 2
@@ -180,7 +180,7 @@ def _shorten_rows(rows: Sequence[tuple[str, ...]]) -> list[tuple[str, ...]]:
 
 
 def _relations_text(own: str, relations: Sequence[RelationView]) -> str:
-    """The three relations that say most, from its own side."""
+    """The three highest-ranked relations, with the object as the subject."""
     shown = [
         f"{relation.name} {relation.object}" if relation.subject == own else f"{relation.subject} {relation.name} it"
         for relation in relations

@@ -56,14 +56,39 @@ STORED_FORMS: dict[RelationName, tuple[EdgeForm, ...]] = {
 }
 
 
+NEAR_MIN_M, NEAR_MAX_M = 0.5, 1.5
+"""Limits of the distance for "near": the largest side of the two boxes, clipped to these."""
+
+BESIDE_SHARE = 0.4
+BESIDE_MIN_M, BESIDE_MAX_M = 0.2, 0.6
+"""Limits of the footprint gap for "beside": this share of the largest side of the two boxes, clipped to these."""
+
+ON_GAP_M, ON_SINK_M, ON_SINK_SHARE = 0.1, 0.15, 0.5
+"""For "on", a's bottom lies at most this far above b's top, or below it: also at most this share of b's height."""
+
+ABOVE_OVERLAP_M = 0.1
+"""For "above", a's bottom lies at most this far below b's top."""
+
+UNDER_OVERLAP_M = 0.05
+"""For "under", a's top lies at most this far above b's top."""
+
+MIN_COVERED_SHARE = 0.3
+"""Least footprint overlap for "on", "above" and "under"."""
+
+MIN_INSIDE_SHARE = 0.7
+"""Least share of a's volume within b for "inside"."""
+
+ATTACHED_GAP_M = 0.05
+"""Largest distance for "attached to"."""
+
 REACH: dict[RelationName, Reach] = {
-    "near": Reach(1.5, 1.5),
-    "beside": Reach(0.6, 0.0),
-    "on": Reach(0.0, 0.1, rise_m=-0.15),
+    "near": Reach(NEAR_MAX_M, NEAR_MAX_M),
+    "beside": Reach(BESIDE_MAX_M, 0.0),
+    "on": Reach(0.0, ON_GAP_M, rise_m=-ON_SINK_M),
     "under": Reach(0.0, math.inf),
     "inside": Reach(0.0, 0.0),
-    "above": Reach(0.0, math.inf, rise_m=-0.1),
-    "attached to": Reach(0.05, 0.05),
+    "above": Reach(0.0, math.inf, rise_m=-ABOVE_OVERLAP_M),
+    "attached to": Reach(ATTACHED_GAP_M, ATTACHED_GAP_M),
 }
 """Largest distance (m) between two boxes in a relation."""
 
@@ -86,39 +111,40 @@ def holds(relation: RelationName, a: Box3D, b: Box3D) -> bool:
 
 
 def _near(a: Box3D, b: Box3D) -> bool:
-    return box_distance_m(a, b) <= float(np.clip(_largest_side(a, b), 0.5, 1.5))
+    return box_distance_m(a, b) <= float(np.clip(_largest_side(a, b), NEAR_MIN_M, NEAR_MAX_M))
 
 
 def _beside(a: Box3D, b: Box3D) -> bool:
     level = a.z_min < b.z_max and b.z_min < a.z_max
     gap = footprint_gap_m(a, b)
     apart = not any(predicate(*pair) for predicate in (_on, _inside) for pair in ((a, b), (b, a)))
-    return level and apart and gap <= float(np.clip(0.4 * _largest_side(a, b), 0.2, 0.6))
+    return level and apart and gap <= float(np.clip(BESIDE_SHARE * _largest_side(a, b), BESIDE_MIN_M, BESIDE_MAX_M))
 
 
 def _on(a: Box3D, b: Box3D) -> bool:
     """On(A, B): z_min of A near z_max of B, and their footprints overlap (SuperMap, scene graph)."""
-    low = b.z_max - min(0.15, 0.5 * float(b.size[2]))
-    return low <= a.z_min <= b.z_max + 0.1 and covered_share(a, b) >= 0.3
+    low = b.z_max - min(ON_SINK_M, ON_SINK_SHARE * float(b.size[2]))
+    return low <= a.z_min <= b.z_max + ON_GAP_M and covered_share(a, b) >= MIN_COVERED_SHARE
 
 
 def _above(a: Box3D, b: Box3D) -> bool:
-    return a.z_min >= b.z_max - 0.1 and covered_share(a, b) >= 0.3
+    return a.z_min >= b.z_max - ABOVE_OVERLAP_M and covered_share(a, b) >= MIN_COVERED_SHARE
 
 
 def _under(a: Box3D, b: Box3D) -> bool:
     overlap = max(covered_share(a, b), covered_share(b, a))
-    return overlap >= 0.3 and a.center[2] < b.center[2] and a.z_max <= b.z_max + 0.05 and not _inside(a, b)
+    below = a.center[2] < b.center[2] and a.z_max <= b.z_max + UNDER_OVERLAP_M
+    return bool(overlap >= MIN_COVERED_SHARE and below and not _inside(a, b))
 
 
 def _inside(a: Box3D, b: Box3D) -> bool:
     height = min(a.z_max, b.z_max) - max(a.z_min, b.z_min)
     share = max(height, 0.0) / float(a.size[2]) if a.size[2] > 0 else 0.0
-    return share * covered_share(a, b) >= 0.7 and a.volume < b.volume
+    return share * covered_share(a, b) >= MIN_INSIDE_SHARE and a.volume < b.volume
 
 
 def _attached(a: Box3D, b: Box3D) -> bool:
-    return box_distance_m(a, b) <= 0.05 and not _on(a, b)
+    return box_distance_m(a, b) <= ATTACHED_GAP_M and not _on(a, b)
 
 
 _PREDICATES: dict[RelationName, Callable[[Box3D, Box3D], bool]] = {

@@ -1,4 +1,4 @@
-"""A diff as a picture: the place before and after, from above."""
+"""A diff as an image: the map before and after, from above."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ SUFFIXES = (".png", ".svg", ".pdf")
 
 
 def check_plot(path: Path) -> None:
-    """Raises `SupermapError` for a picture of a kind that cannot be drawn, before anything is computed for it."""
+    """Raises `SupermapError` for an unsupported image suffix, before anything is computed."""
     if path.suffix.lower() not in SUFFIXES:
         raise SupermapError("a picture of an unknown kind", where=str(path), cure="name a .png, .svg or .pdf file")
 
 
 def draw_diff(diff: Diff, reader: MapReader, path: Path) -> None:
-    """Write the picture (.png, .svg or .pdf). Raises `SupermapError` where it cannot be written."""
+    """Write the image (.png, .svg or .pdf). Raises `SupermapError` if it cannot be written."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg  # noqa: PLC0415 - keeps start-up light
     from matplotlib.figure import Figure  # noqa: PLC0415
     from matplotlib.patches import Patch  # noqa: PLC0415
