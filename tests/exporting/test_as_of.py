@@ -1,4 +1,4 @@
-"""`supermap export --at`: every format says of every thing what `supermap show --at` says of it, gaps and all."""
+"""`supermap export --at`: every format agrees with `supermap show --at`, including unknown presence."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ from support.cli import document, supermap
 
 TIMES = ("0 s", "40 s", "99 s", "500 s", "1000.5 s", "1002 s", "1090 s", "monday", "tuesday")
 ODD = (11, 12, 13, 14)
-"""A cup that is called a mug later, one that left in a gap, one that was lost, one that moved in a gap."""
+"""A cup that is labelled mug later, one that left in a gap, one that was lost, one that moved in a gap."""
 
 
 @dataclass(frozen=True)
 class Told:
-    """What is told of one thing as of a time."""
+    """The exported values of one instance as of a time."""
 
     presence: str
     label: str
@@ -42,7 +42,7 @@ def db(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def make_gaps(path: Path) -> Path:
-    """The kitchen, and things in it that changed while nobody looked."""
+    """The kitchen, with instances that changed while they were not in view."""
     renamed, left, lost, moved = ODD
     monday, tuesday = kitchen.MONDAY, kitchen.TUESDAY
     first = MapDelta(
@@ -83,7 +83,7 @@ def make_gaps(path: Path) -> Path:
 
 
 def shown(db: Path, at: str, *presences: str) -> dict[str, Told]:
-    """What `show --at` says of all that stood or perhaps stood then, by id."""
+    """The instances that `show --at` lists as present or unknown, by id."""
     printed = document("show", "show", "--db", db, "--at", at)
     told = {
         number["id"]: Told(
@@ -156,8 +156,8 @@ def presences(told: dict[str, Told]) -> set[str]:
     return {told.presence for told in told.values()}
 
 
-def test_the_memory_has_gaps(db: Path) -> None:
-    """Else the tests below would hold of exports that know none."""
+def test_the_test_map_has_unknown_presence(db: Path) -> None:
+    """Otherwise the tests below would not cover unknown presence."""
     assert presences(shown(db, "500 s")) == {"present", "unknown"}
     assert {told.label for told in shown(db, "tuesday").values()} - {
         told.label for told in shown(db, "monday").values()
@@ -200,25 +200,25 @@ def test_the_cloud_says_what_show_says(db: Path, tmp_path: Path, at: str) -> Non
 
 
 @pytest.mark.parametrize("at", TIMES)
-def test_only_what_is_known_to_have_stood_is_present(db: Path, at: str) -> None:
+def test_only_certain_presence_is_exported_as_present(db: Path, at: str) -> None:
     assert in_plan(db, at, "--present") == shown(db, at, "present")
 
 
 @pytest.mark.parametrize("at", TIMES)
-def test_all_has_what_did_not_stand_then_as_well(db: Path, at: str) -> None:
+def test_all_includes_absent_instances(db: Path, at: str) -> None:
     found = in_document(db, at, "--all")
     absent = {id_ for id_, told in found.items() if told.presence == "absent"}
     assert len(absent) == document("show", "show", "--db", db, "--at", at)["absent"]
     assert {id_: told for id_, told in found.items() if id_ not in absent} == shown(db, at)
 
 
-def test_what_a_traversal_saw_stood_at_its_end_though_it_left_later(db: Path) -> None:
+def test_what_a_traversal_saw_is_exported_as_present_at_its_end(db: Path) -> None:
     assert in_document(db, "monday")["cup-1"].presence == "present"
     assert in_document(db, "500 s")["cup-1"].presence == "unknown"
     assert "cup-1" not in in_document(db, "tuesday")
 
 
-def test_a_thing_is_looked_for_by_what_it_was_called_then(db: Path) -> None:
+def test_labels_are_selected_as_of_the_time(db: Path) -> None:
     def found(at: str, label: str) -> Iterable[str]:
         return in_document(db, at, "--label", label).keys()
 
@@ -229,7 +229,7 @@ def test_a_thing_is_looked_for_by_what_it_was_called_then(db: Path) -> None:
     assert called not in found("tuesday", "cup")
 
 
-def test_a_plan_and_a_document_say_of_when_they_are(db: Path) -> None:
+def test_geojson_and_json_tell_their_time(db: Path) -> None:
     assert exported(db, "monday", "geojson")["supermap"]["as_of"] == "monday"
     selection = exported(db, "monday", "json")["selection"]
     assert (selection["as_of"], selection["at_ns"]) == ("monday", m.ns(100))

@@ -1,4 +1,4 @@
-"""What the database judges of a time is what going through all lives gives."""
+"""The presence computed by the database equals the presence computed instance by instance."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ labels = st.none() | st.sets(st.sampled_from(LABELS), max_size=2).map(frozenset)
 
 @settings(max_examples=examples(40), deadline=None)
 @given(seeds, st.lists(st.tuples(asked, labels), min_size=5, max_size=20))
-def test_a_time_is_judged_as_each_life_is(
+def test_counts_at_a_time_equal_those_of_single_instances(
     seed: int, asked: list[tuple[tuple[int, int | None], frozenset[str] | None]]
 ) -> None:
     with tempfile.TemporaryDirectory() as folder:

@@ -1,4 +1,4 @@
-"""What changed between two traversals, and what is never claimed."""
+"""Changes between two traversals or times, and what is never reported as a change."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def reader(tmp_path_factory: pytest.TempPathFactory) -> Iterator[MapReader]:
         yield reader
 
 
-def test_every_instance_has_its_verdict(reader: MapReader) -> None:
+def test_every_instance_has_a_change_kind(reader: MapReader) -> None:
     found = diff(reader)
     assert {change.id: change.kind for change in found.changes} == {
         "vase-1": "appeared",
@@ -54,7 +54,7 @@ def test_changes_have_bounds_distances_and_evidence(reader: MapReader) -> None:
     assert [(candidate.id, candidate.probability) for candidate in vase.may_be] == [("cup-1", 0.2)]
 
 
-def test_it_says_whether_the_place_was_in_view(reader: MapReader) -> None:
+def test_reasons_tell_whether_the_place_was_in_view(reader: MapReader) -> None:
     reasons = {change.id: change.reason for change in diff(reader).changes}
     assert "never in view in tuesday" in reasons["book-1"]
     assert "in view in 2 keyframes and never seen empty" in reasons["chair-2"]
@@ -80,7 +80,7 @@ def only_change(
     instance: InstanceRecord | None = None,
     deltas: tuple[MapDelta, MapDelta] = (MapDelta(), MapDelta()),
 ) -> ObjectChange | None:
-    """The verdict on one chair, of whose visits each belongs to one of two traversals (0-10 s and 100-110 s)."""
+    """The change of one chair with a visit in each of two traversals (0-10 s and 100-110 s)."""
     chair = instance or m.instance(1, "chair", seen=(1, 105))
     with open_store(str(path), create=True) as store:
         for at, name, visit, delta in zip((0, 100), ("a", "b"), visits, deltas, strict=True):
@@ -129,7 +129,7 @@ DOUBTED = m.visit(1, 0, 3, 1)
         ((m.state(1, 0, (-90, -80)),), (NOT_LOOKED, NOT_LOOKED), None),
     ],
 )
-def test_the_verdict_follows_from_states_and_visits(
+def test_the_change_kind_follows_from_states_and_visits(
     tmp_path: Path, states: tuple[StateRecord, ...], visits: tuple[Visit | None, Visit | None], kind: str | None
 ) -> None:
     change = only_change(tmp_path / "map.db", states, visits)
@@ -161,7 +161,7 @@ def test_one_traversal_cannot_be_compared(tmp_path: Path) -> None:
         diff(reader)
 
 
-def test_who_walked_by_has_not_changed_the_place(tmp_path: Path) -> None:
+def test_people_are_left_out_of_diffs(tmp_path: Path) -> None:
     states = (m.state(1, 0, (1, 5), gone=105),)
     assert only_change(tmp_path / "chair.db", states, (SEEN, LOOKED)) is not None
     person = m.instance(1, "person", seen=(1, 5))
@@ -210,7 +210,7 @@ def test_two_times_are_compared_as_well_as_traversals(reader: MapReader) -> None
     assert (by_time.before.traversal, by_time.before.at_ns) == (None, m.ns(120))
 
 
-def test_within_a_gap_nothing_has_happened_yet(reader: MapReader) -> None:
+def test_within_a_gap_nothing_has_changed_yet(reader: MapReader) -> None:
     kinds = {change.id: change for change in diff(reader, "60 s", "09:10").changes}
     assert kinds["cup-1"].kind == "not observed again"
     assert kinds["cup-1"].reason.endswith("nobody can say for this time")
@@ -249,7 +249,7 @@ def test_what_came_and_went_in_between_is_noted(tmp_path: Path) -> None:
     assert (found.changes, found.notes) == ((), ("came and went between a and b: chair-1",))
 
 
-def test_a_diff_read_in_parts_is_the_diff_read_at_once(reader: MapReader, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_diff_does_not_depend_on_the_batch_size(reader: MapReader, monkeypatch: pytest.MonkeyPatch) -> None:
     sides = ((None, None), ("60 s", "09:18:20"), ("monday", "09:18:20"))
     whole = [diff(reader, *pair) for pair in sides]
     monkeypatch.setattr("supermap_cli.query.diff.batches", lambda numbers: batches(numbers, 1))
@@ -258,7 +258,7 @@ def test_a_diff_read_in_parts_is_the_diff_read_at_once(reader: MapReader, monkey
 
 
 @pytest.mark.parametrize("heard", [None, [1], [2, 3], [3, 1]])
-def test_what_is_heard_of_some_traversals_is_what_they_said(tmp_path: Path, heard: list[int] | None) -> None:
+def test_observations_of_some_traversals_equal_those_read_singly(tmp_path: Path, heard: list[int] | None) -> None:
     def said(at: float) -> MapDelta:
         pictures = [replace(m.observation(number, at), crop_jpeg=b"jpeg" if at > 100 else None) for number in (1, 2)]
         chairs = tuple(m.instance(number, "chair", seen=(1, at)) for number in (1, 2, 3))

@@ -1,4 +1,4 @@
-"""How questions are understood."""
+"""Parsing of questions."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Answers through the indices are those that going through everything gives."""
+"""Indexed answers equal those of an exhaustive search."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ questions = st.builds(
 @pytest.mark.parametrize("part", [100, 2])
 @settings(max_examples=examples(25), deadline=None)
 @given(seed=st.integers(0, 10_000), asked=st.lists(questions, min_size=3, max_size=12))
-def test_the_indices_find_what_going_through_everything_finds(part: int, seed: int, asked: list[str]) -> None:
+def test_indexed_answers_equal_exhaustive_search(part: int, seed: int, asked: list[str]) -> None:
     with pytest.MonkeyPatch.context() as patch, tempfile.TemporaryDirectory() as folder:
         patch.setattr("supermap_cli.query.candidates.BATCH_SIZE", part)
         patch.setattr("supermap_cli.query.near_misses.EXHAUSTIVE_LIMIT", part)

@@ -1,4 +1,4 @@
-"""What is known of a thing at one time: it stood there, it did not, or nobody can say."""
+"""The presence of an instance at one time: present, absent or unknown."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ LOST = instance_with(m.state(1, 0, (10, 20)), presence="absent")
         (LOST, 25, "unknown", "not seen since", (20, None)),
     ],
 )
-def test_the_gaps_are_unknown(
+def test_presence_and_cause_over_time(
     instance: StoredInstance, at: float, presence: str, cause: str, bounds: tuple[float | None, float | None]
 ) -> None:
     known = presence_at(instance, m.ns(at))
@@ -80,7 +80,7 @@ def test_the_gaps_are_unknown(
     assert (known.not_before_ns, known.not_after_ns) == tuple(map(m.maybe_ns, bounds))
 
 
-def test_it_is_said_in_words() -> None:
+def test_presence_is_described_in_words() -> None:
     known = presence_at(LEFT, m.ns(30))
     assert known is not None
     assert describe_presence(known, m.ns(30), CLOCK) == (
@@ -89,7 +89,7 @@ def test_it_is_said_in_words() -> None:
 
 
 @given(instances(), st.floats(-10, 210))
-def test_gone_needs_a_contradiction_and_not_yet_a_place_seen_empty(instance: StoredInstance, at: float) -> None:
+def test_absence_needs_a_contradiction_or_a_place_seen_empty(instance: StoredInstance, at: float) -> None:
     at_ns = m.ns(at)
     known = presence_at(instance, at_ns)
     assert known is not None
@@ -110,7 +110,7 @@ def test_gone_needs_a_contradiction_and_not_yet_a_place_seen_empty(instance: Sto
 
 
 @given(instances(), st.floats(-10, 210))
-def test_nothing_is_gone_that_nobody_saw_go(instance: StoredInstance, at: float) -> None:
+def test_without_a_contradiction_nothing_is_absent(instance: StoredInstance, at: float) -> None:
     unseen = replace(
         instance,
         states=tuple(replace(state, gone_ns=None, empty_before_ns=None) for state in instance.states),
@@ -122,7 +122,7 @@ def test_nothing_is_gone_that_nobody_saw_go(instance: StoredInstance, at: float)
 
 
 @given(instances(), st.floats(-10, 210))
-def test_what_is_held_agrees_with_what_stands(instance: StoredInstance, at: float) -> None:
+def test_the_held_state_agrees_with_presence(instance: StoredInstance, at: float) -> None:
     known, held = presence_at(instance, m.ns(at)), state_held_at(instance.states, m.ns(at))
     assert known is not None
     if known.value == "present":

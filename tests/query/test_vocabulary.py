@@ -1,4 +1,4 @@
-"""Which labels a phrase means."""
+"""Which labels a phrase matches."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Questions answered by going through everything in the map: slow, short, and what the indices are held against."""
+"""Answers questions by iterating over the whole map: a slow reference for the indexed implementation."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class BruteForce:
         self.parts = {reader.text_ids[part]: instance for instance in reader.instances for part in instance.numbers}
 
     def found(self) -> dict[str, tuple[list[int], list[tuple[object, ...]]]]:
-        """The states in which every instance fits, and its relations."""
+        """The matching states and relations of each instance."""
         fits: dict[str, tuple[list[int], list[tuple[object, ...]]]] = {}
         for instance, state, relations in self._find(self.phrase, as_reference=False):
             states, all_relations = fits.setdefault(instance.id, ([], []))
@@ -39,7 +39,7 @@ class BruteForce:
         return fits
 
     def uncertain_count(self) -> int:
-        """Of how many that are called so nobody can say, but that do not fit."""
+        """The number of instances of that label that do not match and whose presence is unknown."""
         if self.selector.kind != "at" or self.phrase.relation is not None:
             return 0
         told = self.found().keys()

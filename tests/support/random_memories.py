@@ -1,4 +1,4 @@
-"""Random memories of two traversals: for property tests of questions."""
+"""Random maps of two traversals: for property tests of questions."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def make_life(rng: np.random.Generator, number: int) -> tuple[InstanceRecord, li
 
 
 def make_edges(rng: np.random.Generator, things: int) -> list[SpatialEdge]:
-    """Relations between any two, some over, some twice."""
+    """Relations between random pairs, some ended, some stored twice."""
     edges = []
     for _ in range(int(rng.integers(0, 2 * things))):
         subject, obj = rng.choice(np.arange(1, things + 1), 2, replace=False).tolist()
