@@ -108,6 +108,12 @@ def _print(history: ObjectHistory, clock: Clock) -> None:
     for sentence in history_sentences(history, clock):
         console.print(f"- {sentence}", markup=False)
     console.print()
+    _print_states(history, clock)
+    _print_events(history, clock)
+    _print_sightings(history, clock)
+
+
+def _print_states(history: ObjectHistory, clock: Clock) -> None:
     by_state = {surroundings.state: surroundings for surroundings in history.surroundings}
     columns = ("state#", "place seen empty", "first seen", "last seen", "gone by", "position (m)", "label", "next to")
     rows = [
@@ -123,8 +129,11 @@ def _print(history: ObjectHistory, clock: Clock) -> None:
         )
         for interval in history.intervals
     ]
-    print_table(console, f"{len(rows)} states", columns, _shorten_rows(rows))
-    events = [
+    print_table(out(), f"{len(rows)} states", columns, _shorten_rows(rows))
+
+
+def _print_events(history: ObjectHistory, clock: Clock) -> None:
+    rows = [
         (
             event.kind,
             _state_text(event.from_id, event.from_state),
@@ -135,9 +144,8 @@ def _print(history: ObjectHistory, clock: Clock) -> None:
         )
         for event in history.events
     ]
-    event_columns = ("event", "from", "to", "when", "distance (m)#", "probability#")
-    print_table(console, f"{len(events)} events", event_columns, _shorten_rows(events))
-    _print_sightings(history, clock)
+    columns = ("event", "from", "to", "when", "distance (m)#", "probability#")
+    print_table(out(), f"{len(rows)} events", columns, _shorten_rows(rows))
 
 
 def _print_sightings(history: ObjectHistory, clock: Clock) -> None:

@@ -9,7 +9,8 @@ from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.geometry.boxes import Box3D
 from supermap_cli.memory.values import Said, StoredInstance, StoredVisit
 from supermap_cli.query.details import log_odds
-from supermap_cli.query.label_consensus import label_consensus_at, label_shares
+from supermap_cli.query.instance_at import label_at
+from supermap_cli.query.label_consensus import label_shares
 from supermap_cli.query.presence_at import PresenceAt, PresenceValue
 from supermap_cli.types.memory import Presence, StateRecord
 
@@ -80,11 +81,10 @@ def export_as_of(
     """An instance as of a time; `observations` are all of its observations, or none."""
     state = presence_then.state
     seen_by_then = [observation for observation in observations if observation.stamp_ns <= at_ns]
-    consensus = label_consensus_at(seen_by_then, at_ns)
     return ExportedInstance(
         number=instance.number,
         id=instance.id,
-        label=state.label if consensus is None else consensus.label,
+        label=label_at(presence_then, seen_by_then, at_ns),
         label_belief=label_shares(seen_by_then),
         presence=presence_then.value,
         existence_log_odds=log_odds(state),

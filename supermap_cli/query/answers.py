@@ -17,6 +17,7 @@ from supermap_cli.query.candidates import (
     LabelCandidates,
     MatchCount,
     label_in_state,
+    sorted_by_number,
 )
 from supermap_cli.query.clock import Clock, clock_of, is_time_of_day
 from supermap_cli.query.grammar import NounPhrase, Question, RelationPhrase, parse
@@ -25,7 +26,7 @@ from supermap_cli.query.presence_at import PresenceAt, PresenceValue, describe_p
 from supermap_cli.query.relation_matching import Basis, RelationMatcher
 from supermap_cli.query.relations import RelationName
 from supermap_cli.query.retention_policy import pruned_evidence_notes
-from supermap_cli.query.time_points import parse_time_point
+from supermap_cli.query.time_points import parse_time_point, traversal_list
 from supermap_cli.query.time_selector import TimeSelector, selector_at, selector_of_phrase
 from supermap_cli.query.uncertain_presence import MAX_NOTED, NO_UNCERTAIN, UncertainInstances, uncertain_instances
 from supermap_cli.query.views import (
@@ -301,7 +302,7 @@ class QuestionResolver:
         if related is None or related.name != "inside" or "in" not in question.text.casefold().split():
             return
         if (name := self.unknown_noun(related.reference)) is not None:
-            known = ", ".join(f"{traversal.number} {traversal.name}" for traversal in self.reader.traversals) or "none"
+            known = traversal_list(self.reader.traversals)
             self.notes.append(f"no traversal is called '{name}' either; there are: {known}")
 
     def _find_id(self, noun: str) -> StoredInstance | None:
@@ -364,7 +365,7 @@ class QuestionResolver:
         labels = None if phrase.noun is None else self._labels(phrase.noun).labels
         numbers = self.reader.finder.first_called(labels, MAX_NEAR_MISSES)
         numbers += [] if labels is None else self.reader.finder.once_called(labels)
-        return _by_number(self.reader.lives_of(sorted(numbers)[:MAX_NEAR_MISSES]))
+        return sorted_by_number(self.reader.lives_of(sorted(numbers)[:MAX_NEAR_MISSES]))
 
     def _out_of_reach(self, phrase: NounPhrase, related: RelationPhrase) -> tuple[NearMiss, ...]:
         """The pairs closest to fulfilling the relation, by box distance."""
@@ -414,10 +415,6 @@ def _matches(source: CandidateSource, matcher: RelationMatcher | None) -> Iterat
     if matcher is not None:
         return matcher.matches(source)
     return (("stored", candidate) for candidate in chain.from_iterable(source.batches()))
-
-
-def _by_number(instances: dict[int, StoredInstance]) -> list[StoredInstance]:
-    return [instance for _, instance in sorted(instances.items())]
 
 
 def _in_order(references: dict[int, str]) -> tuple[str, ...]:

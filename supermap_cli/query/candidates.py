@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import chain, islice
 from typing import Protocol
@@ -200,6 +200,11 @@ class LabelCandidates:
         begun_ns = self.selector.low_ns if kind == "at" and not (self.as_reference or self.any_state) else math.inf
         labelled_now = finder.called(labels, begun_ns=begun_ns)
         return labelled_now if labels is None else chain(labelled_now, finder.once_called(labels))
+
+
+def sorted_by_number(instances: Mapping[int, StoredInstance]) -> list[StoredInstance]:
+    """Instances in the order of their numbers."""
+    return [instance for _, instance in sorted(instances.items())]
 
 
 def label_in_state(instance: StoredInstance, state: StateRecord) -> str:

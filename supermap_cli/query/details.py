@@ -9,8 +9,8 @@ from supermap_cli.errors import QueryError
 from supermap_cli.memory.reading import MapReader
 from supermap_cli.memory.values import StoredInstance
 from supermap_cli.query.clock import Clock
-from supermap_cli.query.label_consensus import label_consensus_at, label_shares
-from supermap_cli.query.overview import observed_by
+from supermap_cli.query.instance_at import evidence_until, intervals_until, label_at, observations_until
+from supermap_cli.query.label_consensus import label_shares
 from supermap_cli.query.presence_at import PresenceValue, PresenceView, presence_at, presence_view, state_held_at
 from supermap_cli.query.relations import box_distance_m
 from supermap_cli.query.time_points import TimePoint
@@ -21,7 +21,6 @@ from supermap_cli.query.views import (
     RelationView,
     Vector,
     box_view,
-    evidence_of,
     evidence_view,
     interval_view,
     support_spans,
@@ -80,14 +79,11 @@ def details_at(reader: MapReader, text_id: str, time_point: TimePoint, clock: Cl
     presence = presence_at(instance, at_ns, time_point.traversal_start_ns)
     if presence is None:
         raise QueryError(f"{text_id!r} has stood nowhere", where=reader.where, cure="leave out --at")
-    state, observations = presence.state, observed_by(reader, instance, time_point)
-    consensus = label_consensus_at(observations, at_ns)
-    traversals_by_then = {traversal.id for traversal in reader.traversals if traversal.start_ns <= at_ns}
-    states_begun = [state for state in instance.states if state.first_seen_ns <= at_ns]
+    state, observations = presence.state, observations_until(reader, instance, at_ns)
     return ObjectDetails(
         id=instance.id,
         asked_id=text_id,
-        label=state.label if consensus is None else consensus.label,
+        label=label_at(presence, observations, at_ns),
         label_belief={label: round(share, 4) for label, share in label_shares(observations).items()},
         presence="doubted" if instance.presence == "doubted" else presence.value,
         existence_log_odds=round(log_odds(state), 4),
@@ -96,13 +92,9 @@ def details_at(reader: MapReader, text_id: str, time_point: TimePoint, clock: Cl
         first_seen_ns=instance.first_seen_ns,
         last_seen_ns=max((observation.stamp_ns for observation in observations), default=instance.first_seen_ns),
         merged_ids=merged_ids(reader, instance),
-        intervals=tuple(map(interval_view, states_begun or instance.states[:1])),
+        intervals=intervals_until(instance, at_ns),
         relations=relations_of(reader, instance, at_ns),
-        evidence=evidence_of(
-            observations,
-            [visit for visit in instance.visits if visit.traversal_id in traversals_by_then],
-            reader.traversals,
-        ),
+        evidence=evidence_until(reader, instance, observations, at_ns),
         as_of=time_point.text,
         as_of_ns=at_ns,
         standing=presence_view(presence, at_ns, clock),

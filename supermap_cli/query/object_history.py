@@ -10,7 +10,8 @@ from supermap_cli.memory.reading import MapReader
 from supermap_cli.memory.values import ObservationRef, StoredInstance, StoredVisit
 from supermap_cli.query.clock import Clock
 from supermap_cli.query.details import find_instance, merged_ids, relation_view
-from supermap_cli.query.label_consensus import group_by_traversal, label_consensus_at, label_shares
+from supermap_cli.query.instance_at import label_at
+from supermap_cli.query.label_consensus import group_by_traversal, label_shares
 from supermap_cli.query.presence_at import PresenceValue, PresenceView, presence_at, presence_view
 from supermap_cli.query.time_points import TimePoint
 from supermap_cli.query.time_selector import state_end_ns
@@ -108,32 +109,20 @@ def object_history(
         observation for observation in reader.observations(instance) if end_ns is None or observation.stamp_ns <= end_ns
     ]
     states = [state for state in instance.states if end_ns is None or state.first_seen_ns <= end_ns]
-    edges = [
-        edge
-        for edge in reader.temporal_edges(instance.numbers)
-        if end_ns is None or (edge.not_before_ns or edge.not_after_ns) <= end_ns
-    ]
-    moved = {(edge.from_number, edge.from_state) for edge in edges if edge.kind == "moved"}
-    edges = [edge for edge in edges if edge.kind != "disappeared" or (edge.from_number, edge.from_state) not in moved]
-    reader.text_ids.of({number for edge in edges for number in (edge.from_number, edge.to_number)})
+    last_seen_ns = observations[-1].stamp_ns if observations else instance.first_seen_ns
     view = None if presence is None or clock is None or end_ns is None else presence_view(presence, end_ns, clock)
     visits = [visit for visit in instance.visits if _has_begun(reader, visit.traversal_id, end_ns)]
-    consensus = None if end_ns is None else label_consensus_at(observations, end_ns)
     return ObjectHistory(
         id=instance.id,
         asked_id=text_id,
-        label=instance.label if presence is None else presence.state.label if consensus is None else consensus.label,
+        label=instance.label if presence is None or end_ns is None else label_at(presence, observations, end_ns),
         presence=instance.presence if presence is None or instance.presence == "doubted" else presence.value,
         merged_ids=merged_ids(reader, instance),
         first_seen_ns=instance.first_seen_ns,
-        last_seen_ns=instance.last_seen_ns
-        if end_ns is None
-        else observations[-1].stamp_ns
-        if observations
-        else instance.first_seen_ns,
+        last_seen_ns=instance.last_seen_ns if end_ns is None else last_seen_ns,
         intervals=tuple(map(interval_view, states)),
         surroundings=_surroundings(reader, instance, states, end_ns),
-        events=tuple(event_view(edge, reader) for edge in edges),
+        events=_events(reader, instance, end_ns),
         sightings=_sightings(reader, visits, observations),
         frames=_frames(reader, instance, states, end_ns),
         evidence=evidence_of(observations, visits, reader.traversals),
@@ -147,6 +136,19 @@ def _has_begun(reader: MapReader, traversal_id: int, end_ns: int | None) -> bool
     return end_ns is None or any(
         traversal.id == traversal_id and traversal.start_ns <= end_ns for traversal in reader.traversals
     )
+
+
+def _events(reader: MapReader, instance: StoredInstance, end_ns: int | None) -> tuple[EventView, ...]:
+    """The events up to a time; a disappearance that turned out to be a move is left out."""
+    edges = [
+        edge
+        for edge in reader.temporal_edges(instance.numbers)
+        if end_ns is None or (edge.not_before_ns or edge.not_after_ns) <= end_ns
+    ]
+    moved = {(edge.from_number, edge.from_state) for edge in edges if edge.kind == "moved"}
+    edges = [edge for edge in edges if edge.kind != "disappeared" or (edge.from_number, edge.from_state) not in moved]
+    reader.text_ids.of({number for edge in edges for number in (edge.from_number, edge.to_number)})
+    return tuple(event_view(edge, reader) for edge in edges)
 
 
 def _sightings(

@@ -8,10 +8,10 @@ from dataclasses import dataclass, field
 from itertools import islice
 
 from supermap_cli.memory.reading import MapReader
-from supermap_cli.memory.values import ObservationRef, StoredInstance
+from supermap_cli.memory.values import StoredInstance
 from supermap_cli.query.candidates import label_in_state
 from supermap_cli.query.clock import Clock
-from supermap_cli.query.label_consensus import label_consensus_at
+from supermap_cli.query.instance_at import evidence_until, intervals_until, label_at, observations_until
 from supermap_cli.query.presence_at import PresenceAt, presence_at, presence_view
 from supermap_cli.query.time_points import TimePoint
 from supermap_cli.query.views import (
@@ -19,7 +19,6 @@ from supermap_cli.query.views import (
     InstanceView,
     TraversalView,
     box_view,
-    evidence_of,
     evidence_view,
     interval_view,
     support_spans,
@@ -97,22 +96,17 @@ def _presences(
     reader: MapReader, numbers: Collection[int], time_point: TimePoint
 ) -> list[tuple[StoredInstance, PresenceAt]]:
     """Instances in the order of their numbers, with their presence."""
-    value = (
+    presences = (
         (instance, presence_at(instance, time_point.at_ns, time_point.traversal_start_ns))
         for instance in reader.instances_of(numbers)
     )
-    return [(instance, presence) for instance, presence in value if presence is not None]
+    return [(instance, presence) for instance, presence in presences if presence is not None]
 
 
 def _summaries_at(
     reader: MapReader, presences: Iterable[tuple[StoredInstance, PresenceAt]], time_point: TimePoint, clock: Clock
 ) -> tuple[InstanceView, ...]:
     return tuple(_summary_at(reader, instance, presence, time_point, clock) for instance, presence in presences)
-
-
-def observed_by(reader: MapReader, instance: StoredInstance, time_point: TimePoint) -> list[ObservationRef]:
-    """The observations of an instance up to a time."""
-    return [observation for observation in reader.observations(instance) if observation.stamp_ns <= time_point.at_ns]
 
 
 def _summary(reader: MapReader, instance: StoredInstance) -> InstanceView:
@@ -132,23 +126,17 @@ def _summary(reader: MapReader, instance: StoredInstance) -> InstanceView:
 def _summary_at(
     reader: MapReader, instance: StoredInstance, presence: PresenceAt, time_point: TimePoint, clock: Clock
 ) -> InstanceView:
-    observations = observed_by(reader, instance, time_point)
-    consensus = label_consensus_at(observations, time_point.at_ns)
-    states_begun = [state for state in instance.states if state.first_seen_ns <= time_point.at_ns]
-    traversals_by_then = {traversal.id for traversal in reader.traversals if traversal.start_ns <= time_point.at_ns}
+    at_ns = time_point.at_ns
+    observations = observations_until(reader, instance, at_ns)
     return InstanceView(
         id=instance.id,
-        label=presence.state.label if consensus is None else consensus.label,
+        label=label_at(presence, observations, at_ns),
         presence=presence.value,
         position=vector(presence.state.centroid_map),
         box=box_view(presence.state.box),
         confidence=round(presence.state.confidence, 4),
-        intervals=tuple(map(interval_view, states_begun or instance.states[:1])),
+        intervals=intervals_until(instance, at_ns),
         relations=(),
-        evidence=evidence_of(
-            observations,
-            [visit for visit in instance.visits if visit.traversal_id in traversals_by_then],
-            reader.traversals,
-        ),
-        standing=presence_view(presence, time_point.at_ns, clock),
+        evidence=evidence_until(reader, instance, observations, at_ns),
+        standing=presence_view(presence, at_ns, clock),
     )

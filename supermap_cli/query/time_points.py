@@ -53,7 +53,7 @@ def parse_time_point(written: str, reader: MapReader, clock: Clock) -> TimePoint
     if wanted in {"earlier", "before"}:
         return _plain_time(max((traversal.start_ns for traversal in reader.traversals), default=0), clock)
     if not wanted[:1].isdigit() and not names_traversal(wanted, clock.spans):
-        known = ", ".join(f"{traversal.number} {traversal.name}" for traversal in reader.traversals) or "none"
+        known = traversal_list(reader.traversals)
         raise QueryError(f"'{written}' is neither a time nor a traversal; there are: {known}", cure=CURE)
     parsed = clock.parse(wanted if names_traversal(wanted, clock.spans) else _normalise_time(wanted))
     return replace(_plain_time(parsed.stamp_ns, clock), note=parsed.note)
@@ -78,6 +78,11 @@ def _normalise_time(written: str) -> str:
     return written.upper()
 
 
+def traversal_list(traversals: Sequence[StoredTraversal]) -> str:
+    """Numbers and names of traversals, for messages."""
+    return ", ".join(f"{traversal.number} {traversal.name}" for traversal in traversals) or "none"
+
+
 def find_traversal(traversals: Sequence[StoredTraversal], name: str) -> StoredTraversal:
     """A traversal by name, number, "first" or "last". Raises `QueryError` with the known ones."""
     for traversal in traversals:
@@ -88,5 +93,5 @@ def find_traversal(traversals: Sequence[StoredTraversal], name: str) -> StoredTr
             return traversal
     if traversals and name in {"first", "last"}:
         return traversals[0 if name == "first" else -1]
-    known = ", ".join(f"{traversal.number} {traversal.name}" for traversal in traversals) or "none"
+    known = traversal_list(traversals)
     raise QueryError(f"there is no traversal {name!r}", cure=f"there are: {known}")

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from supermap_cli.memory.values import StoredInstance
-from supermap_cli.query.candidates import LabelCandidates
+from supermap_cli.query.candidates import LabelCandidates, sorted_by_number
 from supermap_cli.query.views import InstanceView
 
 MAX_NOTED = 5
@@ -44,7 +44,7 @@ def uncertain_instances(
         as_of = candidates.as_of()
         first, tally = as_of.unsure(candidates.labels, MAX_NOTED, listed_presences), as_of.tally(candidates.labels)
         count = tally.unsure - sum(presence == "unknown" for presence in listed_presences.values())
-        return UncertainInstances(_by_number(candidates.reader.lives_of(first)), count, tally.besides)
+        return UncertainInstances(sorted_by_number(candidates.reader.lives_of(first)), count, tally.besides)
     uncertain: dict[int, StoredInstance] = {}
     searched = None
     for at, instance in enumerate(candidates.instances()):
@@ -54,8 +54,4 @@ def uncertain_instances(
         presence = candidates.selector.presence(instance)
         if instance.id not in listed_presences and presence is not None and presence.value == "unknown":
             uncertain[instance.number] = instance
-    return UncertainInstances(_by_number(uncertain), len(uncertain), len(uncertain), searched)
-
-
-def _by_number(instances: dict[int, StoredInstance]) -> list[StoredInstance]:
-    return [instance for _, instance in sorted(instances.items())]
+    return UncertainInstances(sorted_by_number(uncertain), len(uncertain), len(uncertain), searched)
