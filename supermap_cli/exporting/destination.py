@@ -84,7 +84,7 @@ def _swap_folder(partial: Path, replaced: Path, path: Path) -> None:
         if replaced.exists() and not path.exists():
             replaced.rename(path)
         raise
-    replaced.rename(partial)  # from now on it is litter, whatever happens
+    replaced.rename(partial)  # removed by the caller
 
 
 def _check_target(path: Path, *, force: bool) -> None:

@@ -90,7 +90,7 @@ def _state_offsets_m(instance: ExportedInstance) -> list[FloatArray]:
 
 def _vertices(source: ExportSource, labels: dict[int, int]) -> Iterator[NDArray[np.void]]:
     geometry = stream_geometry(source.reader)
-    for instance in source.instances(named=False):  # both come in the order of numbers
+    for instance in source.instances(named=False):  # both iterate in the order of numbers
         cloud = next(cloud for number, cloud in geometry if number == instance.number)
         points, rgb = _occupied_voxels(cloud)
         for offset_m in _state_offsets_m(instance):

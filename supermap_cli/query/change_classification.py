@@ -123,7 +123,7 @@ class StateComparison:
         gone = state_held_at(self.instance.states, self.before.at_ns) is None
         return "left" if gone and self.before.traversal is not None and self._observed_at(self.before) else None
 
-    # -- the verdicts
+    # -- classification
 
     def _same_state(self, state: StateRecord) -> ChangeClassification | None:
         """In the same state at both time points."""
@@ -236,7 +236,7 @@ class StateComparison:
             return f"its place was in view {where}, but never seen empty"
         return f"nobody had seen its place empty {where}"
 
-    # -- what they rest on
+    # -- evidence
 
     def _observed_at(self, end: TimePoint) -> bool:
         """Whether it was observed for a time point; for a plain time: between the two."""

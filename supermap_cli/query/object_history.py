@@ -246,7 +246,7 @@ def _frames(
         if end_ns is None or crop.stamp_ns <= end_ns
     ]
     best: dict[tuple[int | None, int], Crop] = {}
-    for crop in crops:  # a crop is kept only where it is better than those before
+    for crop in crops:  # a crop is stored only if it is better than earlier ones
         state = next(
             (state.index for state in states if state.first_seen_ns <= crop.stamp_ns <= state.last_seen_ns), None
         )

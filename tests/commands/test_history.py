@@ -18,10 +18,13 @@ def db(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_a_history_has_states_events_and_sightings(db: Path) -> None:
-    told = document("history", "history", "chair-1", "--db", db)
-    assert [(interval["state"], interval["gone_ns"]) for interval in told["intervals"]] == [(0, m.ns(1001)), (1, None)]
-    assert [(event["kind"], event["distance_m"]) for event in told["events"]] == [("moved", 3.6056)]
-    assert [(sighting["traversal"], sighting["supported"]) for sighting in told["sightings"]] == [
+    history = document("history", "history", "chair-1", "--db", db)
+    assert [(interval["state"], interval["gone_ns"]) for interval in history["intervals"]] == [
+        (0, m.ns(1001)),
+        (1, None),
+    ]
+    assert [(event["kind"], event["distance_m"]) for event in history["events"]] == [("moved", 3.6056)]
+    assert [(sighting["traversal"], sighting["supported"]) for sighting in history["sightings"]] == [
         ("monday", 3),
         ("tuesday", 3),
     ]

@@ -47,8 +47,8 @@ def test_an_unknown_id_is_an_error(db: Path) -> None:
 @pytest.mark.parametrize("at", ["monday", "09:10", "2026-01-04T00:00:00Z", "tuesday"])
 def test_the_past_is_shown_by_the_published_schemas(db: Path, at: str) -> None:
     shown = document("show", "show", "--at", at, "--db", db)
-    told = [*shown["instances"], *shown["unknown"]]
-    assert {instance["standing"]["presence"] for instance in told} <= {"present", "unknown"}
+    instances = [*shown["instances"], *shown["unknown"]]
+    assert {instance["standing"]["presence"] for instance in instances} <= {"present", "unknown"}
     assert document("object", "show", "cup-1", "--at", at, "--db", db)["standing"]["words"]
 
 

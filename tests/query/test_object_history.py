@@ -69,7 +69,7 @@ def test_a_history_ends_at_the_given_time(reader: MapReader) -> None:
 
 
 def test_label_changes_are_part_of_the_history(tmp_path: Path) -> None:
-    def called(label: str, at: float) -> MapDelta:
+    def labelled(label: str, at: float) -> MapDelta:
         stamps = [at + i for i in range(4)]
         return MapDelta(
             keyframes=m.keyframes(stamps),
@@ -79,7 +79,9 @@ def test_label_changes_are_part_of_the_history(tmp_path: Path) -> None:
             states=(m.state(1, 0, (1, stamps[-1]), label=label),),
         )
 
-    days = [(f"day-{n}", (100 * n, 100 * n + 10), called("chair" if n < 2 else "bench", 100 * n + 1)) for n in range(3)]
+    days = [
+        (f"day-{n}", (100 * n, 100 * n + 10), labelled("chair" if n < 2 else "bench", 100 * n + 1)) for n in range(3)
+    ]
     path = m.make_memory(tmp_path / "map.db", *days)
     with open_store(str(path), read_only=True) as store, store.reader() as reader:
         history, sentences = history_and_text(reader, "chair-1")
@@ -108,19 +110,19 @@ def test_a_merged_id_gives_the_history_of_the_merged_instance(tmp_path: Path) ->
 def test_a_long_history_is_shortened(tmp_path: Path) -> None:
     """A hundred moves, and forty neighbours in each place."""
     moves = 100
-    things = tuple(m.instance(number, "box", (number, 0, 0.5), seen=(0, 10 * moves)) for number in range(2, 42))
+    boxes = tuple(m.instance(number, "box", (number, 0, 0.5), seen=(0, 10 * moves)) for number in range(2, 42))
     delta = MapDelta(
         keyframes=m.keyframes([10.0 * at for at in range(moves)]),
-        instances=(m.instance(1, "cart", seen=(0, 10 * moves)), *things),
+        instances=(m.instance(1, "cart", seen=(0, 10 * moves)), *boxes),
         observations=tuple(m.observation(1, 10.0 * at, "cart") for at in range(moves)),
         states=(
             *(m.state(1, at, (10 * at, 10 * at + 5), (at % 7, 0, 0.5), label="cart") for at in range(moves)),
             *(
                 m.state(instance.number, 0, (0, 10 * moves), (instance.number, 0, 0.5), label="box")
-                for instance in things
+                for instance in boxes
             ),
         ),
-        spatial_edges=tuple(m.spatial(1, "near", instance.number, 0) for instance in things),
+        spatial_edges=tuple(m.spatial(1, "near", instance.number, 0) for instance in boxes),
         visits=(m.visit(1, moves, moves),),
     )
     path = m.make_memory(tmp_path / "map.db", ("monday", (0, 10 * moves), delta))
