@@ -47,7 +47,7 @@ class TimeSelector:
             case "earlier":
                 return tuple(state for state in states if state.first_seen_ns < self.high_ns or state is not states[-1])
             case "traversal":
-                assert self.traversal is not None  # noqa: S101 - `moment_of` gives one
+                assert self.traversal is not None  # noqa: S101 - `selector_of_phrase` gives one
                 seen = instance.visit(self.traversal.id).supported > 0
                 return tuple(
                     state for state in states if seen and self._overlaps(state.first_seen_ns, state.last_seen_ns)
