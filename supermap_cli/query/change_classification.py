@@ -60,8 +60,8 @@ class ComparedTimes:
 
     before: TimePoint
     after: TimePoint
-    observers_before: frozenset[int]
-    observers_after: frozenset[int]
+    traversal_ids_before: frozenset[int]
+    traversal_ids_after: frozenset[int]
 
     @property
     def since_ns(self) -> int:
@@ -210,7 +210,7 @@ class StateComparison:
 
     def _not_observed_again(self, state: StateRecord) -> ChangeClassification:
         """Neither observed nor contradicted since."""
-        visits = [visit for visit in self.instance.visits if visit.traversal_id in self.times.observers_after]
+        visits = [visit for visit in self.instance.visits if visit.traversal_id in self.times.traversal_ids_after]
         in_view, contradicted = sum(visit.in_view for visit in visits), sum(visit.contradicted for visit in visits)
         where = f"in {self.after.text}" if self.after.traversal is not None else "in between"
         if state.gone_ns is not None and self.after.traversal is None:
@@ -231,7 +231,7 @@ class StateComparison:
             other = self.text_ids.get(split.from_number, "another")
             return f"was one with {other} until the two were told apart"
         where = f"in {self.before.text}" if self.before.traversal is not None else "before"
-        visits = [visit for visit in self.instance.visits if visit.traversal_id in self.times.observers_before]
+        visits = [visit for visit in self.instance.visits if visit.traversal_id in self.times.traversal_ids_before]
         if any(visit.in_view > 0 for visit in visits):
             return f"its place was in view {where}, but never seen empty"
         return f"nobody had seen its place empty {where}"

@@ -143,8 +143,8 @@ class DiffBuilder:
 
     def changes(self, numbers: Sequence[int]) -> Iterator[ObjectChange]:
         """The changes of some instances; dynamic classes and demoted instances are left out."""
-        observers = self.times.observers_before | self.times.observers_after
-        candidates = self.reader.instances_of(numbers, traversal_ids=observers)
+        traversal_ids = self.times.traversal_ids_before | self.times.traversal_ids_after
+        candidates = self.reader.instances_of(numbers, traversal_ids=traversal_ids)
         instances = [
             instance for instance in candidates if instance.presence != "doubted" and instance.label not in ANIMATE
         ]
@@ -205,8 +205,8 @@ class DiffBuilder:
             interval_before=None if before is None else interval_view(before),
             interval_after=None if after is None else interval_view(after),
             may_be=self._candidates(instance, comparison.edges),
-            evidence_before=self._evidence(instance, sides[0], self.times.observers_before),
-            evidence_after=self._evidence(instance, sides[1], self.times.observers_after),
+            evidence_before=self._evidence(instance, sides[0], self.times.traversal_ids_before),
+            evidence_after=self._evidence(instance, sides[1], self.times.traversal_ids_after),
             crop_before=_best_crop(sides[0]),
             crop_after=_best_crop(sides[1]),
         )
