@@ -1,4 +1,4 @@
-"""What several commands share: options, consoles, JSON output."""
+"""Shared by commands: options, consoles, JSON output."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON by the publ
 
 
 def database_url(given: str | None) -> str:
-    """The database to use: the option, else `SUPERMAP_DB`, else `supermap.toml`, else `supermap.db` here."""
+    """The database: the option, else `SUPERMAP_DB`, else `supermap.toml`, else `supermap.db` in the current folder."""
     return given or os.environ.get("SUPERMAP_DB") or load_user_config(Path.cwd()).db or DEFAULT_DB
 
 
@@ -65,7 +65,7 @@ def out() -> Console:
 
 
 def err() -> Console:
-    """The console for everything that is no result (stderr)."""
+    """The console for all other output (stderr)."""
     from rich.console import Console  # noqa: PLC0415 - keeps start-up light
 
     return Console(stderr=True, highlight=False, soft_wrap=not sys.stderr.isatty())
@@ -73,7 +73,7 @@ def err() -> Console:
 
 @contextmanager
 def kept_or_temporary(keep: Path | None) -> Iterator[Path]:
-    """The folder to keep, or one that is gone afterwards."""
+    """The folder `keep`, or a temporary one."""
     if keep is not None:
         yield keep
         return

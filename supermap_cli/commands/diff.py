@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 MAX_ROWS, MAX_UNCHANGED = 60, 200
-"""Of a large place all is printed that changed; of what nobody can tell, and what stayed, no more than this."""
+"""All changes are printed; undecidable and unchanged instances up to these numbers."""
 
 EXAMPLES = """
 Examples:

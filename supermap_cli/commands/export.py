@@ -35,7 +35,7 @@ STDOUT = Path("-")
 
 @dataclass(frozen=True)
 class ExportTarget:
-    """Where an export goes, and how."""
+    """The path and the options of an export."""
 
     path: Path
     force: bool
@@ -44,7 +44,7 @@ class ExportTarget:
 
 
 class Format(StrEnum):
-    """What can be written."""
+    """Export formats."""
 
     JSON = "json"
     GEOJSON = "geojson"
@@ -118,9 +118,9 @@ def export(  # noqa: PLR0917 - the options of the command
 
 
 def _presences(chosen: Format, present: bool | None, *, traversal: bool, at: bool) -> frozenset[str]:
-    """The presences that leave: today's, but as of a time those of then.
+    """The exported presences: today's, or as of a time those of then.
 
-    What is doubted today was, as far as anybody knows, never there: only the whole memory has it.
+    Demoted instances ("doubted") are only exported with everything.
     """
     from supermap_cli.exporting.selection import (  # noqa: PLC0415 - keeps start-up light
         ALL_PRESENCES,
@@ -200,7 +200,7 @@ _WRITERS: dict[Format, Callable[[ExportSource, ExportTarget], str]] = {
 
 @contextmanager
 def _text_file(target: ExportTarget) -> Iterator[TextIO]:
-    """The file to write text to, under its name only when it is whole; or stdout."""
+    """A text file that gets its name when complete; or stdout."""
     from supermap_cli.exporting.destination import atomic_file  # noqa: PLC0415 - keeps start-up light
 
     if target.path == STDOUT:
@@ -212,7 +212,7 @@ def _text_file(target: ExportTarget) -> Iterator[TextIO]:
 
 @contextmanager
 def _progress(what: str) -> Iterator[Callable[[str, int], None] | None]:
-    """A spinner on stderr, where somebody looks, with how far it is."""
+    """A spinner on stderr with the number of rows, if it is a terminal."""
     console = err()
     if not console.is_terminal:
         yield None

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from supermap_cli.query.views import RelationView
 
 MAX_ROWS = 40
-"""A longer table is printed from its beginning and its end."""
+"""A longer table is cut in the middle."""
 
 EXAMPLES = """
 Examples:
@@ -78,7 +78,7 @@ def history(  # noqa: PLR0917 - a command line has many options
 
 
 def _save_pictures(frames: Sequence[FrameView], jpegs: dict[int, bytes], text_id: str, folder: Path) -> None:
-    """One file for each picture, named after the object, its state and the keyframe."""
+    """Write one file per picture, named after the object, its state and the keyframe's stamp."""
     from supermap_cli.reports.files import write_file  # noqa: PLC0415 - keeps start-up light
 
     saved = 0
@@ -108,6 +108,12 @@ def _print(history: ObjectHistory, clock: Clock) -> None:
     for sentence in history_sentences(history, clock):
         console.print(f"- {sentence}", markup=False)
     console.print()
+    _print_states(history, clock)
+    _print_events(history, clock)
+    _print_sightings(history, clock)
+
+
+def _print_states(history: ObjectHistory, clock: Clock) -> None:
     by_state = {surroundings.state: surroundings for surroundings in history.surroundings}
     columns = ("state#", "place seen empty", "first seen", "last seen", "gone by", "position (m)", "label", "next to")
     rows = [
@@ -123,8 +129,11 @@ def _print(history: ObjectHistory, clock: Clock) -> None:
         )
         for interval in history.intervals
     ]
-    print_table(console, f"{len(rows)} states", columns, _shorten_rows(rows))
-    events = [
+    print_table(out(), f"{len(rows)} states", columns, _shorten_rows(rows))
+
+
+def _print_events(history: ObjectHistory, clock: Clock) -> None:
+    rows = [
         (
             event.kind,
             _state_text(event.from_id, event.from_state),
@@ -135,9 +144,8 @@ def _print(history: ObjectHistory, clock: Clock) -> None:
         )
         for event in history.events
     ]
-    event_columns = ("event", "from", "to", "when", "distance (m)#", "probability#")
-    print_table(console, f"{len(events)} events", event_columns, _shorten_rows(events))
-    _print_sightings(history, clock)
+    columns = ("event", "from", "to", "when", "distance (m)#", "probability#")
+    print_table(out(), f"{len(rows)} events", columns, _shorten_rows(rows))
 
 
 def _print_sightings(history: ObjectHistory, clock: Clock) -> None:
@@ -171,7 +179,7 @@ def _print_sightings(history: ObjectHistory, clock: Clock) -> None:
 
 
 def _shorten_rows(rows: Sequence[tuple[str, ...]]) -> list[tuple[str, ...]]:
-    """The first and the last rows of a long table, and how many are left out; `--json` has all."""
+    """The first and last rows of a long table, and how many are left out; `--json` has all."""
     if len(rows) <= MAX_ROWS:
         return list(rows)
     half = MAX_ROWS // 2
@@ -180,7 +188,7 @@ def _shorten_rows(rows: Sequence[tuple[str, ...]]) -> list[tuple[str, ...]]:
 
 
 def _relations_text(own: str, relations: Sequence[RelationView]) -> str:
-    """The three relations that say most, from its own side."""
+    """The three highest-ranked relations, with the object as the subject."""
     shown = [
         f"{relation.name} {relation.object}" if relation.subject == own else f"{relation.subject} {relation.name} it"
         for relation in relations

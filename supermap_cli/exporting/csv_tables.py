@@ -1,4 +1,4 @@
-"""The memory's tables as CSV files (RFC 4180, UTF-8, a header line; what is not known is empty)."""
+"""The map's tables as CSV files (RFC 4180, UTF-8, header line; unknown values are empty)."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ FILES = tuple(f"{table.name}.csv" for table in TABLES)
 
 
 def write_csv_tables(source: ExportSource, folder: Path) -> dict[str, int]:
-    """Write a file for each table and return how many rows each has."""
+    """Write a file per table; returns the number of rows of each."""
     return {table.name: _write(table, source, folder / f"{table.name}.csv") for table in TABLES}
 
 

@@ -1,4 +1,4 @@
-"""Where an export goes: under a temporary name beside it, until it is whole. What was killed leaves nothing half."""
+"""Atomic writing of exports: under a temporary name beside the target until complete."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ _PARTIAL, _REPLACED = "partial", "replaced"
 
 @contextmanager
 def atomic_file(path: Path, *, force: bool) -> Iterator[Path]:
-    """A temporary file beside `path`, which takes its name at the end; nothing is left where that is not reached.
+    """A temporary file beside `path` that is renamed to it at the end, or removed on any failure.
 
-    Raises `ExportError` if there is such a file already (unless `force`), and where it cannot be written.
+    Raises `ExportError` if the file exists already (unless `force`), and if it cannot be written.
     """
     with _sigterm_as_interrupt():
         _check_target(path, force=force)
@@ -40,10 +40,10 @@ def atomic_file(path: Path, *, force: bool) -> Iterator[Path]:
 
 @contextmanager
 def atomic_folder(path: Path, names: Collection[str], *, force: bool) -> Iterator[Path]:
-    """A temporary folder beside `path` for files of the given names, which takes its name at the end.
+    """A temporary folder beside `path` for files of the given names, renamed to it at the end.
 
-    With `force` an earlier export there is replaced; a folder with anything else in it never is. Raises `ExportError`
-    as `whole_file` does.
+    With `force` an earlier export is replaced; a folder that holds any other file never is. Raises `ExportError` like
+    `atomic_file`.
     """
     with _sigterm_as_interrupt():
         _check_target(path, force=force)
@@ -69,10 +69,10 @@ def atomic_folder(path: Path, names: Collection[str], *, force: bool) -> Iterato
 
 
 def _swap_folder(partial: Path, replaced: Path, path: Path) -> None:
-    """Give a whole folder its name. What was there goes only then, and comes back where that fails.
+    """Rename the complete folder to its target, moving an existing one aside, and back on failure.
 
-    No system renames a folder over one that is not empty, so for a moment neither has the name. A process killed in it
-    leaves both folders, and the next export there puts the old one back first.
+    No system renames a folder over one that is not empty, so for a moment the target does not exist. If the process is
+    killed then, both folders remain, and the next export restores the old one first.
     """
     if not path.exists():
         partial.rename(path)
@@ -84,7 +84,7 @@ def _swap_folder(partial: Path, replaced: Path, path: Path) -> None:
         if replaced.exists() and not path.exists():
             replaced.rename(path)
         raise
-    replaced.rename(partial)  # from now on it is litter, whatever happens
+    replaced.rename(partial)  # removed by the caller
 
 
 def _check_target(path: Path, *, force: bool) -> None:
@@ -101,7 +101,7 @@ def _temporary_path(path: Path, what: str) -> Path:
 
 
 def _clear_leftovers(path: Path) -> None:
-    """Take away what exports to `path` left that were killed; what they had moved aside takes its place again."""
+    """Remove what killed exports to `path` left behind, and restore a folder that one of them moved aside."""
     named = re.compile(rf"\.{re.escape(path.name)}\.(\d+)\.({_PARTIAL}|{_REPLACED})")
     for entry in path.absolute().parent.iterdir():
         found = named.fullmatch(entry.name)
@@ -116,7 +116,7 @@ def _clear_leftovers(path: Path) -> None:
 
 
 def _process_runs(pid: int) -> bool:
-    """Whether another process of this number runs on this machine, whosever it is."""
+    """Whether another process with this id is running on this machine."""
     if pid == os.getpid():
         return False
     try:
@@ -130,9 +130,9 @@ def _process_runs(pid: int) -> bool:
 
 @contextmanager
 def _sigterm_as_interrupt() -> Iterator[None]:
-    """While it is entered, SIGTERM stops as Ctrl-C does: what is half is taken away on the way out.
+    """While entered, SIGTERM raises KeyboardInterrupt, so that partial output is removed.
 
-    Outside the main thread, which alone gets signals, it changes nothing.
+    It has no effect outside the main thread, which alone receives signals.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -149,7 +149,7 @@ def _raise_interrupt(number: int, frame: FrameType | None) -> NoReturn:  # noqa:
 
 
 def _sync_to_disk(file: Path) -> None:
-    """Bring a file's content to the disk before it takes its name."""
+    """Flush a file to disk before it is renamed."""
     descriptor = os.open(file, os.O_RDONLY)
     try:
         os.fsync(descriptor)

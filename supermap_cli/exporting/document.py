@@ -1,4 +1,4 @@
-"""The memory as one JSON document (schema `export`), written piece by piece."""
+"""The map as one JSON document (schema `export`), written incrementally."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _JSON_COLUMNS = frozenset({"T_map_base", "T_map_camera", "T_map_odom", "camera",
 
 
 def write_document(source: ExportSource, file: TextIO, *, observations: bool = False) -> None:
-    """Write the document; `observations` adds every single one (without its crop)."""
+    """Write the document; `observations` adds all observations (without crops)."""
     head = {
         "format": FORMAT,
         "version": FORMAT_VERSION,
@@ -64,7 +64,7 @@ def write_document(source: ExportSource, file: TextIO, *, observations: bool = F
 
 
 def write_array(write: Callable[[str], object], values: Iterable[object]) -> None:
-    """Write a JSON array, a value a line, while the values come."""
+    """Write a JSON array, one value per line, as the values arrive."""
     write("[")
     for index, value in enumerate(values):
         write(f"{',' if index else ''}\n{_dumps(value)}")
@@ -84,18 +84,16 @@ def _selection(source: ExportSource) -> dict[str, object]:
 
 def _instance_object(source: ExportSource, instance: ExportedInstance) -> dict[str, object]:
     at_ns, presence_then = source.selection.at_ns, instance.presence_then
-    presence_part = (
-        {}
-        if at_ns is None or presence_then is None
-        else {"standing": presence_view(presence_then, at_ns, source.clock)}
-    )
+    standing = {}
+    if at_ns is not None and presence_then is not None:
+        standing = {"standing": to_document(presence_view(presence_then, at_ns, source.clock))}
     visits = (_row_as_object(VISITS, row) for row in visits_of(instance, source))
     return {
         "id": instance.id,
         "label": instance.label,
         "label_belief": dict(instance.label_belief),
         "presence": instance.presence,
-        **{name: to_document(view) for name, view in presence_part.items()},
+        **standing,
         "existence_log_odds": instance.existence_log_odds,
         "first_seen_ns": instance.first_seen_ns,
         "last_seen_ns": instance.last_seen_ns,
@@ -114,7 +112,7 @@ def _rows_as_objects(source: ExportSource, table: Table) -> Iterator[dict[str, o
 
 
 def _row_as_object(table: Table, row: Cells) -> dict[str, object]:
-    """A row as an object; what the table holds as JSON is a value here."""
+    """A row as an object; cells with JSON text become values."""
     named = zip((column.name for column in table.columns), row, strict=True)
     return {name: json.loads(str(cell)) if name in _JSON_COLUMNS else cell for name, cell in named}
 

@@ -1,4 +1,4 @@
-"""An instance as it leaves: as it is believed to be today, or as it was at the time that was asked for."""
+"""An instance as it is exported: as believed today, or as of a time."""
 
 from __future__ import annotations
 
@@ -9,17 +9,18 @@ from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.geometry.boxes import Box3D
 from supermap_cli.memory.values import Said, StoredInstance, StoredVisit
 from supermap_cli.query.details import log_odds
-from supermap_cli.query.label_consensus import label_consensus_at, label_shares
+from supermap_cli.query.instance_at import label_at
+from supermap_cli.query.label_consensus import label_shares
 from supermap_cli.query.presence_at import PresenceAt, PresenceValue
 from supermap_cli.types.memory import Presence, StateRecord
 
 
 @dataclass(frozen=True)
 class ExportedInstance:
-    """An instance with those of its states that leave, oldest first.
+    """An instance with its exported states, oldest first.
 
-    As of a time, all that is told of it is of then: `standing` says what its presence rests on, `states` is the one
-    that it speaks of, and the label, the counts and times are those of what had been seen.
+    As of a time, all values are as of then: `presence_then` gives the basis of the presence, `states` holds its one
+    state, and label, counts and times are those of the observations by then.
     """
 
     number: int
@@ -40,12 +41,12 @@ class ExportedInstance:
     presence_then: PresenceAt | None = None
 
     def presence_in(self, state: StateRecord) -> str:
-        """The presence as far as a state says: "ended" in all but the newest; as of a time, what is known of then."""
+        """The presence in one state: "ended" in all but the newest; as of a time, the presence then."""
         return self.presence if self.presence_then is not None or state.index == self.newest.index else "ended"
 
     @property
     def change_bounds_ns(self) -> tuple[int | None, int | None]:
-        """The bounds within which it left or came, as far as that is known; of a time only."""
+        """As of a time: the bounds within which it left or came, where known."""
         return (
             (None, None)
             if self.presence_then is None
@@ -54,7 +55,7 @@ class ExportedInstance:
 
 
 def export_current(instance: StoredInstance, states: tuple[StateRecord, ...]) -> ExportedInstance:
-    """An instance as it is believed to be today."""
+    """An instance as believed today."""
     return ExportedInstance(
         number=instance.number,
         id=instance.id,
@@ -77,16 +78,13 @@ def export_current(instance: StoredInstance, states: tuple[StateRecord, ...]) ->
 def export_as_of(
     instance: StoredInstance, presence_then: PresenceAt, at_ns: int, observations: Sequence[Said]
 ) -> ExportedInstance:
-    """An instance as it was at a time, by what had been said of it (`said`: all that ever was, or none)."""
-    state, seen_by_then = (
-        presence_then.state,
-        [observation for observation in observations if observation.stamp_ns <= at_ns],
-    )
-    consensus = label_consensus_at(seen_by_then, at_ns)
+    """An instance as of a time; `observations` are all of its observations, or none."""
+    state = presence_then.state
+    seen_by_then = [observation for observation in observations if observation.stamp_ns <= at_ns]
     return ExportedInstance(
         number=instance.number,
         id=instance.id,
-        label=state.label if consensus is None else consensus.label,
+        label=label_at(presence_then, seen_by_then, at_ns),
         label_belief=label_shares(seen_by_then),
         presence=presence_then.value,
         existence_log_odds=log_odds(state),

@@ -1,7 +1,7 @@
-"""The memory as a plan: GeoJSON with footprints of objects and the ways of the robot, in metres of the map frame.
+"""The map as GeoJSON: footprints of objects and trajectories of the robot, in metres of the map frame.
 
-GeoJSON proper (RFC 7946) knows degrees only. This has the form of it and says so: `crs` is null, which GeoJSON 2008
-defines as "no coordinate reference system can be assumed", and tools take the numbers as plain x and y.
+GeoJSON (RFC 7946) is in degrees only. This file has its structure, and `crs` is null, which GeoJSON 2008 defines as "no
+coordinate reference system can be assumed"; tools then take the numbers as plain x and y.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ NOTE = (
 
 
 def write_geojson(source: ExportSource, file: TextIO) -> None:
-    """Write a FeatureCollection, a feature a line: a Polygon for each state that leaves, a line for each traversal."""
+    """Write a FeatureCollection, one feature per line: a Polygon per exported state, a LineString per traversal."""
     file.write('{"type": "FeatureCollection", "crs": null,\n')
     about = {"frame": "map", "unit": "m", "note": NOTE}
     if source.selection.at is not None:
@@ -71,7 +71,7 @@ def _footprint(instance: ExportedInstance, state: StateRecord, source: ExportSou
 
 
 def _presence_properties(instance: ExportedInstance, source: ExportSource) -> dict[str, object]:
-    """As of a time: why its presence is what it is, and within which bounds it left or came."""
+    """As of a time: the basis of the presence, and the bounds within which the object left or came."""
     at_ns, presence_then = source.selection.at_ns, instance.presence_then
     if at_ns is None or presence_then is None:
         return {}
@@ -84,7 +84,7 @@ def _presence_properties(instance: ExportedInstance, source: ExportSource) -> di
 
 
 def _trajectories(source: ExportSource) -> Iterator[dict[str, object]]:
-    """The robot's way in each traversal; one of a single keyframe is a point."""
+    """The robot's trajectory in each traversal; a single keyframe gives a Point."""
     column = {column.name: index for index, column in enumerate(KEYFRAMES.columns)}
 
     by_name = {traversal.name: traversal for traversal in source.traversals}
@@ -115,7 +115,7 @@ def _trajectories(source: ExportSource) -> Iterator[dict[str, object]]:
 
 
 def _coordinates(x: float, y: float) -> list[float]:
-    """To a tenth of a millimetre."""
+    """Metres, rounded to 0.1 mm."""
     return [round(x, 4), round(y, 4)]
 
 

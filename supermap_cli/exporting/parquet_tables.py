@@ -1,4 +1,4 @@
-"""The memory's tables as Parquet files; pyarrow writes them, which is optional (`supermap-cli[parquet]`)."""
+"""The map's tables as Parquet files. Needs pyarrow, which is optional (`supermap-cli[parquet]`)."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from supermap_cli.exporting.tables import TABLES, Cells, Table
 
 FILES = tuple(f"{table.name}.parquet" for table in TABLES)
 CHUNK = 20_000
-"""Rows of one row group: what is held in memory at once."""
+"""Rows per row group, which are held in memory at once."""
 
 
 def write_parquet_tables(source: ExportSource, folder: Path) -> dict[str, int]:
-    """Write a file for each table and return how many rows each has. Raises `ExportError` without pyarrow."""
+    """Write a file per table; returns the number of rows of each. Raises `ExportError` without pyarrow."""
     pa, parquet = load_pyarrow()
     return {table.name: _write(table, source, folder / f"{table.name}.parquet", pa, parquet) for table in TABLES}
 
 
 def load_pyarrow() -> tuple[ModuleType, ModuleType]:
-    """Import pyarrow and its Parquet part. Raises `ExportError` where they are not installed."""
+    """Import pyarrow and pyarrow.parquet. Raises `ExportError` if they are not installed."""
     try:
         import pyarrow as pa  # noqa: PLC0415 - optional and heavy
         from pyarrow import parquet  # noqa: PLC0415

@@ -1,11 +1,11 @@
-"""The memory as a point cloud (PLY): the solid voxels of objects, each with the instance and label it is of.
+"""The map as a point cloud (PLY): the occupied voxels of objects, with instance and label.
 
-A header comment for every instance and label says what the numbers stand for:
+Header comments give the meaning of instance and label numbers:
 
     comment instance 7 chair-7 label 0
     comment label 0 chair
 
-and as of a time, what is known of each then:
+and as of a time, the presence of each instance:
 
     comment instance 7 is unknown: left between 10:21:03 and 10:22:40; nobody can say for 10:22:00
 """
@@ -36,14 +36,14 @@ VERTEX = np.dtype(
 )
 _PLY_TYPES = {"<f4": "float", "|u1": "uchar", "<i4": "int"}
 _COUNT_DIGITS = 12
-"""The number of vertices is known last and written into the room kept for it."""
+"""Width of the vertex count, which is known last and written into the reserved space."""
 
 
 def write_ply(source: ExportSource, path: Path, *, ascii_text: bool = False) -> int:
     """Write the cloud and return its number of points.
 
-    A memory keeps the shape of an instance in its newest place. In an earlier state's place it stands shifted by the
-    distance of the two centroids, which a comment says.
+    The map stores an instance's shape in its newest place. For an earlier state it is shifted by the offset between the
+    two centroids, which a comment tells.
     """
     with path.open("wb") as file:
         file.write(b"ply\nformat %s 1.0\n" % (b"ascii" if ascii_text else b"binary_little_endian"))
@@ -65,7 +65,7 @@ def write_ply(source: ExportSource, path: Path, *, ascii_text: bool = False) -> 
 
 
 def _write_comments(source: ExportSource, file: BinaryIO) -> dict[int, int]:
-    """The comments; returns the index of every instance's label."""
+    """Write the comments; returns the label index of each instance."""
     labels: dict[str, int] = {}
     label_of_instance: dict[int, int] = {}
     for instance in source.instances():
@@ -84,13 +84,13 @@ def _write_comments(source: ExportSource, file: BinaryIO) -> dict[int, int]:
 
 
 def _state_offsets_m(instance: ExportedInstance) -> list[FloatArray]:
-    """How far (3,) the place of each state lies from that of the newest."""
+    """The offset (3,) of each state's centroid from the newest one, metres."""
     return [state.centroid_map - instance.newest.centroid_map for state in instance.states]
 
 
 def _vertices(source: ExportSource, labels: dict[int, int]) -> Iterator[NDArray[np.void]]:
     geometry = stream_geometry(source.reader)
-    for instance in source.instances(named=False):  # both come in the order of numbers
+    for instance in source.instances(named=False):  # both iterate in the order of numbers
         cloud = next(cloud for number, cloud in geometry if number == instance.number)
         points, rgb = _occupied_voxels(cloud)
         for offset_m in _state_offsets_m(instance):
@@ -105,7 +105,7 @@ def _vertices(source: ExportSource, labels: dict[int, int]) -> Iterator[NDArray[
 
 
 def _occupied_voxels(cloud: VoxelCloud) -> tuple[FloatArray, NDArray[np.uint8]]:
-    """(n, 3) centres and colours of the voxels that the map takes for the object's; all where it is sure of none."""
+    """(n, 3) centres (metres) and (n, 3) colours of the solid voxels; of all voxels if none is solid."""
     voxels = voxel_map_from_cloud(cloud)
     solid = voxels.solid()
     occupied = solid if solid.any() else np.ones(len(voxels), dtype=bool)
@@ -121,6 +121,6 @@ def _as_text(vertices: NDArray[np.void]) -> bytes:
 
 
 def _comment(file: BinaryIO, text: str) -> None:
-    """One line of comment; a label may hold any text."""
+    """Write one comment line; a label may contain any text."""
     line = " ".join(text.split())
     file.write(b"comment " + line.encode("ascii", "backslashreplace") + b"\n")

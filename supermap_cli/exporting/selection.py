@@ -1,4 +1,4 @@
-"""Which part of the memory leaves: by label, by presence, and as of a traversal or a time."""
+"""The part of the map to export: by label, presence, and traversal or time."""
 
 from __future__ import annotations
 
@@ -31,16 +31,16 @@ ALL_PRESENCES = frozenset(PRESENCES)
 POSSIBLY_PRESENT = frozenset({"present", "unknown"})
 ANY_PRESENCE_AT = frozenset({"present", "unknown", "absent"})
 OBSERVATION_BATCH = 50
-"""Instances of which it is read together what was ever said of them."""
+"""Instances whose observations are read at a time."""
 
 
 @dataclass(frozen=True)
 class Selection:
-    """What is asked for, as it was understood.
+    """What to export.
 
-    `labels` empty: all. `traversal`: the states that it supported. `at`: the state that each was in, or perhaps was, at
-    that time; `labels` and `presences` are of then. Neither: the newest state of what is present, all states of all
-    where not only that is asked for.
+    `labels`: empty for all. `traversal`: the states that it supported. `at`: the state of each instance at that time,
+    known or possible; `labels` and `presences` are as of then. Neither: the newest state if only present instances are
+    selected, else all states.
     """
 
     labels: frozenset[str] = frozenset()
@@ -49,7 +49,7 @@ class Selection:
     at: TimePoint | None = None
 
     def states(self, instance: StoredInstance) -> tuple[StateRecord, ...]:
-        """The states of an instance that leave, oldest first, where no time is asked for; none where it stays."""
+        """The exported states of an instance, oldest first, if no time is selected; empty if it is not selected."""
         if instance.presence not in self.presences or not self.has_label(instance.label):
             return ()
         if self._selector is not None:
@@ -57,9 +57,8 @@ class Selection:
         return instance.states[-1:] if self.presences == PRESENT else instance.states
 
     def presence_then(self, instance: StoredInstance) -> PresenceAt | None:
-        """What is known of an instance at the time asked for; `None` where it stays.
-
-        What is doubted today was, as far as anybody knows, never there.
+        """The presence of an instance at the selected time; `None` if it is not selected. Demoted instances ("doubted")
+        never are.
         """
         if self.at is None or instance.presence == "doubted":
             return None
@@ -67,27 +66,27 @@ class Selection:
         return known if known is not None and known.value in self.presences else None
 
     def has_label(self, label: str) -> bool:
-        """Whether a label is among those that leave."""
+        """Whether a label is selected."""
         return not self.labels or label.casefold() in self.labels
 
     @property
     def at_ns(self) -> int | None:
-        """The time asked for."""
+        """The selected time."""
         return None if self.at is None else self.at.at_ns
 
     @property
     def keyframes(self) -> tuple[int | None, int | None]:
-        """What leaves of keyframes, and of what was seen in them: those of one traversal, and those until a time."""
+        """Limits on the exported keyframes and their observations: a traversal's id, and a latest time."""
         return None if self.traversal is None else self.traversal.id, self.at_ns
 
     def includes_traversal(self, traversal: StoredTraversal) -> bool:
-        """Whether a traversal leaves: the one asked for, or those that had begun by the time."""
+        """Whether a traversal is exported: the selected one, or any that had begun by the time."""
         if self.traversal is not None:
             return traversal.id == self.traversal.id
         return self.at_ns is None or traversal.start_ns <= self.at_ns
 
     def includes_interval(self, since_ns: int, until_ns: int | None) -> bool:
-        """Whether what held in [since_ns, until_ns) leaves."""
+        """Whether an edge that held in [since_ns, until_ns) is exported."""
         if self.traversal is not None:
             return since_ns <= self.traversal.end_ns and (until_ns is None or until_ns > self.traversal.start_ns)
         if self.at_ns is not None:
@@ -95,7 +94,7 @@ class Selection:
         return until_ns is None or self.presences != PRESENT
 
     def includes_event(self, traversal_id: int, not_after_ns: int) -> bool:
-        """Whether something that happened leaves."""
+        """Whether an event is exported."""
         if self.traversal is not None:
             return traversal_id == self.traversal.id
         return self.at_ns is None or not_after_ns <= self.at_ns
@@ -116,7 +115,7 @@ def select_part(
     traversal: str | None = None,
     at: str | None = None,
 ) -> Selection:
-    """A selection from words. Raises `QueryError` for a label, traversal or time that the map does not know."""
+    """A selection from texts. Raises `QueryError` for an unknown label, traversal or time."""
     if traversal is not None and at is not None:
         raise QueryError("a traversal and a time cannot be asked for at once", cure="give --traversal or --at")
     found = None if traversal is None else find_traversal(reader.traversals, traversal)
@@ -125,7 +124,7 @@ def select_part(
 
 
 def _known_labels(reader: MapReader, labels: Collection[str], *, any_state: bool) -> frozenset[str]:
-    """The labels as they are compared; `ever` knows those, too, that things had in an earlier state."""
+    """The labels in lower case; with `any_state` also those of earlier states. Raises `QueryError` for unknown ones."""
     wanted = frozenset(label.casefold() for label in labels)
     columns = (Instance.label, State.label) if any_state else (Instance.label,)
     known = {
@@ -140,12 +139,12 @@ def _known_labels(reader: MapReader, labels: Collection[str], *, any_state: bool
 
 
 class ExportSource:
-    """A map and the part of it that leaves; what it holds at once is a number for each instance at most."""
+    """A map and the selected part of it; it holds at most one number per instance in memory."""
 
     def __init__(
         self, reader: MapReader, selection: Selection, progress: Callable[[str, int], None] | None = None
     ) -> None:
-        """`progress` is told, now and then, how many of what have been written."""
+        """`progress` is called from time to time with a table's name and the number of rows written."""
         self.reader = reader
         self.selection = selection
         self._progress = progress
@@ -154,10 +153,10 @@ class ExportSource:
         self.traversal_names = {traversal.id: traversal.name for traversal in reader.traversals}
 
     def instances(self, *, visits: bool = False, named: bool = True) -> Iterator[ExportedInstance]:
-        """Every instance that leaves; its visits are read only if wanted.
+        """Every selected instance; visits are read only if wanted.
 
-        What it was called at a time takes reading all that was said of it: without `named` it has the label of its
-        state, and nothing is counted.
+        Its label as of a time needs all of its observations: without `named` it gets the label of its state, and no
+        counts.
         """
         selection = self.selection
         if selection.at is not None:
@@ -169,28 +168,28 @@ class ExportSource:
                 yield export_current(instance, states)
 
     def _as_of(self, at: TimePoint, *, visits: bool, named: bool) -> Iterator[ExportedInstance]:
-        labels_reader = Hearing(self.reader)
+        observation_reader = Hearing(self.reader)
         in_selection = (
             (instance, presence_then)
             for instance in self.reader.each_instance(visits=visits)
             if (presence_then := self.selection.presence_then(instance)) is not None
         )
         while batch := list(islice(in_selection, OBSERVATION_BATCH)):
-            observations = labels_reader.of([instance for instance, _ in batch]) if named else {}
+            observations = observation_reader.of([instance for instance, _ in batch]) if named else {}
             for instance, presence_then in batch:
                 exported = export_as_of(instance, presence_then, at.at_ns, observations.get(instance.number, ()))
                 if self.selection.has_label(exported.label):
                     yield exported
 
     def with_progress(self, name: str, items: Iterable[Item]) -> Iterator[Item]:
-        """The items while they are written; progress is told of every thousandth."""
+        """The items, reporting progress every thousand."""
         for index, item in enumerate(items):
             if self._progress is not None and index % 1000 == 0:
                 self._progress(name, index)
             yield item
 
     def current_id(self, number: int, own_id: str) -> str | None:
-        """The id under which an instance leaves: that of what it was merged into; `None` if it stays."""
+        """The id of an instance, or of the one it was merged into; `None` if that is not selected."""
         number, text_id = self._survivors.get(number, (number, own_id))
         return None if self._selected_numbers is not None and number not in self._selected_numbers else text_id
 
@@ -200,7 +199,7 @@ class ExportSource:
 
     @cached_property
     def _selected_numbers(self) -> frozenset[int] | None:
-        """The numbers of what leaves; `None`: everything."""
+        """The numbers of selected instances; `None` for all."""
         if self.selection == Selection():
             return None
         return frozenset(instance.number for instance in self.instances(named=False))

@@ -1,6 +1,7 @@
-"""The memory as flat tables: what each holds, once for all formats of tables.
+"""The map as flat tables, shared by all table formats.
 
-Names stand instead of numbers; a time is nanoseconds, with its text beside it where the map's clock is wall time.
+Rows refer to instances and traversals by name. A time is in nanoseconds, with its text beside it where recordings have
+wall time.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ Cells = tuple[Cell, ...]
 
 @dataclass(frozen=True)
 class Column:
-    """A column; one of kind "time" holds nanoseconds, its name ends in `_ns`."""
+    """A column; kind "time" is nanoseconds, and its name ends in `_ns`."""
 
     name: str
     kind: ColumnKind = "text"
@@ -31,7 +32,7 @@ class Column:
 
 @dataclass(frozen=True)
 class Table:
-    """A table and where its rows come from; they are read while they are taken."""
+    """A table and its rows, which are read as they are consumed."""
 
     name: str
     columns: tuple[Column, ...]
@@ -39,7 +40,7 @@ class Table:
 
     @property
     def written_columns(self) -> tuple[Column, ...]:
-        """The columns with the text of every time beside it."""
+        """The columns, each time followed by its text."""
         return tuple(
             written
             for column in self.columns
@@ -71,7 +72,7 @@ _PLACE = tuple(
     for name in (*"xyz", "center_x", "center_y", "center_z", "size_x", "size_y", "size_z", "yaw")
 )  # fmt: skip
 _BOUNDS = ("not_before_ns", "not_after_ns")
-"""As of a time: within which bounds it left, or came, where that is not known better."""
+"""As of a time: the bounds within which an instance left or came, where its presence is not certain."""
 
 
 def _place(centroid: Any, box: Box3D) -> Cells:
@@ -190,7 +191,7 @@ def _json(value: object) -> str:
 
 
 def _utc(stamp_ns: int) -> str:
-    """A time of the map, to a tenth of a second, by ISO 8601."""
+    """A time as ISO 8601, to a tenth of a second."""
     return f"{stamp_to_datetime(stamp_ns):%Y-%m-%dT%H:%M:%S}.{stamp_ns % 10**9 // 10**8}Z"
 
 

@@ -79,7 +79,7 @@ class AsOf:
         return list(self._connection.execute(statement.order_by(Instance.number).limit(limit)).scalars())
 
     def _fits(self, labels: Collection[str] | None) -> ColumnElement[bool]:
-        """In a state called so, as far as anybody knew (`standing.held_at`)."""
+        """In a state called so, as far as anybody knew (`presence_at.state_held_at`)."""
         held = and_(Last.id.is_not(None), or_(Last.gone_ns.is_(None), Last.gone_ns > self._at_ns))
         return held if labels is None else and_(held, _CALLED.in_(labels))
 
@@ -116,7 +116,7 @@ _CALLED = case((Next.id.is_(None), Instance.label), else_=Last.label)
 
 
 def _known(at_ns: int, since_ns: int | None) -> ColumnElement[Any]:
-    """`standing.standing_at` as an expression: "present", "absent", "unknown", or NULL for what has no state."""
+    """`presence_at.presence_at` as an expression: "present", "absent", "unknown", or NULL for what has no state."""
     seen_since = false() if since_ns is None else Last.last_seen_ns >= since_ns
     empty_since = false() if since_ns is None else Next.empty_before_ns >= since_ns
     never_left = and_(Last.gone_ns.is_(None), Next.id.is_(None))

@@ -1,1 +1,1 @@
-"""Questions in plain words, and their answers; the diff between traversals."""
+"""Questions about the map in plain words, their answers, and the diff between traversals."""

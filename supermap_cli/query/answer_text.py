@@ -11,37 +11,37 @@ from supermap_cli.query.vocabulary import load_vocabulary
 
 
 class NearMissLike(Protocol):
-    """What a near miss tells."""
+    """The part of a near miss that is printed."""
 
     @property
     def id(self) -> str:
-        """Its text id."""
+        """The text id."""
         ...
 
     @property
     def reason(self) -> str:
-        """Why it does not fit."""
+        """Why it does not match."""
         ...
 
 
 class MatchCountLike(Protocol):
-    """How many fit."""
+    """Numbers of matches."""
 
     @property
     def more(self) -> int | None:
-        """Besides those listed; `None` where they were not counted."""
+        """Matches that are not listed; `None` where they were not counted."""
         ...
 
     @property
     def certain(self) -> int:
-        """Of those that surely stood there."""
+        """Matches that are known to have been present."""
         ...
 
 
 def match_sentence(
     question: Question, instances: Sequence[InstanceView], counted: MatchCountLike, when: str | None = None
 ) -> str:
-    """The sentence where something fits; `when` is its time, where the question does not say it."""
+    """The sentence for a question with matches; `when` is the time, if the question does not name it."""
     certain = ", ".join(instance.id for instance in instances if instance.presence != "unknown")
     uncertain = ", ".join(instance.id for instance in instances if instance.presence == "unknown")
     ids = (
@@ -64,8 +64,8 @@ def match_sentence(
 def no_match_sentence(
     question: Question, nearest: Sequence[NearMissLike], missing: str | None, when: str | None = None
 ) -> str:
-    """The sentence where nothing fits; `missing` is the noun that nothing in the map is called, `when` the time, where
-    the question does not say it.
+    """The sentence for a question without matches. `missing` is a noun that no label in the map matches; `when` is the
+    time, if the question does not name it.
     """
     lead = "0: " if question.intent == "count" else "no: " if question.intent == "exists" else ""
     if missing is not None:
@@ -78,7 +78,7 @@ def no_match_sentence(
 
 
 def describe_phrase(phrase: NounPhrase, anything: str = "everything") -> str:
-    """A noun phrase in plain words; `anything` stands where it has no noun."""
+    """A noun phrase in plain words; `anything` replaces a missing noun."""
     noun = phrase.noun or anything
     if phrase.relation is None:
         return noun

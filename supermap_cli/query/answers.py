@@ -1,4 +1,4 @@
-"""From a question to its answer: which instances fit, why, and what came nearest."""
+"""From a question to its answer: the matching instances, their evidence, and near misses."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from supermap_cli.query.candidates import (
     LabelCandidates,
     MatchCount,
     label_in_state,
+    sorted_by_number,
 )
 from supermap_cli.query.clock import Clock, clock_of, is_time_of_day
 from supermap_cli.query.grammar import NounPhrase, Question, RelationPhrase, parse
@@ -25,7 +26,7 @@ from supermap_cli.query.presence_at import PresenceAt, PresenceValue, describe_p
 from supermap_cli.query.relation_matching import Basis, RelationMatcher
 from supermap_cli.query.relations import RelationName
 from supermap_cli.query.retention_policy import pruned_evidence_notes
-from supermap_cli.query.time_points import parse_time_point
+from supermap_cli.query.time_points import parse_time_point, traversal_list
 from supermap_cli.query.time_selector import TimeSelector, selector_at, selector_of_phrase
 from supermap_cli.query.uncertain_presence import MAX_NOTED, NO_UNCERTAIN, UncertainInstances, uncertain_instances
 from supermap_cli.query.views import (
@@ -45,7 +46,7 @@ from supermap_cli.types.memory import Presence, StateRecord
 
 @dataclass(frozen=True)
 class NearMiss:
-    """What nearly fits, and why it does not."""
+    """An instance that almost matches, and the reason why it does not."""
 
     id: str
     label: str
@@ -58,7 +59,7 @@ class NearMiss:
 
 @dataclass(frozen=True)
 class AskedRelation:
-    """The relation of the question and the instances it was measured against; `more` if there are more than listed."""
+    """The relation of a question and the reference instances; `more` if there are more than listed."""
 
     name: RelationName
     reference: str
@@ -68,11 +69,11 @@ class AskedRelation:
 
 @dataclass(frozen=True)
 class Answer:
-    """An answer; an empty one is an answer, too.
+    """An answer, which may be empty.
 
-    `more` is how many fit that are not among `instances`: those seen last are. It is `None` where they were not
-    counted; "how many" counts them. `count` is there for that only, and `count_at_most` where of some nobody can say
-    whether they stood there.
+    `more` is the number of matches that are not listed in `instances` (the most recently seen are listed), or `None`
+    where they were not counted. `count` is set for "how many" only, and `count_at_most` where the presence of some
+    instances at the time is unknown.
     """
 
     query: str
@@ -90,8 +91,8 @@ class Answer:
 
 @dataclass(frozen=True)
 class QuestionMatches:
-    """What fits: the candidates listed, with all their relations; how many instances fit besides (`None`: not counted),
-    and how many of all surely stood there.
+    """The listed candidates with all their relations, the number of further matches (`more`, `None`: not counted), and
+    how many of all matches are known to have been present (`certain`).
     """
 
     candidates: list[InstanceCandidate]
@@ -100,9 +101,9 @@ class QuestionMatches:
 
 
 def answer(text: str, reader: MapReader, at: str | None = None, limit: int = DEFAULT_LIMIT) -> Answer:
-    """Answer a question, and list so many instances at most; `at` asks it as of a time or a traversal.
+    """Answer a question, listing at most `limit` instances. `at` asks it as of a time or a traversal.
 
-    Raises `QueryError` if it is not understood, or speaks of another time itself.
+    Raises `QueryError` if the question is not understood, or has its own time besides `at`.
     """
     question = parse(text, [traversal.name for traversal in reader.traversals])
     clock = clock_of(reader)
@@ -115,34 +116,34 @@ def answer(text: str, reader: MapReader, at: str | None = None, limit: int = DEF
     )
     resolver = QuestionResolver(reader, selector, clock, limit)
     counting = question.intent == "count"
-    found = resolver.find(question.phrase, counting=counting)
-    instances = resolver.views(found.candidates)
+    matches = resolver.find(question.phrase, counting=counting)
+    instances = resolver.views(matches.candidates)
     uncertain_instances = resolver.uncertain_instances(question.phrase, instances, counting=counting)
     nearest = () if instances else resolver.nearest(question.phrase)
-    resolver.add_time_notes(question, found.candidates, at)
+    resolver.add_time_notes(question, matches.candidates, at)
     pruned_notes = pruned_evidence_notes((instance.evidence for instance in instances), clock)
-    count = found.certain if counting else None
-    at_most = len(instances) + (found.more or 0) + uncertain_instances.unmatched
+    count = matches.certain if counting else None
+    at_most = len(instances) + (matches.more or 0) + uncertain_instances.unmatched
     when = selector.text if at else None
     return Answer(
         query=text,
         intent=question.intent,
         time=selector.text,
-        message=answer_text.match_sentence(question, instances, found, when)
+        message=answer_text.match_sentence(question, instances, matches, when)
         if instances
         else answer_text.no_match_sentence(question, nearest, resolver.unknown_noun(question.phrase), when),
         notes=tuple(dict.fromkeys([*resolver.notes, *resolver.uncertainty_notes(uncertain_instances), *pruned_notes])),
         instances=instances,
         relation=resolver.asked_relation(question.phrase.relation),
         nearest=nearest,
-        more=found.more,
+        more=matches.more,
         count=count,
         count_at_most=at_most if count is not None and at_most > count else None,
     )
 
 
 class QuestionResolver:
-    """Resolves noun phrases and relations at one moment of one map."""
+    """Resolves noun phrases and relations for one time selector and one map."""
 
     def __init__(self, reader: MapReader, selector: TimeSelector, clock: Clock, limit: int = DEFAULT_LIMIT) -> None:
         self.reader = reader
@@ -154,20 +155,20 @@ class QuestionResolver:
         self._labels = cache(self._find_labels)
 
     def find(self, phrase: NounPhrase, *, counting: bool) -> QuestionMatches:
-        """The instances that fit a phrase, as many as are listed; all of them are counted if that is asked for, or
-        if the labels' index knows their number.
+        """The matches of a phrase, at most `limit` of them listed. All are counted if `counting`, or if the label index
+        gives their number.
         """
-        pool = self._candidates(phrase)
+        source = self._candidates(phrase)
         matcher = None if phrase.relation is None else self._matcher(phrase.relation)
-        known = self._count(pool, matcher, counting=counting)
+        count = self._count(source, matcher, counting=counting)
         numbers: set[int] = set()
         listed: dict[int, Basis] = {}
         certain, complete = 0, True
-        for basis, candidate in _matches(pool, matcher):
+        for basis, candidate in _matches(source, matcher):
             number = candidate.instance.number
             if number in numbers:
                 continue
-            if len(listed) == self.limit and (known is not None or not counting):
+            if len(listed) == self.limit and (count is not None or not counting):
                 complete = False
                 break
             numbers.add(number)
@@ -175,28 +176,28 @@ class QuestionResolver:
             certain += presence is None or presence.value != "unknown"
             if len(listed) < self.limit:
                 listed[number] = basis
-        if known is not None and not complete:
+        if count is not None and not complete:
             return QuestionMatches(
-                self._with_all_relations(pool, matcher, listed), known.total - len(listed), known.certain
+                self._with_all_relations(source, matcher, listed), count.total - len(listed), count.certain
             )
         more = len(numbers) - len(listed) if complete else None
-        return QuestionMatches(self._with_all_relations(pool, matcher, listed), more, certain)
+        return QuestionMatches(self._with_all_relations(source, matcher, listed), more, certain)
 
-    def views(self, found: Iterable[InstanceCandidate]) -> tuple[InstanceView, ...]:
-        """The candidates by instance, the newest state that fits first in charge of where it is."""
+    def views(self, matches: Iterable[InstanceCandidate]) -> tuple[InstanceView, ...]:
+        """The candidates grouped by instance; the newest matching state gives position and label."""
         by_instance: dict[int, list[InstanceCandidate]] = {}
-        for candidate in found:
+        for candidate in matches:
             by_instance.setdefault(candidate.instance.number, []).append(candidate)
-        whole = {instance.number: instance for instance in self.reader.instances_of(list(by_instance))}
-        return tuple(self._view(whole[number], candidates) for number, candidates in sorted(by_instance.items()))
+        instances = {instance.number: instance for instance in self.reader.instances_of(list(by_instance))}
+        return tuple(self._view(instances[number], candidates) for number, candidates in sorted(by_instance.items()))
 
     def asked_relation(self, related: RelationPhrase | None) -> AskedRelation | None:
-        """The question's relation, and what it was measured against."""
+        """The relation of a question with the reference instances."""
         if related is None:
             return None
         references: dict[int, str] = {}
-        pool = self._candidate_source(related.reference, as_reference=True)
-        for candidate in chain.from_iterable(pool.batches()):
+        source = self._candidate_source(related.reference, as_reference=True)
+        for candidate in chain.from_iterable(source.batches()):
             if len(references) == self.limit and candidate.instance.number not in references:
                 break
             references[candidate.instance.number] = candidate.instance.id
@@ -205,20 +206,20 @@ class QuestionResolver:
         return AskedRelation(related.name, related.reference.noun or "anything", _in_order(references), more=True)
 
     def nearest(self, phrase: NounPhrase) -> tuple[NearMiss, ...]:
-        """What nearly fits: out of the relation's reach, at another time, or perhaps of that label."""
+        """Near misses: out of the relation's reach, absent at the selected time, or possibly of that label."""
         if (unknown_noun := self.unknown_noun(phrase)) is not None:
-            maybe = maybe_labelled(self.reader, unknown_noun)
-            return tuple(self._near_miss(instance, instance.states[-1], reason) for instance, reason in maybe)
+            possible = maybe_labelled(self.reader, unknown_noun)
+            return tuple(self._near_miss(instance, instance.states[-1], reason) for instance, reason in possible)
         if phrase.relation is not None and (out_of_reach := self._out_of_reach(phrase, phrase.relation)):
             return out_of_reach
-        known = self._first_labelled(phrase)
+        instances = self._first_labelled(phrase)
         return tuple(
             self._near_miss(instance, instance.states[-1], self.presence_text(instance))
-            for instance in known[:MAX_NEAR_MISSES]
+            for instance in instances[:MAX_NEAR_MISSES]
         )
 
     def unknown_noun(self, phrase: NounPhrase) -> str | None:
-        """The first noun of a phrase that nothing in the map was ever called."""
+        """The first noun of a phrase that matches no label and no id in the map."""
         if (
             phrase.noun is not None
             and self._instance_by_id(phrase.noun) is None
@@ -228,17 +229,15 @@ class QuestionResolver:
         return None if phrase.relation is None else self.unknown_noun(phrase.relation.reference)
 
     def uncertain_instances(
-        self, phrase: NounPhrase, found: Iterable[InstanceView], *, counting: bool
+        self, phrase: NounPhrase, matches: Iterable[InstanceView], *, counting: bool
     ) -> UncertainInstances:
-        """Those of a name of which nobody can say whether they stood there at the time. Of relations nothing is
-        guessed.
-        """
+        """Instances of that label whose presence at the selected time is unknown; none for a phrase with a relation."""
         if phrase.relation is not None:
             return NO_UNCERTAIN
-        return uncertain_instances(self._candidates(phrase, any_state=True), found, counting=counting)
+        return uncertain_instances(self._candidates(phrase, any_state=True), matches, counting=counting)
 
     def uncertainty_notes(self, uncertain_instances: UncertainInstances) -> list[str]:
-        """What is known of those that perhaps stood there."""
+        """What is known of the instances whose presence is unknown."""
         notes = [
             f"{instance.id}: {self.presence_text(instance)}" for instance in uncertain_instances.instances[:MAX_NOTED]
         ]
@@ -248,11 +247,13 @@ class QuestionResolver:
         return notes
 
     def presence(self, instance: StoredInstance) -> PresenceAt | None:
-        """What is known of an instance at the moment, if that is one time."""
+        """The presence of an instance if the selector is a single time, else `None`."""
         return self.selector.presence(instance)
 
-    def add_time_notes(self, question: Question, found: Iterable[InstanceCandidate], at: str | None = None) -> None:
-        """Note what the question's time leaves open: its day, who had perhaps left, a traversal nobody knows."""
+    def add_time_notes(self, question: Question, matches: Iterable[InstanceCandidate], at: str | None = None) -> None:
+        """Add notes on how the time was understood: its day, limits of the map, departures within a gap, unknown
+        traversals.
+        """
         written = at or question.time.argument or ""
         if self.selector.kind == "at":
             if is_time_of_day(written):
@@ -260,11 +261,11 @@ class QuestionResolver:
             if self.selector.note is not None:
                 self.notes.append(self.selector.note)
             self._note_map_limits()
-            self._note_departures(found, written)
+            self._note_departures(matches, written)
         self._note_unknown_traversal(question)
 
     def _note_map_limits(self) -> None:
-        """Note a time at which the map knows nothing yet, or nothing more."""
+        """Add a note for a time before the first or after the last traversal."""
         end_ns = max((traversal.end_ns for traversal in self.reader.traversals), default=None)
         if end_ns is None:
             return
@@ -274,7 +275,7 @@ class QuestionResolver:
             self.notes.append(f"the map ends at {self.clock.text(end_ns)}; what came after, nobody saw")
 
     def presence_text(self, instance: StoredInstance) -> str:
-        """What is known of an instance's presence, in words; "gone" only where that was seen."""
+        """What is known of an instance's presence, in words; "gone" only after a contradiction."""
         if (presence := self.presence(instance)) is not None:
             return describe_presence(presence, int(self.selector.low_ns), self.clock)
         state = instance.states[-1]
@@ -283,12 +284,12 @@ class QuestionResolver:
             return f"{seen}, gone {self.clock.between(state.last_seen_ns, state.gone_ns)}"
         return f"{seen}, not seen since" if instance.presence == "absent" else seen
 
-    def _note_departures(self, found: Iterable[InstanceCandidate], written: str) -> None:
-        """Note who left around the time asked for, those that relations were measured against among them."""
+    def _note_departures(self, matches: Iterable[InstanceCandidate], written: str) -> None:
+        """Add a note for each matched or reference instance that left in a gap around the time."""
         involved = [
             text_id
-            for candidate in found
-            for text_id in (candidate.instance.id, *(at.object for at in candidate.relations))
+            for candidate in matches
+            for text_id in (candidate.instance.id, *(relation.object for relation in candidate.relations))
         ]
         for text_id in dict.fromkeys(involved):
             instance = self.reader.instance(text_id)
@@ -296,12 +297,12 @@ class QuestionResolver:
                 self.notes.append(f"{text_id} left {self.clock.between(*gap)}; nobody can say for {written}")
 
     def _note_unknown_traversal(self, question: Question) -> None:
-        """Note which traversals there are, where "in NAME" names neither a thing nor one of them."""
+        """List the traversals where "in NAME" names neither an object nor a traversal."""
         related = question.phrase.relation
         if related is None or related.name != "inside" or "in" not in question.text.casefold().split():
             return
         if (name := self.unknown_noun(related.reference)) is not None:
-            known = ", ".join(f"{traversal.number} {traversal.name}" for traversal in self.reader.traversals) or "none"
+            known = traversal_list(self.reader.traversals)
             self.notes.append(f"no traversal is called '{name}' either; there are: {known}")
 
     def _find_id(self, noun: str) -> StoredInstance | None:
@@ -322,7 +323,7 @@ class QuestionResolver:
     def _candidates(
         self, phrase: NounPhrase, *, as_reference: bool = False, any_state: bool = False
     ) -> LabelCandidates:
-        """All that a noun may mean; its relation is not looked at."""
+        """The candidates for a phrase's noun; its relation is ignored."""
         if phrase.noun is None:
             return LabelCandidates(self.reader, self.selector, None, None, as_reference, any_state)
         if (named := self._instance_by_id(phrase.noun)) is not None:
@@ -332,7 +333,7 @@ class QuestionResolver:
         )
 
     def _candidate_source(self, phrase: NounPhrase, *, as_reference: bool = False) -> CandidateSource:
-        """All that fit a phrase."""
+        """The candidates for a phrase, including its relation."""
         candidates = self._candidates(phrase, as_reference=as_reference)
         return candidates if phrase.relation is None else self._matcher(phrase.relation).restrict(candidates)
 
@@ -341,16 +342,16 @@ class QuestionResolver:
             self.reader, self.selector, related.name, self._candidate_source(related.reference, as_reference=True)
         )
 
-    def _count(self, pool: LabelCandidates, matcher: RelationMatcher | None, *, counting: bool) -> MatchCount | None:
-        """How many fit, if the database can count them: unasked only where that takes no time."""
+    def _count(self, source: LabelCandidates, matcher: RelationMatcher | None, *, counting: bool) -> MatchCount | None:
+        """The number of matches if the database can count them; unless `counting`, only where that is cheap."""
         if matcher is not None:
-            return matcher.match_count(pool) if counting else None
-        return pool.match_count() if counting or self.selector.kind != "at" else None
+            return matcher.match_count(source) if counting else None
+        return source.match_count() if counting or self.selector.kind != "at" else None
 
     def _with_all_relations(
-        self, pool: LabelCandidates, matcher: RelationMatcher | None, listed: dict[int, Basis]
+        self, source: LabelCandidates, matcher: RelationMatcher | None, listed: dict[int, Basis]
     ) -> list[InstanceCandidate]:
-        candidates = pool.with_numbers(listed)
+        candidates = source.with_numbers(listed)
         return (
             candidates
             if matcher is None or not listed
@@ -358,16 +359,16 @@ class QuestionResolver:
         )
 
     def _first_labelled(self, phrase: NounPhrase) -> list[StoredInstance]:
-        """The first few that were ever called so, and stood somewhere."""
+        """The first few instances that ever had such a label and have a state."""
         if phrase.noun is not None and (named := self._instance_by_id(phrase.noun)) is not None:
             return [named] if named.states else []
         labels = None if phrase.noun is None else self._labels(phrase.noun).labels
         numbers = self.reader.finder.first_called(labels, MAX_NEAR_MISSES)
         numbers += [] if labels is None else self.reader.finder.once_called(labels)
-        return _by_number(self.reader.lives_of(sorted(numbers)[:MAX_NEAR_MISSES]))
+        return sorted_by_number(self.reader.lives_of(sorted(numbers)[:MAX_NEAR_MISSES]))
 
     def _out_of_reach(self, phrase: NounPhrase, related: RelationPhrase) -> tuple[NearMiss, ...]:
-        """The pairs that come closest to the relation, by their boxes' distance."""
+        """The pairs closest to fulfilling the relation, by box distance."""
         pairs = nearest_pairs(
             self.reader, self._candidates(phrase, any_state=True), self._candidate_source(related.reference)
         )
@@ -410,14 +411,10 @@ class QuestionResolver:
         return NearMiss(instance.id, instance.label, presence, position, box, reason, rounded)
 
 
-def _matches(pool: CandidateSource, matcher: RelationMatcher | None) -> Iterator[tuple[Basis, InstanceCandidate]]:
+def _matches(source: CandidateSource, matcher: RelationMatcher | None) -> Iterator[tuple[Basis, InstanceCandidate]]:
     if matcher is not None:
-        return matcher.matches(pool)
-    return (("stored", candidate) for candidate in chain.from_iterable(pool.batches()))
-
-
-def _by_number(instances: dict[int, StoredInstance]) -> list[StoredInstance]:
-    return [instance for _, instance in sorted(instances.items())]
+        return matcher.matches(source)
+    return (("stored", candidate) for candidate in chain.from_iterable(source.batches()))
 
 
 def _in_order(references: dict[int, str]) -> tuple[str, ...]:

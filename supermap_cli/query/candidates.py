@@ -1,9 +1,9 @@
-"""The instances that a noun phrase may mean, in the states that a moment speaks of: read a part at a time."""
+"""Candidate instances for a noun phrase, in the states that a time selector picks; read in batches."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import chain, islice
 from typing import Protocol
@@ -17,12 +17,12 @@ from supermap_cli.query.views import RelationView
 from supermap_cli.types.memory import StateRecord
 
 BATCH_SIZE = 100
-"""How many instances are read at a time."""
+"""Instances read at a time."""
 
 
 @dataclass(frozen=True)
 class InstanceCandidate:
-    """An instance in one of its states, and the relations by which it fits."""
+    """An instance in one of its states, with the relations by which it matches."""
 
     instance: StoredInstance
     state: StateRecord
@@ -36,59 +36,59 @@ class InstanceCandidate:
 
 @dataclass(frozen=True)
 class MatchCount:
-    """How many instances fit, and how many of them surely stood there."""
+    """How many instances match (`total`), and how many of them are known to have been present (`certain`)."""
 
     total: int
     certain: int
 
 
 class CandidateSource(Protocol):
-    """Candidates, as many as there are, without holding all of them."""
+    """An iterable set of candidates that is never held in memory as a whole."""
 
     def size(self) -> float:
-        """About how many instances there are."""
+        """Approximate number of instances."""
 
     def batches(self) -> Iterator[list[InstanceCandidate]]:
-        """All of them; those seen last come first."""
+        """All candidates, in batches; most recently seen first."""
 
     def numbers(self) -> Iterator[list[int]]:
-        """Numbers among which all that fit are, a part at a time; those seen last come first."""
+        """A superset of the matching instance numbers, in batches; most recently seen first."""
 
     def with_numbers(self, numbers: Collection[int]) -> list[InstanceCandidate]:
-        """Those with one of the given numbers, in order."""
+        """The candidates with the given instance numbers, in order."""
 
 
 @dataclass(frozen=True)
 class CandidateList:
-    """A pool that was found already."""
+    """A candidate source over a list that is already known."""
 
     candidates: list[InstanceCandidate]
 
     def size(self) -> float:
-        """How many there are."""
+        """The number of candidates."""
         return len(self.candidates)
 
     def batches(self) -> Iterator[list[InstanceCandidate]]:
-        """All at once."""
+        """All candidates as one batch."""
         yield self.candidates
 
     def numbers(self) -> Iterator[list[int]]:
-        """All at once."""
+        """All instance numbers as one batch."""
         yield list(dict.fromkeys(candidate.instance.number for candidate in self.candidates))
 
     def with_numbers(self, numbers: Collection[int]) -> list[InstanceCandidate]:
-        """Those with one of the given numbers."""
+        """The candidates with the given instance numbers."""
         wanted = set(numbers)
         return [candidate for candidate in self.candidates if candidate.instance.number in wanted]
 
 
 @dataclass(frozen=True)
 class LabelCandidates:
-    """All that are called by one of `labels` (`None`: whatever they are called), or the one with a `number`.
+    """All instances with one of `labels` (`None`: any label), or the one instance with a `number`.
 
-    - as what is asked for: their states at the moment, each called so in that state;
-    - `as_reference`: the states that others may stand in relation to (`Moment.reference_states`);
-    - `ever`: what was called so in any of its states, in the newest that the moment speaks of.
+    - default: the states picked by the selector, each with a matching label in that state;
+    - `as_reference`: the states that other instances may be related to (`TimeSelector.reference_states`);
+    - `any_state`: instances that had a matching label in any state, in the newest state that the selector picks.
     """
 
     reader: MapReader
@@ -99,7 +99,7 @@ class LabelCandidates:
     any_state: bool = False
 
     def size(self) -> float:
-        """How many are called so today."""
+        """The number of instances with such a label today."""
         if self.number is not None:
             return 1
         if self.labels is None:
@@ -107,7 +107,7 @@ class LabelCandidates:
         return self.reader.finder.count(self.labels, ["present"] if self.selector.kind == "now" else BELIEVED)
 
     def match_count(self) -> MatchCount | None:
-        """How many fit, where the database can count them without reading them."""
+        """The number of matches, or `None` where the database cannot count them without reading them."""
         kind = self.selector.kind
         if self.number is not None or kind not in {"now", "last", "at"}:
             return None
@@ -118,33 +118,33 @@ class LabelCandidates:
         return MatchCount(count, count)
 
     def as_of(self) -> AsOf:
-        """Everything at the moment, which is one time."""
+        """The map at the selected time. Requires a selector of kind "at"."""
         return self.reader.as_of(int(self.selector.low_ns), self.selector.since_ns)
 
     def batches(self) -> Iterator[list[InstanceCandidate]]:
-        """All of them; those seen last come first."""
-        for part in self.numbers():
-            found = self._candidates_by_number(part)
-            yield [candidate for number in part for candidate in found.get(number, ())]
+        """All candidates, in batches; most recently seen first."""
+        for batch in self.numbers():
+            candidates = self._candidates_by_number(batch)
+            yield [candidate for number in batch for candidate in candidates.get(number, ())]
 
     def numbers(self) -> Iterator[list[int]]:
-        """Numbers among which all that fit are, a part at a time; those seen last come first."""
+        """A superset of the matching instance numbers, in batches; most recently seen first."""
         numbers = iter(self._all_numbers())
-        while part := list(islice(numbers, BATCH_SIZE)):
-            yield part
+        while batch := list(islice(numbers, BATCH_SIZE)):
+            yield batch
 
     def instances(self) -> Iterator[StoredInstance]:
-        """All that were ever called so, whether they have a state at the moment or not."""
+        """All instances that ever had such a label, whether or not they have a state at the selected time."""
         numbers = iter(self._all_numbers())
-        while part := list(islice(numbers, BATCH_SIZE)):
-            instances = self.reader.lives_of(part)
+        while batch := list(islice(numbers, BATCH_SIZE)):
+            instances = self.reader.lives_of(batch)
             believed = (
-                instances[number] for number in part if number in instances and instances[number].presence != "doubted"
+                instances[number] for number in batch if number in instances and instances[number].presence != "doubted"
             )
             yield from (instance for instance in believed if self.labels is None or had_label(instance, self.labels))
 
     def smallest_numbers(self, limit: int) -> list[int]:
-        """The smallest numbers of all that were ever called so, and may have a state at the moment."""
+        """The smallest numbers of instances that ever had such a label and may have a state at the selected time."""
         if self.number is not None:
             return [self.number]
         labelled_now = self.reader.finder.first_called(self.labels, limit)
@@ -152,11 +152,15 @@ class LabelCandidates:
         return sorted({*labelled_now, *labelled_before})[:limit]
 
     def with_numbers(self, numbers: Collection[int]) -> list[InstanceCandidate]:
-        """Those with one of the given numbers, in order."""
+        """The candidates with the given instance numbers, in order."""
         wanted = set(numbers) if self.number is None else {self.number} & set(numbers)
         if self.labels is not None:
             wanted = self.reader.finder.ever_called(wanted, self.labels)
-        return [candidate for _, found in sorted(self._candidates_by_number(wanted).items()) for candidate in found]
+        return [
+            candidate
+            for _, candidates in sorted(self._candidates_by_number(wanted).items())
+            for candidate in candidates
+        ]
 
     def _candidates_by_number(self, numbers: Collection[int]) -> dict[int, list[InstanceCandidate]]:
         traversal = self.selector.traversal
@@ -179,7 +183,7 @@ class LabelCandidates:
         ]
 
     def _all_numbers(self) -> Iterable[int]:
-        """Numbers among which all that fit are."""
+        """A superset of the matching instance numbers."""
         finder, labels = self.reader.finder, self.labels
         if self.number is not None:
             return [self.number]
@@ -198,11 +202,16 @@ class LabelCandidates:
         return labelled_now if labels is None else chain(labelled_now, finder.once_called(labels))
 
 
+def sorted_by_number(instances: Mapping[int, StoredInstance]) -> list[StoredInstance]:
+    """Instances in the order of their numbers."""
+    return [instance for _, instance in sorted(instances.items())]
+
+
 def label_in_state(instance: StoredInstance, state: StateRecord) -> str:
-    """What an instance is called in one of its states: in the newest, what it is called today."""
+    """The label of an instance in one of its states; for the newest state, the label of the instance today."""
     return instance.label if state is instance.states[-1] else state.label
 
 
 def had_label(instance: StoredInstance, labels: Collection[str]) -> bool:
-    """Whether an instance is called so, or was in one of its states."""
+    """Whether an instance has one of the labels, today or in any of its states."""
     return instance.label in labels or any(state.label in labels for state in instance.states)

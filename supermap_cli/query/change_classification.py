@@ -1,8 +1,9 @@
-"""What became of one thing between two instants: pure judgement over its states, visits and events.
+"""Classification of the change of one instance between two time points, from its states, visits and temporal edges
+alone.
 
-A change belongs to the span in which it was seen to have happened: whatever was gone by then, or had come by then, is
-counted where its later bound lies. So every change is in exactly one of two adjoining spans, and diffs add up. Only a
-contradiction makes a disappearance, only a place seen empty an appearance; a thing that nobody looked at is neither.
+A change is assigned to its later bound: an object that is known to have gone or come by then is counted there. So each
+change lies in exactly one of two adjoining intervals, and diffs add up. Only a contradiction makes a disappearance, and
+only a place seen empty makes an appearance; an object that was not in view is neither.
 """
 
 from __future__ import annotations
@@ -29,17 +30,17 @@ CHANGE_KINDS: tuple[ChangeKind, ...] = (
     "not observed again",
     "first observed",
 )
-"""In the order of reports: changes, what stayed, and what cannot be told."""
+"""In the order of reports: changes, unchanged, and undecidable."""
 
 MIN_MOVE_M = 0.1
-"""Two states that lie closer together than this are one place."""
+"""Displacement (m) from which two states count as different places."""
 
 
 @dataclass(frozen=True)
 class ChangeClassification:
-    """What happened to an instance, before evidence is gathered.
+    """The change of an instance, without evidence.
 
-    `before` and `after` are the states at the two ends, `not_before_ns` and `not_after_ns` bound the change.
+    `before` and `after` are the states at the two time points; `not_before_ns` and `not_after_ns` bound the change.
     """
 
     kind: ChangeKind
@@ -53,23 +54,23 @@ class ChangeClassification:
 
 @dataclass(frozen=True)
 class ComparedTimes:
-    """The two instants that are compared, the earlier first, and the traversals (ids) that looked for each: itself, or
-    all that had begun by a plain time, and all between the two.
+    """The two time points of a comparison, the earlier first, and the ids of the traversals whose visits count for
+    each: a traversal itself; for a plain time all that had begun by then, respectively all that ran between the two.
     """
 
     before: TimePoint
     after: TimePoint
-    observers_before: frozenset[int]
-    observers_after: frozenset[int]
+    traversal_ids_before: frozenset[int]
+    traversal_ids_after: frozenset[int]
 
     @property
     def since_ns(self) -> int:
-        """From when on a support counts as one of the later end."""
+        """From when on an observation counts for the later time point."""
         return max(self.before.at_ns + 1, self.after.since_ns if self.after.traversal is not None else 0)
 
 
 def compared_times(before: TimePoint, after: TimePoint, traversals: Sequence[StoredTraversal]) -> ComparedTimes:
-    """Two instants, and who looked for them."""
+    """Two time points with the traversals that observed for each."""
     begun_before = {traversal.id for traversal in traversals if traversal.start_ns <= before.at_ns}
     in_between = {
         traversal.id
@@ -86,7 +87,7 @@ def compared_times(before: TimePoint, after: TimePoint, traversals: Sequence[Sto
 
 @dataclass(frozen=True)
 class StateComparison:
-    """One instance between two instants, with the temporal edges that touch it, and the names of others."""
+    """One instance at two time points, with its temporal edges and the text ids of other instances."""
 
     instance: StoredInstance
     times: ComparedTimes
@@ -95,16 +96,16 @@ class StateComparison:
 
     @property
     def before(self) -> TimePoint:
-        """The earlier end."""
+        """The earlier time point."""
         return self.times.before
 
     @property
     def after(self) -> TimePoint:
-        """The later end."""
+        """The later time point."""
         return self.times.after
 
     def classify(self) -> ChangeClassification | None:
-        """What became of it; `None` if it stood there at neither end, or neither end speaks of it."""
+        """The change; `None` if the instance is present at neither time point, or observed for neither."""
         old = state_held_at(self.instance.states, self.before.at_ns)
         new = state_held_at(self.instance.states, self.after.at_ns)
         if old is not None and new is not None:
@@ -114,18 +115,18 @@ class StateComparison:
         return self._disappeared(old) if old is not None else self._absent_at_both()
 
     def transient(self) -> Literal["came and went", "left"] | None:
-        """What is worth saying of a thing without a verdict: it came and went in between, or the earlier of two
-        traversals saw it and saw it leave.
+        """For an instance without a classification: whether it came and went in between, or was seen to leave in the
+        earlier of two traversals.
         """
         if any(self.before.at_ns < state.first_seen_ns <= self.after.at_ns for state in self.instance.states):
             return "came and went" if state_held_at(self.instance.states, self.after.at_ns) is None else None
         gone = state_held_at(self.instance.states, self.before.at_ns) is None
         return "left" if gone and self.before.traversal is not None and self._observed_at(self.before) else None
 
-    # -- the verdicts
+    # -- classification
 
     def _same_state(self, state: StateRecord) -> ChangeClassification | None:
-        """It is believed to be in one state at both ends."""
+        """In the same state at both time points."""
         observed_before = self.before.traversal is None or self._observed_at(self.before)
         observed_after = self._observed_at(self.after)
         if state.last_seen_ns < self.times.since_ns:
@@ -141,7 +142,7 @@ class StateComparison:
         return ChangeClassification("unchanged", reason, state.confidence, None, None, state, state)
 
     def _other_state(self, old: StateRecord, new: StateRecord) -> ChangeClassification:
-        """It is in another state than it was."""
+        """In different states at the two time points."""
         edge = self._edge("moved", new)
         distance_m = state_distance_m(old, new)
         direct = edge is not None and edge.from_state == old.index
@@ -156,7 +157,7 @@ class StateComparison:
         return ChangeClassification("moved", reason, confidence, old.last_seen_ns, new.first_seen_ns, old, new)
 
     def _disappeared(self, old: StateRecord | None) -> ChangeClassification:
-        """It has gone from the last place in which it was seen."""
+        """No longer in its last known place."""
         last = self._states_begun_by(self.after.at_ns)[-1]
         edge = self._edge("disappeared", last)
         confidence = last.confidence if edge is None else min(last.confidence, edge.probability)
@@ -166,7 +167,7 @@ class StateComparison:
         return ChangeClassification("disappeared", reason, confidence, last.last_seen_ns, last.gone_ns, old, None)
 
     def _arrived(self, new: StateRecord) -> ChangeClassification:
-        """It stands there now, and was not known to stand anywhere."""
+        """In a state at the later time point, and in none at the earlier one."""
         earlier = self._states_begun_by(self.before.at_ns)
         left, first = earlier[-1] if earlier else None, self._states_begun_by(self.after.at_ns)[len(earlier)]
         back = left is not None and state_distance_m(left, first) < MIN_MOVE_M
@@ -195,17 +196,21 @@ class StateComparison:
         )
 
     def _absent_at_both(self) -> ChangeClassification | None:
-        """It stands at neither end. Of what came and went in between nobody knows whether it stood there before, unless
-        its place had been seen empty.
+        """In no state at either time point. If it came and went in between, it may have been present before, unless its
+        place had been seen empty.
         """
-        begun = self._states_begun_by(self.after.at_ns)
-        if not begun or begun[0].first_seen_ns <= self.before.at_ns or begun[0].empty_before_ns is not None:
+        states_begun = self._states_begun_by(self.after.at_ns)
+        if (
+            not states_begun
+            or states_begun[0].first_seen_ns <= self.before.at_ns
+            or states_begun[0].empty_before_ns is not None
+        ):
             return None
         return self._disappeared(None)
 
     def _not_observed_again(self, state: StateRecord) -> ChangeClassification:
-        """Nobody has seen it since, and nobody saw it go."""
-        visits = [visit for visit in self.instance.visits if visit.traversal_id in self.times.observers_after]
+        """Neither observed nor contradicted since."""
+        visits = [visit for visit in self.instance.visits if visit.traversal_id in self.times.traversal_ids_after]
         in_view, contradicted = sum(visit.in_view for visit in visits), sum(visit.contradicted for visit in visits)
         where = f"in {self.after.text}" if self.after.traversal is not None else "in between"
         if state.gone_ns is not None and self.after.traversal is None:
@@ -226,15 +231,15 @@ class StateComparison:
             other = self.text_ids.get(split.from_number, "another")
             return f"was one with {other} until the two were told apart"
         where = f"in {self.before.text}" if self.before.traversal is not None else "before"
-        visits = [visit for visit in self.instance.visits if visit.traversal_id in self.times.observers_before]
+        visits = [visit for visit in self.instance.visits if visit.traversal_id in self.times.traversal_ids_before]
         if any(visit.in_view > 0 for visit in visits):
             return f"its place was in view {where}, but never seen empty"
         return f"nobody had seen its place empty {where}"
 
-    # -- what they rest on
+    # -- evidence
 
     def _observed_at(self, end: TimePoint) -> bool:
-        """Whether an end saw the thing: a plain time did where any support lies between the two ends."""
+        """Whether it was observed for a time point; for a plain time: between the two."""
         if end.traversal is not None:
             return self.instance.visit(end.traversal.id).supported > 0
         return any(
@@ -258,5 +263,5 @@ class StateComparison:
 
 
 def state_distance_m(first: StateRecord, second: StateRecord) -> float:
-    """How far apart two places are, in metres."""
+    """Displacement (m) between the boxes of two states."""
     return displacement_m(first.box, second.box)

@@ -1,9 +1,10 @@
-"""Sensor time for people: as the recordings' own clocks have it, so that a frame can be found in its recording.
+"""Sensor time as text, by the recordings' own clocks, so that a frame can be found in its recording.
 
-UTC where a recording carries wall time, else seconds from its start. The map's time goes forward in the order of
-building; where a traversal's clock is behind that (`traversal.clock_shift_ns`), or another's shows the same, its times
-are named after it: "tuesday@2026-01-05T10:21:07.3Z". So are times without a date, where there is more than one
-traversal: "tuesday+12.3s". What is printed may be said in a question, and means the same there (`written_times`).
+UTC where a recording has wall time, otherwise seconds from its start. Map time increases in the order of building. A
+time is prefixed with its traversal ("tuesday@2026-01-05T10:21:07.3Z") where that traversal's clock is shifted against
+map time (`traversal.clock_shift_ns`), or where another recording shows the same time. Times without a date are prefixed
+where the map has more than one traversal: "tuesday+12.3s". Every printed time can be used in a question and means the
+same there (`time_parsing`).
 """
 
 from __future__ import annotations
@@ -19,41 +20,41 @@ __all__ = ["Clock", "clock_of", "is_time_of_day"]
 
 @dataclass(frozen=True)
 class Clock:
-    """`stretches` are the map's traversals in the order of building."""
+    """Converts between map time and text. `spans` are the map's traversals in the order of building."""
 
     spans: tuple[TraversalSpan, ...]
 
     @property
     def origin_ns(self) -> int:
-        """The earliest time of the map."""
+        """The earliest map time; 0 for an empty map."""
         return min((span.start_ns for span in self.spans), default=0)
 
     def text(self, stamp_ns: int | None) -> str:
-        """A time in words, "-" for none."""
+        """A time in full, "-" for `None`."""
         return "-" if stamp_ns is None else self._format(stamp_ns, brief=False)
 
     def brief(self, stamp_ns: int | None) -> str:
-        """A time for a table: without the date, where the whole map is of one day."""
+        """A time for a table: without the date if the whole map lies within one day."""
         return "-" if stamp_ns is None else self._format(stamp_ns, brief=True)
 
     def span(self, low_ns: int | None, high_ns: int | None) -> str:
-        """A span for a table."""
+        """A time interval for a table."""
         if high_ns is None:
             return "-"
         return f"{'?' if low_ns is None else self.brief(low_ns)} .. {self.brief(high_ns)}"
 
     def between(self, low_ns: int | None, high_ns: int | None) -> str:
-        """A span in words."""
+        """A time interval in words."""
         if low_ns is None:
             return f"before {self.text(high_ns)}"
         return f"between {self.text(low_ns)} and {self.text(high_ns)}"
 
     def parse(self, text: str) -> ParsedTime:
-        """What a written time means. Raises `QueryError` for what is no time, or none that the map has."""
+        """The map time of a written time. Raises `QueryError` if the text is not a time, or not one of this map."""
         return parse_time(text, self.spans)
 
     def parse_ns(self, text: str) -> int:
-        """The stamp of a written time (see `read`)."""
+        """The stamp of a written time (see `parse`)."""
         return self.parse(text).stamp_ns
 
     def _format(self, stamp_ns: int, *, brief: bool) -> str:
@@ -72,7 +73,7 @@ class Clock:
 
     @property
     def _is_one_day(self) -> bool:
-        """Whether all that has a date is of the same one."""
+        """Whether all traversals with wall time lie within the same day."""
         with_wall_time = [span for span in self.spans if span.has_wall_time]
         ends_ns = [end_ns for span in with_wall_time for end_ns in (span.recording_start_ns, span.recording_end_ns)]
         return len({stamp_to_datetime(end_ns).date() for end_ns in ends_ns}) == 1

@@ -1,4 +1,4 @@
-"""Everything about one instance, now or at a time (`supermap show ID`)."""
+"""All that is known of one instance, now or at a time (`supermap show ID`)."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from supermap_cli.errors import QueryError
 from supermap_cli.memory.reading import MapReader
 from supermap_cli.memory.values import StoredInstance
 from supermap_cli.query.clock import Clock
-from supermap_cli.query.label_consensus import label_consensus_at, label_shares
-from supermap_cli.query.overview import observed_by
+from supermap_cli.query.instance_at import evidence_until, intervals_until, label_at, observations_until
+from supermap_cli.query.label_consensus import label_shares
 from supermap_cli.query.presence_at import PresenceValue, PresenceView, presence_at, presence_view, state_held_at
 from supermap_cli.query.relations import box_distance_m
 from supermap_cli.query.time_points import TimePoint
@@ -21,7 +21,6 @@ from supermap_cli.query.views import (
     RelationView,
     Vector,
     box_view,
-    evidence_of,
     evidence_view,
     interval_view,
     support_spans,
@@ -32,7 +31,7 @@ from supermap_cli.types.memory import Presence, SpatialEdge, StateRecord
 
 @dataclass(frozen=True)
 class ObjectDetails:
-    """Everything about one instance as it is believed to be now; as of a time, what `standing` rests on."""
+    """One instance as believed now, or as of a time; then `standing` gives the basis of its presence."""
 
     id: str
     asked_id: str
@@ -54,7 +53,7 @@ class ObjectDetails:
 
 
 def details(reader: MapReader, text_id: str) -> ObjectDetails:
-    """One instance. Raises `QueryError` for an id that there never was."""
+    """One instance as believed now. Raises `QueryError` for an unknown id."""
     instance = find_instance(reader, text_id)
     return ObjectDetails(
         id=instance.id,
@@ -75,32 +74,27 @@ def details(reader: MapReader, text_id: str) -> ObjectDetails:
 
 
 def details_at(reader: MapReader, text_id: str, time_point: TimePoint, clock: Clock) -> ObjectDetails:
-    """One instance as of a time. Raises `QueryError` for an id that there never was, or that never was anywhere."""
+    """One instance as of a time. Raises `QueryError` for an unknown id, or if the instance has no state."""
     instance, at_ns = find_instance(reader, text_id), time_point.at_ns
     presence = presence_at(instance, at_ns, time_point.traversal_start_ns)
     if presence is None:
         raise QueryError(f"{text_id!r} has stood nowhere", where=reader.where, cure="leave out --at")
-    state, seen = presence.state, observed_by(reader, instance, time_point)
-    consensus = label_consensus_at(seen, at_ns)
-    by_then = {traversal.id for traversal in reader.traversals if traversal.start_ns <= at_ns}
-    begun = [state for state in instance.states if state.first_seen_ns <= at_ns]
+    state, observations = presence.state, observations_until(reader, instance, at_ns)
     return ObjectDetails(
         id=instance.id,
         asked_id=text_id,
-        label=state.label if consensus is None else consensus.label,
-        label_belief={label: round(share, 4) for label, share in label_shares(seen).items()},
+        label=label_at(presence, observations, at_ns),
+        label_belief={label: round(share, 4) for label, share in label_shares(observations).items()},
         presence="doubted" if instance.presence == "doubted" else presence.value,
         existence_log_odds=round(log_odds(state), 4),
         position=vector(state.centroid_map),
         box=box_view(state.box),
         first_seen_ns=instance.first_seen_ns,
-        last_seen_ns=max((observation.stamp_ns for observation in seen), default=instance.first_seen_ns),
+        last_seen_ns=max((observation.stamp_ns for observation in observations), default=instance.first_seen_ns),
         merged_ids=merged_ids(reader, instance),
-        intervals=tuple(map(interval_view, begun or instance.states[:1])),
+        intervals=intervals_until(instance, at_ns),
         relations=relations_of(reader, instance, at_ns),
-        evidence=evidence_of(
-            seen, [visit for visit in instance.visits if visit.traversal_id in by_then], reader.traversals
-        ),
+        evidence=evidence_until(reader, instance, observations, at_ns),
         as_of=time_point.text,
         as_of_ns=at_ns,
         standing=presence_view(presence, at_ns, clock),
@@ -108,13 +102,13 @@ def details_at(reader: MapReader, text_id: str, time_point: TimePoint, clock: Cl
 
 
 def log_odds(state: StateRecord) -> float:
-    """How surely something stood there, as log-odds."""
+    """The confidence of a state as log-odds, clamped to [1e-6, 1 - 1e-6]."""
     confidence = min(max(state.confidence, 1e-6), 1 - 1e-6)
     return math.log(confidence / (1 - confidence))
 
 
 def find_instance(reader: MapReader, text_id: str) -> StoredInstance:
-    """The instance of an id, or the one it was merged into. Raises `QueryError` for an id that there never was."""
+    """The instance with an id, or the one it was merged into. Raises `QueryError` for an unknown id."""
     instance = reader.instance(text_id)
     if instance is None:
         raise QueryError(
@@ -124,29 +118,31 @@ def find_instance(reader: MapReader, text_id: str) -> StoredInstance:
 
 
 def merged_ids(reader: MapReader, instance: StoredInstance) -> tuple[str, ...]:
-    """The ids of what turned out to be part of it."""
+    """The ids of the instances merged into this one."""
     return tuple(reader.text_ids[number] for number in instance.numbers if number != instance.number)
 
 
 def relations_of(reader: MapReader, instance: StoredInstance, at_ns: int | None) -> tuple[RelationView, ...]:
-    """The stored relations that hold now, or held at a time; one that is stored both ways is told from this side."""
+    """The stored relations of an instance that hold now (`at_ns` is `None`) or at a time. A relation stored in both
+    directions is listed once, with this instance as the subject.
+    """
     edges = reader.edges_of([instance.number], open_only=at_ns is None)
     holding = [edge for edge in edges if _holds(edge, at_ns)]
-    held = {(edge.subject, edge.relation, edge.object) for edge in holding}
+    stored_forms = {(edge.subject, edge.relation, edge.object) for edge in holding}
     ends = {number for edge in holding for number in (edge.subject, edge.object)}
     others = {instance.number: instance for instance in reader.instances_of(ends)}
     return tuple(
         relation_view(reader, edge, others[edge.subject], others[edge.object], at_ns)
         for edge in holding
         if edge.subject == instance.number
-        or (edge.object == instance.number and (edge.object, edge.relation, edge.subject) not in held)
+        or (edge.object == instance.number and (edge.object, edge.relation, edge.subject) not in stored_forms)
     )
 
 
 def relation_view(
     reader: MapReader, edge: SpatialEdge, subject: StoredInstance, obj: StoredInstance, at_ns: int | None
 ) -> RelationView:
-    """A stored relation as it leaves the program, with how far apart the two stand, or stood at a time."""
+    """A stored relation as a view, with the distance between the two boxes now or at a time."""
     boxes = []
     for end in (subject, obj):
         state = None if at_ns is None else state_held_at(end.states, at_ns)

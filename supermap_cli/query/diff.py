@@ -1,4 +1,4 @@
-"""What changed between two traversals or times, and what nobody can say (the judgement itself: `verdicts`)."""
+"""Changes between two traversals or times, with evidence (classification: `change_classification`)."""
 
 from __future__ import annotations
 
@@ -39,12 +39,12 @@ from supermap_cli.types.memory import StateRecord, TemporalEdge
 
 CERTAIN_CHANGES: frozenset[ChangeKind] = frozenset({"appeared", "disappeared", "moved", "relabelled"})
 MAX_NAMED_IDS = 12
-"""How many ids a note names."""
+"""Ids listed in a note."""
 
 
 @dataclass(frozen=True)
 class IdentityCandidateView:
-    """An instance that may be the same thing, as far as the evidence goes."""
+    """An instance that may be the same object, with the probability."""
 
     id: str
     probability: float
@@ -52,7 +52,7 @@ class IdentityCandidateView:
 
 @dataclass(frozen=True)
 class SideView:
-    """One side of a diff: `name` is a traversal's, or a time in words; what is said holds at `at_ns`."""
+    """One side of a diff: `name` is a traversal or a time in words; statements hold at `at_ns`."""
 
     name: str
     at_ns: int
@@ -62,11 +62,10 @@ class SideView:
 
 @dataclass(frozen=True)
 class ObjectChange:
-    """What became of one instance between the two sides.
+    """The change of one instance between the two sides.
 
-    It happened within [not_before_ns, not_after_ns] (both `None` where nothing happened); `perhaps_before` where these
-    reach back behind the earlier side, so that it may have happened before that. `reason` says in words what the
-    verdict rests on, the crops are ids of observations.
+    It happened within [not_before_ns, not_after_ns] (both `None` if there was no change); `perhaps_before` if that
+    interval begins before the earlier side. `reason` explains the classification. Crops are ids of observations.
     """
 
     kind: ChangeKind
@@ -93,7 +92,7 @@ class ObjectChange:
 
 @dataclass(frozen=True)
 class Diff:
-    """All changes between two sides, in the order of `KINDS` and of instances."""
+    """All changes between two sides, ordered by `CHANGE_KINDS` and instance."""
 
     before: SideView
     after: SideView
@@ -103,54 +102,58 @@ class Diff:
 
 
 def diff(reader: MapReader, first: str | None = None, second: str | None = None) -> Diff:
-    """Compare two traversals or times, in the order of time; without names the two newest traversals.
+    """Compare two traversals or times in chronological order; by default the two newest traversals.
 
-    With one: the newest traversal against it. Who walked by has not changed the place. Raises `QueryError` where there
-    are not two, or for what is neither a time nor a traversal.
+    With one, compare it to the newest traversal. Instances of dynamic classes are left out. Raises `QueryError` if
+    there are not two traversals, or for a text that is neither a time nor a traversal.
     """
-    given = _choose_sides(reader, first, second)
-    before, after = sorted(given, key=lambda side: side.at_ns)
-    ends = compared_times(before, after, reader.traversals)
-    builder = DiffBuilder(reader, ends)
-    found = [change for part in batches(_instances_to_compare(reader, ends)) for change in builder.changes(part)]
-    found.sort(key=lambda change: CHANGE_KINDS.index(change.kind))
-    tally = Counter(change.kind for change in found)
-    notes = [side.note for side in given if side.note is not None]
-    notes += ["the two were put in the order of time"] if given[0] is not before else []
-    named = [side.traversal for side in (before, after) if side.traversal is not None] or reader.traversals
-    notes += pruned_data_notes(named, clock_of(reader))
+    sides = _choose_sides(reader, first, second)
+    before, after = sorted(sides, key=lambda side: side.at_ns)
+    times = compared_times(before, after, reader.traversals)
+    builder = DiffBuilder(reader, times)
+    numbers = _instances_to_compare(reader, times)
+    changes = [change for batch in batches(numbers) for change in builder.changes(batch)]
+    changes.sort(key=lambda change: CHANGE_KINDS.index(change.kind))
+    counts = Counter(change.kind for change in changes)
+    notes = [side.note for side in sides if side.note is not None]
+    notes += ["the two were put in the order of time"] if sides[0] is not before else []
+    traversals = [side.traversal for side in (before, after) if side.traversal is not None] or reader.traversals
+    notes += pruned_data_notes(traversals, clock_of(reader))
     return Diff(
         before=_side_view(before),
         after=_side_view(after),
-        counts={kind: tally[kind] for kind in CHANGE_KINDS},
-        changes=tuple(found),
+        counts={kind: counts[kind] for kind in CHANGE_KINDS},
+        changes=tuple(changes),
         notes=(*notes, *builder.transient_notes()),
     )
 
 
 class DiffBuilder:
-    """Two ends in one map, and what became of the things that they may speak of, read a part at a time.
+    """Builds the changes between two time points of a map, reading instances in batches.
 
-    Of two traversals only their own observations matter; of a plain time all that came before it may.
+    For two traversals only their own observations count; for a plain time all observations before it do.
     """
 
-    def __init__(self, reader: MapReader, ends: ComparedTimes) -> None:
+    def __init__(self, reader: MapReader, times: ComparedTimes) -> None:
         self.reader = reader
-        self.times = ends
-        compared = [side.traversal.id for side in (ends.before, ends.after) if side.traversal is not None]
+        self.times = times
+        compared = [side.traversal.id for side in (times.before, times.after) if side.traversal is not None]
         self._observations = Hearing(reader, compared if len(compared) == 2 else None)
         self._transient_ids: dict[str, list[str]] = defaultdict(list)
 
     def changes(self, numbers: Sequence[int]) -> Iterator[ObjectChange]:
-        """What became of each of some instances, if either end speaks of it; who walked by is left out."""
-        observers = self.times.observers_before | self.times.observers_after
-        found = self.reader.instances_of(numbers, traversal_ids=observers)
-        things = [
-            instance for instance in found if instance.presence != "doubted" and instance.label not in DYNAMIC_CLASSES
+        """The changes of some instances; dynamic classes and demoted instances are left out."""
+        traversal_ids = self.times.traversal_ids_before | self.times.traversal_ids_after
+        candidates = self.reader.instances_of(numbers, traversal_ids=traversal_ids)
+        instances = [
+            instance
+            for instance in candidates
+            if instance.presence != "doubted" and instance.label not in DYNAMIC_CLASSES
         ]
-        edges = self._edges(things)
+        edges = self._edges(instances)
         comparisons = [
-            StateComparison(instance, self.times, edges[instance.number], self.reader.text_ids) for instance in things
+            StateComparison(instance, self.times, edges[instance.number], self.reader.text_ids)
+            for instance in instances
         ]
         classified = [
             (comparison, classification)
@@ -162,27 +165,27 @@ class DiffBuilder:
             yield self._change(comparison, classification, observations.get(comparison.instance.number, []))
 
     def _classify(self, comparison: StateComparison) -> ChangeClassification | None:
-        """The judgement of one case; where there is none, what happened all the same is kept for the notes."""
+        """The classification of an instance; transient instances are kept for the notes."""
         classification = comparison.classify()
         if classification is None and (transient := comparison.transient()) is not None:
             self._transient_ids[transient].append(comparison.instance.id)
         return classification
 
     def _change(
-        self, comparison: StateComparison, classification: ChangeClassification, seen: Sequence[Said]
+        self, comparison: StateComparison, classification: ChangeClassification, observations: Sequence[Said]
     ) -> ObjectChange:
-        """A verdict with its evidence."""
+        """A classified change with its evidence."""
         instance = comparison.instance
-        names = self._side_labels(seen)
-        classification = _with_relabelling(classification, names, seen, self.times)
+        side_labels = self._side_labels(observations)
+        classification = _with_relabelling(classification, side_labels, observations, self.times)
         before, after = classification.before, classification.after
         sides = (
-            self._side_observations(self.times.before, seen, before),
-            self._side_observations(self.times.after, seen, after),
+            self._side_observations(self.times.before, observations, before),
+            self._side_observations(self.times.after, observations, after),
         )
         labels = [
-            None if state is None else state.label if name is None else name.label
-            for state, name in zip((before, after), names, strict=True)
+            None if state is None else state.label if consensus is None else consensus.label
+            for state, consensus in zip((before, after), side_labels, strict=True)
         ]
         low_ns = classification.not_before_ns
         return ObjectChange(
@@ -204,14 +207,14 @@ class DiffBuilder:
             interval_before=None if before is None else interval_view(before),
             interval_after=None if after is None else interval_view(after),
             may_be=self._candidates(instance, comparison.edges),
-            evidence_before=self._evidence(instance, sides[0], self.times.observers_before),
-            evidence_after=self._evidence(instance, sides[1], self.times.observers_after),
+            evidence_before=self._evidence(instance, sides[0], self.times.traversal_ids_before),
+            evidence_after=self._evidence(instance, sides[1], self.times.traversal_ids_after),
             crop_before=_best_crop(sides[0]),
             crop_after=_best_crop(sides[1]),
         )
 
     def transient_notes(self) -> list[str]:
-        """What is no difference between the two ends, and yet happened."""
+        """Notes on instances that came and went without making a difference."""
         before, after = self.times.before.text, self.times.after.text
         words = {
             "came and went": f"came and went between {before} and {after}",
@@ -219,82 +222,90 @@ class DiffBuilder:
         }
         return [f"{words[transient]}: {_id_list(ids)}" for transient, ids in sorted(self._transient_ids.items())]
 
-    def _edges(self, things: Sequence[StoredInstance]) -> dict[int, list[TemporalEdge]]:
-        """The temporal edges that touch some instances, by instance; the names of all their ends are known then."""
-        touching = self.reader.temporal_edges({part for instance in things for part in instance.numbers})
+    def _edges(self, instances: Sequence[StoredInstance]) -> dict[int, list[TemporalEdge]]:
+        """The temporal edges of some instances, by instance; also caches the text ids of their ends."""
+        touching = self.reader.temporal_edges({number for instance in instances for number in instance.numbers})
         ends = {number for edge in touching for number in (edge.from_number, edge.to_number)}
         self.reader.text_ids.of(set(self.reader.survivors.of(ends).values()) | ends)
         edges: dict[int, list[TemporalEdge]] = defaultdict(list)
         for edge in touching:
             for number in {edge.from_number, edge.to_number}:
                 edges[number].append(edge)
-        return {instance.number: [edge for part in instance.numbers for edge in edges[part]] for instance in things}
+        return {
+            instance.number: [edge for number in instance.numbers for edge in edges[number]] for instance in instances
+        }
 
-    def _side_labels(self, seen: Sequence[Said]) -> tuple[LabelConsensus | None, LabelConsensus | None]:
-        """What it was surely called at either end."""
-        own = group_by_traversal(seen)
+    def _side_labels(self, observations: Sequence[Said]) -> tuple[LabelConsensus | None, LabelConsensus | None]:
+        """The label consensus of each side."""
+        by_traversal = group_by_traversal(observations)
 
-        def name(side: TimePoint) -> LabelConsensus | None:
+        def consensus_of(side: TimePoint) -> LabelConsensus | None:
             return (
-                label_consensus_at(seen, side.at_ns)
+                label_consensus_at(observations, side.at_ns)
                 if side.traversal is None
-                else label_consensus(own.get(side.traversal.id, []))
+                else label_consensus(by_traversal.get(side.traversal.id, []))
             )
 
-        return name(self.times.before), name(self.times.after)
+        return consensus_of(self.times.before), consensus_of(self.times.after)
 
-    def _side_observations(self, side: TimePoint, seen: Sequence[Said], state: StateRecord | None) -> Sequence[Said]:
-        """The observations that speak for an end: a traversal's own; of a plain time those of the state until then, or
-        for the later end those since the earlier one.
+    def _side_observations(
+        self, side: TimePoint, observations: Sequence[Said], state: StateRecord | None
+    ) -> Sequence[Said]:
+        """The observations that count for a side: a traversal's own; for a plain time those of the state until then,
+        and for the later side those since the earlier one.
         """
         if side.traversal is not None:
-            return [observation for observation in seen if observation.traversal_id == side.traversal.id]
+            return [observation for observation in observations if observation.traversal_id == side.traversal.id]
         if state is None:
             return []
         low_ns = self.times.before.at_ns + 1 if side is self.times.after else state.first_seen_ns
         return [
             observation
-            for observation in seen
+            for observation in observations
             if max(low_ns, state.first_seen_ns) <= observation.stamp_ns <= side.at_ns
         ]
 
-    def _evidence(self, instance: StoredInstance, seen: Sequence[Said], traversal_ids: frozenset[int]) -> EvidenceView:
+    def _evidence(
+        self, instance: StoredInstance, observations: Sequence[Said], traversal_ids: frozenset[int]
+    ) -> EvidenceView:
         visits = [visit for visit in instance.visits if visit.traversal_id in traversal_ids]
-        return evidence_of(seen, visits, self.reader.traversals)
+        return evidence_of(observations, visits, self.reader.traversals)
 
     def _candidates(self, instance: StoredInstance, edges: Iterable[TemporalEdge]) -> tuple[IdentityCandidateView, ...]:
-        found = {}
+        probabilities = {}
         for edge in edges:
             if edge.kind == "candidate":
                 ends = {self.reader.survivors[edge.from_number], self.reader.survivors[edge.to_number]}
                 for other in ends - {instance.number}:
-                    found[self.reader.text_ids[other]] = round(edge.probability, 4)
-        return tuple(IdentityCandidateView(text_id, probability) for text_id, probability in sorted(found.items()))
+                    probabilities[self.reader.text_ids[other]] = round(edge.probability, 4)
+        return tuple(
+            IdentityCandidateView(text_id, probability) for text_id, probability in sorted(probabilities.items())
+        )
 
 
 def _with_relabelling(
     classification: ChangeClassification,
-    names: tuple[LabelConsensus | None, LabelConsensus | None],
-    seen: Sequence[Said],
-    ends: ComparedTimes,
+    side_labels: tuple[LabelConsensus | None, LabelConsensus | None],
+    observations: Sequence[Said],
+    times: ComparedTimes,
 ) -> ChangeClassification:
-    """Only where each end by itself is sure of its label, and they differ; a thing that moved, too, has moved."""
-    old, new = names
+    """Adds a label change if the two sides have a label consensus of their own and they differ; a move stays a move."""
+    old, new = side_labels
     if old is None or new is None or old.label == new.label or old.traversal_id == new.traversal_id:
         return classification
-    called = f"called {old.label} in {ends.before.text} and {new.label} in {ends.after.text}"
+    label_text = f"called {old.label} in {times.before.text} and {new.label} in {times.after.text}"
     if classification.kind != "unchanged":
         return (
-            replace(classification, reason=f"{classification.reason}; {called}")
+            replace(classification, reason=f"{classification.reason}; {label_text}")
             if classification.kind == "moved"
             else classification
         )
-    own = group_by_traversal(seen)
-    bounds = own[old.traversal_id][-1].stamp_ns, own[new.traversal_id][0].stamp_ns
+    by_traversal = group_by_traversal(observations)
+    bounds = by_traversal[old.traversal_id][-1].stamp_ns, by_traversal[new.traversal_id][0].stamp_ns
     return replace(
         classification,
         kind="relabelled",
-        reason=called,
+        reason=label_text,
         confidence=min(old.share, new.share),
         not_before_ns=bounds[0],
         not_after_ns=bounds[1],
@@ -302,26 +313,26 @@ def _with_relabelling(
 
 
 def _best_crop(side: Sequence[Said]) -> int | None:
-    """The best crop of one side; one is only kept where it is clearly better than those before."""
+    """The id of the best crop of a side; a crop is stored only if it is clearly better than earlier ones."""
     return next((observation.id for observation in reversed(side) if observation.cropped), None)
 
 
-def _instances_to_compare(reader: MapReader, ends: ComparedTimes) -> list[int]:
-    """The instances that either end may speak of: those that it saw, and those that came, went or stood in between."""
-    traversals = [side.traversal.id for side in (ends.before, ends.after) if side.traversal is not None]
-    seen = reader.supported_in(traversals) if traversals else ()
-    standing = reader.standing_at(ends.before.at_ns) if ends.before.traversal is None else ()
-    changed = reader.changed_within(ends.before.at_ns, ends.after.at_ns)
-    return sorted({*seen, *standing, *changed})
+def _instances_to_compare(reader: MapReader, times: ComparedTimes) -> list[int]:
+    """The instances observed on either side, and those that changed or had a state in between."""
+    traversals = [side.traversal.id for side in (times.before, times.after) if side.traversal is not None]
+    observed = reader.supported_in(traversals) if traversals else ()
+    present_before = reader.standing_at(times.before.at_ns) if times.before.traversal is None else ()
+    changed = reader.changed_within(times.before.at_ns, times.after.at_ns)
+    return sorted({*observed, *present_before, *changed})
 
 
 def _choose_sides(reader: MapReader, first: str | None, second: str | None) -> tuple[TimePoint, TimePoint]:
     traversals, clock = reader.traversals, clock_of(reader)
-    a = None if first is None else parse_time_point(first, reader, clock)
-    b = None if second is None else parse_time_point(second, reader, clock)
-    if a is not None and b is None and traversals and a.traversal is None:
-        b = traversal_end(traversals[-1])
-    if a is None or b is None:
+    first_point = None if first is None else parse_time_point(first, reader, clock)
+    second_point = None if second is None else parse_time_point(second, reader, clock)
+    if first_point is not None and second_point is None and traversals and first_point.traversal is None:
+        second_point = traversal_end(traversals[-1])
+    if first_point is None or second_point is None:
         if len(traversals) < 2:
             known = f"only {traversals[0].name!r}" if traversals else "none"
             raise QueryError(
@@ -329,17 +340,19 @@ def _choose_sides(reader: MapReader, first: str | None, second: str | None) -> t
                 where=reader.where,
                 cure="build another recording of the same place into it, or give two times",
             )
-        if a is None:
-            a, b = map(traversal_end, traversals[-2:])
+        if first_point is None:
+            first_point, second_point = map(traversal_end, traversals[-2:])
         else:
-            b = traversal_end(_newest_except(traversals, a.traversal))
-    if a.at_ns == b.at_ns:
-        raise QueryError(f"{a.text!r} differs in nothing from itself", cure="give two traversals, or two times")
-    return a, b
+            second_point = traversal_end(_newest_except(traversals, first_point.traversal))
+    if first_point.at_ns == second_point.at_ns:
+        raise QueryError(
+            f"{first_point.text!r} differs in nothing from itself", cure="give two traversals, or two times"
+        )
+    return first_point, second_point
 
 
-def _newest_except(traversals: Sequence[StoredTraversal], one: StoredTraversal | None) -> StoredTraversal:
-    return next(traversal for traversal in reversed(traversals) if one is None or traversal.id != one.id)
+def _newest_except(traversals: Sequence[StoredTraversal], excluded: StoredTraversal | None) -> StoredTraversal:
+    return next(traversal for traversal in reversed(traversals) if excluded is None or traversal.id != excluded.id)
 
 
 def _side_view(side: TimePoint) -> SideView:

@@ -6,7 +6,7 @@
     relation  := "near" | "next to" | "on" | "on top of" | "under" | "inside" | "above" | "attached to" | ...
     time      := "now" | "earlier" | "before" | "first" | "last" | "in" TRAVERSAL | "at" TIME | "at" TIME "in" TRAVERSAL
 
-What the words refer to is resolved later, in `answers`.
+Phrases are resolved against the map later, in `answers`.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ HINT = (
 
 @dataclass(frozen=True)
 class NounPhrase:
-    """A noun phrase without its articles (`None`: anything at all), and how the things stand to others."""
+    """A noun without its articles (`None`: any object), and an optional relation to another noun phrase."""
 
     noun: str | None
     relation: RelationPhrase | None = None
@@ -41,7 +41,7 @@ class NounPhrase:
 
 @dataclass(frozen=True)
 class RelationPhrase:
-    """The relation asked for, and to what."""
+    """A relation and its reference."""
 
     name: RelationName
     reference: NounPhrase
@@ -49,8 +49,8 @@ class RelationPhrase:
 
 @dataclass(frozen=True)
 class TimePhrase:
-    """When: `argument` is the traversal's name, or the time as it was written (see `written_times`); `said`: there were
-    words for it.
+    """The time of a question. `argument` is the name of a traversal, or a written time (see `time_parsing`); `explicit`
+    is false if the question has no words for a time.
     """
 
     kind: TimeKind = "now"
@@ -60,7 +60,7 @@ class TimePhrase:
 
 @dataclass(frozen=True)
 class Question:
-    """A question as understood."""
+    """A parsed question."""
 
     text: str
     intent: Intent
@@ -138,9 +138,9 @@ _TIME_OF_DAY = re.compile(r"\d{1,2}:\d{2}(:\d{2}(\.\d+)?)?|\d{4}-\d{2}-\d{2}t[\d
 
 
 def parse(text: str, traversals: Collection[str] = ()) -> Question:
-    """Understand a question. `traversals` are the names that "in NAME" may say.
+    """Parse a question. `traversals` are the names that "in NAME" may use.
 
-    Raises `QueryError` that says what is understood.
+    Raises `QueryError` with a hint on the supported forms.
     """
     words = _words(text)
     if not words:
@@ -167,7 +167,7 @@ def _split_opener(words: Words) -> tuple[Intent, Words]:
 
 
 def _split_time(words: Words, traversals: Collection[str]) -> tuple[TimePhrase | None, Words]:
-    """The time at the question's end, or at its beginning."""
+    """Split off the time at the end or the beginning of a question."""
     found = _split_traversal(words, traversals)
     if found is not None:
         return _split_clock_time_before(*found) or found
@@ -184,7 +184,7 @@ def _split_time(words: Words, traversals: Collection[str]) -> tuple[TimePhrase |
 
 
 def _split_traversal(words: Words, traversals: Collection[str]) -> tuple[TimePhrase, Words] | None:
-    """Take "in monday", "during the monday run", "in the first traversal", "in first", "in traversal 2"."""
+    """Split off "in monday", "during the monday run", "in the first traversal", "in first", "in traversal 2"."""
     named = {_words(name): name for name in traversals}
     for at in range(len(words) - 1, -1, -1):
         if words[at] not in {"in", "on", "during", "of", "from"}:
@@ -201,7 +201,7 @@ def _split_traversal(words: Words, traversals: Collection[str]) -> tuple[TimePhr
 
 
 def _split_clock_time(words: Words) -> tuple[TimePhrase, Words] | None:
-    """Take "at 10:21", "at 2026-01-05T10:21:00Z", "at 12.5 s"."""
+    """Split off "at 10:21", "at 2026-01-05T10:21:00Z", "at 12.5 s"."""
     if words[-1:] in {("s",), ("seconds",), ("utc",)}:
         words = words[:-1]
     if len(words) >= 2 and words[-2] == "at" and _TIME_OF_DAY.fullmatch(words[-1]):
@@ -210,13 +210,13 @@ def _split_clock_time(words: Words) -> tuple[TimePhrase, Words] | None:
 
 
 def _split_clock_time_before(traversal: TimePhrase, words: Words) -> tuple[TimePhrase, Words] | None:
-    """Take "at 10:21" before "in monday": "monday@10:21"."""
+    """Split off "at 10:21" before "in monday": gives "monday@10:21"."""
     found = _split_clock_time(words)
     return found and (TimePhrase("at", f"{traversal.argument}@{found[0].argument}"), found[1])
 
 
 def _split_named_clock_time(words: Words, traversals: Collection[str]) -> tuple[TimePhrase, Words] | None:
-    """Take "at monday@10:21", "at monday+12s"."""
+    """Split off "at monday@10:21", "at monday+12s"."""
     at = max((index for index, word in enumerate(words[:-1]) if word == "at"), default=None)
     if at is None:
         return None
@@ -242,7 +242,7 @@ def _parse_noun_phrase(words: Words, text: str) -> NounPhrase:
 
 
 def _parse_noun(words: Words, text: str, *, may_be_empty: bool) -> str | None:
-    """The words that name something; `None` for "anything"."""
+    """The noun of a phrase; `None` for any object."""
     if superlatives := [word for word in words if word in _SUPERLATIVES]:
         problem = f"'{superlatives[0]}' is a superlative; these are not understood yet"
         raise QueryError(problem, where=text, cure=HINT)
@@ -266,5 +266,5 @@ def _parse_noun(words: Words, text: str, *, may_be_empty: bool) -> str | None:
 
 
 def _can_is_noun(words: Words, at: int) -> bool:
-    """Whether "can" is a thing ("trash can"), and not what somebody can do ("chairs can you see")."""
+    """Whether "can" is a noun ("trash can") and not an auxiliary verb ("chairs can you see")."""
     return words[at] == "can" and at > 0 and words[at + 1 : at + 2] not in {("you",), ("we",), ("i",)}

@@ -1,4 +1,4 @@
-"""The life of an instance in plain sentences, in the order of time."""
+"""The history of an instance in plain sentences, in chronological order."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from supermap_cli.query.object_history import ObjectHistory, SightingsView, Surr
 from supermap_cli.query.views import EventView, IntervalView, Vector, box_of
 
 MAX_SENTENCES = 40
-"""A longer story is told from its beginning and its end."""
+"""A longer history is cut in the middle."""
 
 
 def history_sentences(history: ObjectHistory, clock: Clock) -> list[str]:
-    """What happened to it, a sentence each."""
+    """The history, one sentence per event."""
     by_state = {surroundings.state: surroundings for surroundings in history.surroundings}
     sentences: list[str] = []
     for at, interval in enumerate(history.intervals):
@@ -33,7 +33,7 @@ def history_sentences(history: ObjectHistory, clock: Clock) -> list[str]:
 
 
 def shorten_lines(lines: Sequence[str], most: int) -> list[str]:
-    """Lines, or the first and last of them where there are more than `most`, with how many are left out."""
+    """The lines, or the first and last of them if there are more than `most`, with the number left out."""
     if len(lines) <= most:
         return list(lines)
     half = most // 2
@@ -63,7 +63,7 @@ def _arrival_sentence(
 
 
 def _departure_sentence(interval: IntervalView, after: IntervalView | None, clock: Clock) -> str | None:
-    """That it was seen to have left, where that is not told by where it turned up at the same time."""
+    """Its departure, unless its arrival elsewhere at the same time already implies it."""
     if interval.gone_ns is None or (after is not None and after.first_seen_ns <= interval.gone_ns):
         return None
     return (
@@ -72,7 +72,7 @@ def _departure_sentence(interval: IntervalView, after: IntervalView | None, cloc
 
 
 def _event_sentence(history: ObjectHistory, event: EventView, clock: Clock) -> str | None:
-    """What other instances have to do with it."""
+    """An event that involves another instance."""
     when = clock.brief(event.not_after_ns)
     own = {history.id, *history.merged_ids}
     match event.kind:
@@ -89,12 +89,12 @@ def _event_sentence(history: ObjectHistory, event: EventView, clock: Clock) -> s
 
 
 def _label_sentences(sightings: Sequence[SightingsView]) -> list[str]:
-    """What it was called, where that differs between traversals, or any of them was unsure."""
-    called = [(sighting.traversal, sighting.labels) for sighting in sightings if sighting.labels]
-    if len({next(iter(labels)) for _, labels in called}) < 2:
+    """The labels it had, if they differ between traversals."""
+    labelled = [(sighting.traversal, sighting.labels) for sighting in sightings if sighting.labels]
+    if len({next(iter(labels)) for _, labels in labelled}) < 2:
         return []
     labels_in_order: list[tuple[str, list[str]]] = []
-    for traversal, labels in called:
+    for traversal, labels in labelled:
         label = next(iter(labels))
         if not labels_in_order or labels_in_order[-1][0] != label:
             labels_in_order.append((label, []))
@@ -118,21 +118,24 @@ def _relations_text(own: str, by_state: SurroundingsView | None) -> str:
     if by_state is None or not by_state.relations:
         return ""
     history = [
-        f"{r.name} {r.object}" if r.subject == own else f"{r.subject} {r.name} it" for r in by_state.relations[:2]
+        f"{relation.name} {relation.object}" if relation.subject == own else f"{relation.subject} {relation.name} it"
+        for relation in by_state.relations[:2]
     ]
     return ", " + " and ".join(history)
 
 
 def _arrival_event(history: ObjectHistory, state: int) -> EventView | None:
-    """How it came into a state."""
+    """The event by which it came into a state."""
     own = {history.id, *history.merged_ids}
     arriving = {"appeared", "moved", "reappeared"}
-    fitting = [e for e in history.events if e.kind in arriving and e.to_state == state and e.to_id in own]
+    fitting = [
+        event for event in history.events if event.kind in arriving and event.to_state == state and event.to_id in own
+    ]
     return fitting[-1] if fitting else None
 
 
 def position_text(position: Vector) -> str:
-    """A place in words, metres."""
+    """A position (m) in words."""
     return "(" + ", ".join(f"{value:.2f}" for value in position) + ")"
 
 

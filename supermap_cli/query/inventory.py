@@ -1,4 +1,4 @@
-"""What is in a map database, from where, and how long it took (`supermap db info`)."""
+"""The contents of a map database, their sources and timings (`supermap db info`)."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from supermap_schema import SCHEMA_VERSION
 
 @dataclass(frozen=True)
 class Inventory:
-    """The database as a whole; `versions` and `config` are each traversal's, by its name."""
+    """The database as a whole; `versions` and `config` are per traversal, by name."""
 
     path: str
     version: int
@@ -24,7 +24,7 @@ class Inventory:
 
 
 def inventory(reader: MapReader) -> Inventory:
-    """Count everything."""
+    """Read the inventory of a map."""
     return Inventory(
         path=reader.where,
         version=SCHEMA_VERSION,

@@ -1,4 +1,4 @@
-"""What nearly fits a question that has no answer: out of reach, at another time, perhaps of that name."""
+"""Near misses for a question without matches: pairs out of reach, and instances possibly of that label."""
 
 from __future__ import annotations
 
@@ -19,24 +19,29 @@ from supermap_cli.query.relations import box_distance_m
 from supermap_cli.query.vocabulary import load_vocabulary
 
 MAX_NEAR_MISSES = 3
-"""How many near misses an empty answer names."""
+"""Near misses listed in an empty answer."""
 
 MIN_LABEL_PROBABILITY = 0.1
-"""A label that an object may have with this probability makes it a near miss."""
+"""An instance is a near miss for a label that it has with at least this probability."""
+
+MIN_SPELLING_SIMILARITY = 0.75
+"""Least similarity ratio (`difflib`) of a noun and a label for "did you mean"."""
 
 EXHAUSTIVE_LIMIT = 30
-"""So many are all compared with so many."""
+"""Up to this many candidates and references are compared pairwise."""
 
 TOUCHING_SEARCH_LIMIT = 400
-"""Among so many with the smallest numbers those are looked for that touch what is asked for: none is nearer."""
+"""Touching pairs are searched among this many candidates with the smallest numbers first."""
 
+INITIAL_SEARCH_RADIUS_M = 1.0
+SEARCH_RADIUS_GROWTH = 4.0
 MAX_SEARCH_RADIUS_M = 4096.0
-"""Nothing is looked for farther away."""
+"""The neighbour search starts with the first radius (m), grows it by the factor, and stops at the largest (m)."""
 
 
 @dataclass(frozen=True)
 class CandidatePair:
-    """Two states, and how far apart they are."""
+    """A candidate and a reference, and the distance between their boxes."""
 
     distance_m: float
     candidate: InstanceCandidate
@@ -44,13 +49,13 @@ class CandidatePair:
 
     @property
     def rank(self) -> tuple[float, int, tuple[int, int]]:
-        """Nearer ones first."""
+        """Sort key: distance, then instance numbers."""
         return self.distance_m, self.candidate.instance.number, self.reference.key
 
 
 def nearest_pairs(reader: MapReader, candidates: LabelCandidates, references: CandidateSource) -> list[CandidatePair]:
-    """The nearest candidates to any reference, each once, and of those that are as near the ones with the smallest
-    numbers. Few are all compared; among many, neighbours are looked for ever farther away, until there are enough.
+    """The candidates nearest to any reference, one pair each, ties broken by number. A small set is compared pairwise;
+    in a large one, the search radius grows until there are enough pairs.
     """
     if max(candidates.size(), references.size()) <= EXHAUSTIVE_LIMIT:
         everything = list(chain.from_iterable(references.batches()))
@@ -59,17 +64,17 @@ def nearest_pairs(reader: MapReader, candidates: LabelCandidates, references: Ca
             for candidate in chain.from_iterable(candidates.batches())
             for reference in everything
         )
-    radius_m, found = 1.0, _touching_pairs(reader, candidates, references)
-    while len(found) < MAX_NEAR_MISSES and radius_m <= MAX_SEARCH_RADIUS_M:
-        found = _nearest_per_instance(
+    radius_m, nearest = INITIAL_SEARCH_RADIUS_M, _touching_pairs(reader, candidates, references)
+    while len(nearest) < MAX_NEAR_MISSES and radius_m <= MAX_SEARCH_RADIUS_M:
+        nearest = _nearest_per_instance(
             pair for pair in _pairs_within(reader, candidates, references, radius_m) if pair.distance_m <= radius_m
         )
-        radius_m *= 4
-    return found
+        radius_m *= SEARCH_RADIUS_GROWTH
+    return nearest
 
 
 def _touching_pairs(reader: MapReader, candidates: LabelCandidates, references: CandidateSource) -> list[CandidatePair]:
-    """The first candidates that touch a reference, if there are enough of them among those looked at."""
+    """The first candidates that touch a reference, if there are enough of them within the search limit."""
     pairs: list[CandidatePair] = []
     for batch in batches(candidates.smallest_numbers(TOUCHING_SEARCH_LIMIT), BATCH_SIZE):
         near: dict[int, set[int]] = defaultdict(set)
@@ -81,9 +86,9 @@ def _touching_pairs(reader: MapReader, candidates: LabelCandidates, references: 
         for candidate in candidates.with_numbers(near):
             beside = (reference for number in near[candidate.instance.number] for reference in by_number[number])
             pairs += [pair for reference in beside if (pair := _pair(candidate, reference)).distance_m == 0]
-        found = _nearest_per_instance(pairs)
-        if len(found) == MAX_NEAR_MISSES:
-            return found
+        nearest = _nearest_per_instance(pairs)
+        if len(nearest) == MAX_NEAR_MISSES:
+            return nearest
     return []
 
 
@@ -99,25 +104,23 @@ def _nearest_per_instance(pairs: Iterable[CandidatePair]) -> list[CandidatePair]
 def _pairs_within(
     reader: MapReader, candidates: CandidateSource, references: CandidateSource, radius_m: float
 ) -> Iterator[CandidatePair]:
-    """All pairs that may lie within reach, and some that lie farther apart."""
+    """All pairs within a radius, and some farther apart."""
     turned = references.size() < candidates.size()
-    one, other = (references, candidates) if turned else (candidates, references)
-    for batch in one.batches():
+    outer, inner = (references, candidates) if turned else (candidates, references)
+    for batch in outer.batches():
         near: dict[int, set[int]] = defaultdict(set)
         for here, there in reader.finder.near(
-            {near_candidate.instance.number for near_candidate in batch}, Reach(radius_m, radius_m)
+            {outer_candidate.instance.number for outer_candidate in batch}, Reach(radius_m, radius_m)
         ):
             near[there].add(here)
         by_number: dict[int, list[InstanceCandidate]] = defaultdict(list)
-        for near_candidate in batch:
-            by_number[near_candidate.instance.number].append(near_candidate)
-        for other_candidate in other.with_numbers(near):
-            for near_candidate in (
-                near_candidate
-                for number in near[other_candidate.instance.number]
-                for near_candidate in by_number[number]
-            ):
-                yield _pair(other_candidate, near_candidate) if turned else _pair(near_candidate, other_candidate)
+        for outer_candidate in batch:
+            by_number[outer_candidate.instance.number].append(outer_candidate)
+        for inner_candidate in inner.with_numbers(near):
+            for number in near[inner_candidate.instance.number]:
+                for outer_candidate in by_number[number]:
+                    pair = (inner_candidate, outer_candidate) if turned else (outer_candidate, inner_candidate)
+                    yield _pair(*pair)
 
 
 def _pair(candidate: InstanceCandidate, reference: InstanceCandidate) -> CandidatePair:
@@ -125,7 +128,7 @@ def _pair(candidate: InstanceCandidate, reference: InstanceCandidate) -> Candida
 
 
 def maybe_labelled(reader: MapReader, noun: str) -> list[tuple[StoredInstance, str]]:
-    """Objects that may have that label after all, and those whose label is spelt nearly so, each with the reason."""
+    """Instances that may have that label, and those with a similarly spelt label, each with the reason."""
     vocabulary = load_vocabulary()
     name = vocabulary.normalise(noun)
     names = vocabulary.names_of(name)
@@ -139,7 +142,7 @@ def maybe_labelled(reader: MapReader, noun: str) -> list[tuple[StoredInstance, s
         (number, f"may be a {label} ({-doubt:.0%})")
         for doubt, number, _, label in heapq.nsmallest(MAX_NEAR_MISSES, doubtful)
     ]
-    close = get_close_matches(name, sorted(reader.finder.labels_today()), 1, 0.75)
+    close = get_close_matches(name, sorted(reader.finder.labels_today()), 1, MIN_SPELLING_SIMILARITY)
     instances = reader.lives_of(
         [*(number for number, _ in reasons), *reader.finder.first_called(close, MAX_NEAR_MISSES)]
     )

@@ -1,4 +1,4 @@
-"""The life of one instance (`supermap history ID`)."""
+"""The history of one instance (`supermap history ID`)."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ from supermap_cli.memory.reading import MapReader
 from supermap_cli.memory.values import ObservationRef, StoredInstance, StoredVisit
 from supermap_cli.query.clock import Clock
 from supermap_cli.query.details import find_instance, merged_ids, relation_view
-from supermap_cli.query.label_consensus import group_by_traversal, label_consensus_at, label_shares
+from supermap_cli.query.instance_at import label_at
+from supermap_cli.query.label_consensus import group_by_traversal, label_shares
 from supermap_cli.query.presence_at import PresenceValue, PresenceView, presence_at, presence_view
 from supermap_cli.query.time_points import TimePoint
 from supermap_cli.query.time_selector import state_end_ns
@@ -26,10 +27,10 @@ from supermap_cli.query.views import (
 from supermap_cli.types.memory import Presence, SpatialEdge, StateRecord
 
 MAX_RELATIONS = 12
-"""How many relations are told of one state; those that say most where it stood first."""
+"""Relations listed for one state, ranked by `_RELATION_PRIORITY`."""
 
 MAX_FRAMES = 3
-"""How many pictures are named of one state: the best, one for each traversal as far as there are."""
+"""Pictures listed for one state: the best one per traversal."""
 
 _SYMMETRIC_RELATIONS = frozenset({"beside", "near"})
 _RELATION_PRIORITY = ("inside", "on", "attached to", "under", "above", "beside", "near")
@@ -37,7 +38,7 @@ _RELATION_PRIORITY = ("inside", "on", "attached to", "under", "above", "beside",
 
 @dataclass(frozen=True)
 class SightingsView:
-    """How one traversal saw an instance, in keyframes, and what it called it, by the share of its observations."""
+    """The keyframe counts of one traversal for an instance, and the shares of the labels that it observed."""
 
     traversal: str
     supported: int
@@ -51,7 +52,7 @@ class SightingsView:
 
 @dataclass(frozen=True)
 class FrameView:
-    """A picture that is kept of it: the observation, its keyframe, and the state it was in."""
+    """A stored crop: its observation, keyframe, and the state of the instance."""
 
     observation: int
     keyframe: int
@@ -63,7 +64,7 @@ class FrameView:
 
 @dataclass(frozen=True)
 class SurroundingsView:
-    """Next to what it stood in one state; `more` relations are left out."""
+    """The relations of an instance in one state; `more` of them are not listed."""
 
     state: int
     relations: tuple[RelationView, ...]
@@ -72,8 +73,8 @@ class SurroundingsView:
 
 @dataclass(frozen=True)
 class ObjectHistory:
-    """The life of one instance: its states, what happened between them, what stood around it, how each traversal saw
-    it, and the pictures that are kept; as of a time, up to that.
+    """The history of one instance: its states, events, relations, visits of each traversal, and stored pictures;
+    optionally up to a time.
     """
 
     id: str
@@ -97,9 +98,9 @@ class ObjectHistory:
 def object_history(
     reader: MapReader, text_id: str, time_point: TimePoint | None = None, clock: Clock | None = None
 ) -> ObjectHistory:
-    """The life of one instance, or its life until an instant, told by a clock.
+    """The history of one instance, up to `time_point` if given (then `clock` is needed for its `standing`).
 
-    Raises `QueryError` for an id that there never was.
+    Raises `QueryError` for an unknown id.
     """
     instance = find_instance(reader, text_id)
     end_ns = None if time_point is None else time_point.at_ns
@@ -108,32 +109,20 @@ def object_history(
         observation for observation in reader.observations(instance) if end_ns is None or observation.stamp_ns <= end_ns
     ]
     states = [state for state in instance.states if end_ns is None or state.first_seen_ns <= end_ns]
-    edges = [
-        edge
-        for edge in reader.temporal_edges(instance.numbers)
-        if end_ns is None or (edge.not_before_ns or edge.not_after_ns) <= end_ns
-    ]
-    moved = {(edge.from_number, edge.from_state) for edge in edges if edge.kind == "moved"}
-    edges = [edge for edge in edges if edge.kind != "disappeared" or (edge.from_number, edge.from_state) not in moved]
-    reader.text_ids.of({number for edge in edges for number in (edge.from_number, edge.to_number)})
+    last_seen_ns = observations[-1].stamp_ns if observations else instance.first_seen_ns
     view = None if presence is None or clock is None or end_ns is None else presence_view(presence, end_ns, clock)
     visits = [visit for visit in instance.visits if _has_begun(reader, visit.traversal_id, end_ns)]
-    consensus = None if end_ns is None else label_consensus_at(observations, end_ns)
     return ObjectHistory(
         id=instance.id,
         asked_id=text_id,
-        label=instance.label if presence is None else presence.state.label if consensus is None else consensus.label,
+        label=instance.label if presence is None or end_ns is None else label_at(presence, observations, end_ns),
         presence=instance.presence if presence is None or instance.presence == "doubted" else presence.value,
         merged_ids=merged_ids(reader, instance),
         first_seen_ns=instance.first_seen_ns,
-        last_seen_ns=instance.last_seen_ns
-        if end_ns is None
-        else observations[-1].stamp_ns
-        if observations
-        else instance.first_seen_ns,
+        last_seen_ns=instance.last_seen_ns if end_ns is None else last_seen_ns,
         intervals=tuple(map(interval_view, states)),
         surroundings=_surroundings(reader, instance, states, end_ns),
-        events=tuple(event_view(edge, reader) for edge in edges),
+        events=_events(reader, instance, end_ns),
         sightings=_sightings(reader, visits, observations),
         frames=_frames(reader, instance, states, end_ns),
         evidence=evidence_of(observations, visits, reader.traversals),
@@ -147,6 +136,19 @@ def _has_begun(reader: MapReader, traversal_id: int, end_ns: int | None) -> bool
     return end_ns is None or any(
         traversal.id == traversal_id and traversal.start_ns <= end_ns for traversal in reader.traversals
     )
+
+
+def _events(reader: MapReader, instance: StoredInstance, end_ns: int | None) -> tuple[EventView, ...]:
+    """The events up to a time; a disappearance that turned out to be a move is left out."""
+    edges = [
+        edge
+        for edge in reader.temporal_edges(instance.numbers)
+        if end_ns is None or (edge.not_before_ns or edge.not_after_ns) <= end_ns
+    ]
+    moved = {(edge.from_number, edge.from_state) for edge in edges if edge.kind == "moved"}
+    edges = [edge for edge in edges if edge.kind != "disappeared" or (edge.from_number, edge.from_state) not in moved]
+    reader.text_ids.of({number for edge in edges for number in (edge.from_number, edge.to_number)})
+    return tuple(event_view(edge, reader) for edge in edges)
 
 
 def _sightings(
@@ -172,16 +174,16 @@ def _sightings(
 def _surroundings(
     reader: MapReader, instance: StoredInstance, states: Sequence[StateRecord], end_ns: int | None
 ) -> tuple[SurroundingsView, ...]:
-    """The relations of each state, every one once, with all of the time that it held in that state."""
+    """The relations of each state, one edge per relation, over the time that it held in that state."""
     edges = [edge for edge in reader.edges_of([instance.number]) if end_ns is None or edge.since_ns <= end_ns]
     others = {number for edge in edges for number in (edge.subject, edge.object)}
     reader.text_ids.of(others)
     instances = {instance.number: instance for instance in reader.instances_of(others)}
     surroundings = []
     for state in states:
-        high = state_end_ns(state, instance.states)
-        held = _merge_edges(edge for edge in edges if _overlaps(edge, state.first_seen_ns, high))
-        ranked = _select_relations(held, instance.number)
+        end_of_state_ns = state_end_ns(state, instance.states)
+        state_edges = _merge_edges(edge for edge in edges if _overlaps(edge, state.first_seen_ns, end_of_state_ns))
+        ranked = _select_relations(state_edges, instance.number)
         views = tuple(
             relation_view(reader, edge, instances[edge.subject], instances[edge.object], state.last_seen_ns)
             for edge in ranked[:MAX_RELATIONS]
@@ -195,7 +197,7 @@ def _overlaps(edge: SpatialEdge, low_ns: int, high_ns: float) -> bool:
 
 
 def _merge_edges(edges: Iterable[SpatialEdge]) -> list[SpatialEdge]:
-    """One edge for each relation, from when it held first to when it held last; stored both ways it is one."""
+    """Merges the edges of a relation between two instances, in either direction, into one over their whole time."""
     merged: dict[tuple[str, frozenset[int]], SpatialEdge] = {}
     for edge in edges:
         key = edge.relation, frozenset((edge.subject, edge.object))
@@ -217,7 +219,7 @@ def _merge_edges(edges: Iterable[SpatialEdge]) -> list[SpatialEdge]:
 
 
 def _select_relations(edges: Iterable[SpatialEdge], own: int) -> list[SpatialEdge]:
-    """Of the relations to each other object the one that says most, ranked; what holds both ways from its own side."""
+    """The highest-ranked relation to each other instance; symmetric ones with this instance as the subject."""
     chosen: dict[int, SpatialEdge] = {}
     for edge in sorted(edges, key=_rank):
         other = edge.object if edge.subject == own else edge.subject
@@ -236,7 +238,7 @@ def _rank(edge: SpatialEdge) -> tuple[int, float, int]:
 def _frames(
     reader: MapReader, instance: StoredInstance, states: Sequence[StateRecord], end_ns: int | None
 ) -> tuple[FrameView, ...]:
-    """The best pictures of each state: one of each traversal, of the latest traversals if there are many."""
+    """The best crops of each state: one per traversal, of the most recent traversals."""
     traversal_names = {traversal.id: traversal.name for traversal in reader.traversals}
     crops = [
         crop
@@ -244,7 +246,7 @@ def _frames(
         if end_ns is None or crop.stamp_ns <= end_ns
     ]
     best: dict[tuple[int | None, int], Crop] = {}
-    for crop in crops:  # a crop is kept only where it is better than those before
+    for crop in crops:  # a crop is stored only if it is better than earlier ones
         state = next(
             (state.index for state in states if state.first_seen_ns <= crop.stamp_ns <= state.last_seen_ns), None
         )

@@ -1,4 +1,4 @@
-"""All that stands, now or at a time (`supermap show`)."""
+"""All instances present now or at a time (`supermap show`)."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from dataclasses import dataclass, field
 from itertools import islice
 
 from supermap_cli.memory.reading import MapReader
-from supermap_cli.memory.values import ObservationRef, StoredInstance
+from supermap_cli.memory.values import StoredInstance
 from supermap_cli.query.candidates import label_in_state
 from supermap_cli.query.clock import Clock
-from supermap_cli.query.label_consensus import label_consensus_at
+from supermap_cli.query.instance_at import evidence_until, intervals_until, label_at, observations_until
 from supermap_cli.query.presence_at import PresenceAt, presence_at, presence_view
 from supermap_cli.query.time_points import TimePoint
 from supermap_cli.query.views import (
@@ -19,7 +19,6 @@ from supermap_cli.query.views import (
     InstanceView,
     TraversalView,
     box_view,
-    evidence_of,
     evidence_view,
     interval_view,
     support_spans,
@@ -30,13 +29,13 @@ from supermap_cli.query.views import (
 
 @dataclass(frozen=True)
 class Overview:
-    """What stands now, how much of what, and from where that is known; `absent` counts what stood once.
+    """The instances present now, counts by label, and the traversals; `absent` counts instances that were present once.
 
-    Of `instances` those seen last are listed, `more` stand besides; `counts` are of all.
+    `instances` lists the most recently seen, `more` are present besides; `counts` are of all.
 
-    As of a time, `instances` are those that stood then, `unknown` those of which nobody can say (and `more_unknown`
-    that are not listed), and `absent` counts those that had left, or came later. What is not listed is counted by what
-    it is called in the state that it was in.
+    As of a time, `instances` are those present then, `unknown` those whose presence then is unknown (`more_unknown` are
+    not listed), and `absent` counts those that had left or came later. Instances that are not listed are counted by the
+    label of their state at that time.
     """
 
     instances: tuple[InstanceView, ...]
@@ -51,7 +50,7 @@ class Overview:
 
 
 def overview(reader: MapReader, limit: int = DEFAULT_LIMIT) -> Overview:
-    """All current objects, so many of them listed."""
+    """All instances present now, at most `limit` of them listed."""
     finder = reader.finder
     listed = reader.instances_of(list(islice(finder.called(None, ["present"]), limit)))
     counts = finder.counts()
@@ -65,16 +64,16 @@ def overview(reader: MapReader, limit: int = DEFAULT_LIMIT) -> Overview:
 
 
 def overview_at(reader: MapReader, time_point: TimePoint, clock: Clock, limit: int = DEFAULT_LIMIT) -> Overview:
-    """All that stood at a time, and all of which nobody can say whether it did, so many of each listed."""
+    """All instances present, or of unknown presence, at a time; at most `limit` of each listed."""
     as_of = reader.as_of(time_point.at_ns, time_point.traversal_start_ns)
     present, unknown_presences = (
-        _presences(reader, as_of.first(known, limit), time_point) for known in ("present", "unknown")
+        _presences(reader, as_of.first(value, limit), time_point) for value in ("present", "unknown")
     )
     totals: Counter[str] = Counter()
     counts: Counter[str] = Counter()
-    for (known, label), count in as_of.counts().items():
-        totals[known] += count
-        counts[label] += count if known == "present" else 0
+    for (value, label), count in as_of.counts().items():
+        totals[value] += count
+        counts[label] += count if value == "present" else 0
     views, unknown = (_summaries_at(reader, group, time_point, clock) for group in (present, unknown_presences))
     counts.subtract(label_in_state(instance, presence.state) for instance, presence in present)
     counts.update(view.label for view in views)
@@ -96,23 +95,18 @@ def overview_at(reader: MapReader, time_point: TimePoint, clock: Clock, limit: i
 def _presences(
     reader: MapReader, numbers: Collection[int], time_point: TimePoint
 ) -> list[tuple[StoredInstance, PresenceAt]]:
-    """Some instances in the order of their numbers, with what is known of them."""
-    known = (
+    """Instances in the order of their numbers, with their presence."""
+    presences = (
         (instance, presence_at(instance, time_point.at_ns, time_point.traversal_start_ns))
         for instance in reader.instances_of(numbers)
     )
-    return [(instance, presence) for instance, presence in known if presence is not None]
+    return [(instance, presence) for instance, presence in presences if presence is not None]
 
 
 def _summaries_at(
     reader: MapReader, presences: Iterable[tuple[StoredInstance, PresenceAt]], time_point: TimePoint, clock: Clock
 ) -> tuple[InstanceView, ...]:
     return tuple(_summary_at(reader, instance, presence, time_point, clock) for instance, presence in presences)
-
-
-def observed_by(reader: MapReader, instance: StoredInstance, time_point: TimePoint) -> list[ObservationRef]:
-    """What had been seen of an instance by a time."""
-    return [observation for observation in reader.observations(instance) if observation.stamp_ns <= time_point.at_ns]
 
 
 def _summary(reader: MapReader, instance: StoredInstance) -> InstanceView:
@@ -132,21 +126,17 @@ def _summary(reader: MapReader, instance: StoredInstance) -> InstanceView:
 def _summary_at(
     reader: MapReader, instance: StoredInstance, presence: PresenceAt, time_point: TimePoint, clock: Clock
 ) -> InstanceView:
-    seen = observed_by(reader, instance, time_point)
-    name = label_consensus_at(seen, time_point.at_ns)
-    begun = [state for state in instance.states if state.first_seen_ns <= time_point.at_ns]
-    traversals_by_then = {traversal.id for traversal in reader.traversals if traversal.start_ns <= time_point.at_ns}
+    at_ns = time_point.at_ns
+    observations = observations_until(reader, instance, at_ns)
     return InstanceView(
         id=instance.id,
-        label=presence.state.label if name is None else name.label,
+        label=label_at(presence, observations, at_ns),
         presence=presence.value,
         position=vector(presence.state.centroid_map),
         box=box_view(presence.state.box),
         confidence=round(presence.state.confidence, 4),
-        intervals=tuple(map(interval_view, begun or instance.states[:1])),
+        intervals=intervals_until(instance, at_ns),
         relations=(),
-        evidence=evidence_of(
-            seen, [visit for visit in instance.visits if visit.traversal_id in traversals_by_then], reader.traversals
-        ),
-        standing=presence_view(presence, time_point.at_ns, clock),
+        evidence=evidence_until(reader, instance, observations, at_ns),
+        standing=presence_view(presence, at_ns, clock),
     )

@@ -1,4 +1,4 @@
-"""Which candidates stand in a relation to which references: by stored edges, and only if none does, by their boxes."""
+"""Matches candidates and references of a relation: by stored edges, and only without any match, by their boxes."""
 
 from __future__ import annotations
 
@@ -26,34 +26,34 @@ from supermap_cli.types.memory import SpatialEdge, StateRecord
 Basis = Literal["stored", "boxes"]
 BASES: tuple[Basis, ...] = ("stored", "boxes")
 DIRECT_READ_LIMIT = 100
-"""So many are read sooner than the database finds a way from the many to them."""
+"""Up to this many instances are read directly, which is faster than counting edges in the database."""
 
 
 class RelatedPairs:
-    """Which pairs of instances are worth a look, and the stored edges between each of them, in the order of writing."""
+    """Pairs of instances to check, with the stored edges between them in the order of writing."""
 
     def __init__(self) -> None:
         self.partners: dict[int, set[int]] = defaultdict(set)
         self._edges: dict[tuple[int, str, int], list[SpatialEdge]] = defaultdict(list)
 
     def add_pair(self, one: int, other: int) -> None:
-        """Both ways."""
+        """Add a pair, in both directions."""
         self.partners[one].add(other)
         self.partners[other].add(one)
 
     def add_edge(self, edge: SpatialEdge) -> None:
-        """With its two ends as a pair."""
+        """Add an edge, and its two ends as a pair."""
         self._edges[edge.subject, edge.relation, edge.object].append(edge)
         self.add_pair(edge.subject, edge.object)
 
     def edges(self, subject: int, relation: str, obj: int) -> list[SpatialEdge]:
-        """Those between two instances."""
+        """The edges from one instance to another."""
         return self._edges.get((subject, relation, obj), [])
 
 
 @dataclass(frozen=True)
 class RelationMatcher:
-    """One relation of a question, at one moment of a map."""
+    """One relation of a question, for one time selector."""
 
     reader: MapReader
     selector: TimeSelector
@@ -61,32 +61,31 @@ class RelationMatcher:
     references: CandidateSource
 
     def matches(self, candidates: CandidateSource) -> Iterator[tuple[Basis, InstanceCandidate]]:
-        """All that fit, some more than once, with some of their relations: whichever pool is smaller is gone through,
-        and the other is asked for its neighbours only.
+        """All matching candidates, some more than once, with some of their relations. The smaller of the two sets is
+        iterated, and only its neighbours in the other one are read.
         """
         from_references = self.references.size() < candidates.size()
         for basis in BASES if self._any_stored_edge(candidates) else BASES[1:]:
-            found = False
-            one, other = (self.references, candidates) if from_references else (candidates, self.references)
-            for numbers in one.numbers():
-                related_pairs = self._related_pairs(numbers, basis, other, turned=from_references)
-                part = _in_order_of(
-                    numbers, one.with_numbers([number for number in numbers if number in related_pairs.partners])
+            any_match = False
+            outer, inner = (self.references, candidates) if from_references else (candidates, self.references)
+            for numbers in outer.numbers():
+                related_pairs = self._related_pairs(numbers, basis, inner, turned=from_references)
+                batch = _in_order_of(
+                    numbers, outer.with_numbers([number for number in numbers if number in related_pairs.partners])
                 )
-                partners = other.with_numbers(
-                    {partner for candidate in part for partner in related_pairs.partners[candidate.instance.number]}
+                partners = inner.with_numbers(
+                    {partner for candidate in batch for partner in related_pairs.partners[candidate.instance.number]}
                 )
-                pair = (partners, part) if from_references else (part, partners)
+                pair = (partners, batch) if from_references else (batch, partners)
                 for candidate in self._with_relations(*pair, related_pairs, basis):
-                    found = True
+                    any_match = True
                     yield basis, candidate
-            if found:
+            if any_match:
                 return
 
     def match_count(self, candidates: CandidateSource) -> MatchCount | None:
-        """How many fit by stored edges, where the database can count them: of what is present, in one relation.
-
-        Only those are read of which an edge alone does not say so. `None`, too, where none fits so.
+        """The number of matches by stored edges, if the database can count them: for kind "now" and one relation. Only
+        instances for which an edge alone does not decide are read. `None` also if there is no match by stored edges.
         """
         counter = self._edge_counter(candidates)
         if counter is None:
@@ -100,15 +99,15 @@ class RelationMatcher:
                 to_check = to_check | numbers
             else:
                 matching |= numbers - merged
-        for part in batches(sorted(to_check - matching), BATCH_SIZE):
+        for batch in batches(sorted(to_check - matching), BATCH_SIZE):
             matching.update(
                 candidate.instance.number
-                for candidate in self.with_all_relations(candidates.with_numbers(part), "stored")
+                for candidate in self.with_all_relations(candidates.with_numbers(batch), "stored")
             )
         return MatchCount(len(matching), len(matching)) if matching else None
 
     def _any_stored_edge(self, candidates: CandidateSource) -> bool:
-        """Whether a stored edge may relate any: if not, none need be read to know it."""
+        """Whether any stored edge may match; if not, none needs to be read."""
         counter = self._edge_counter(candidates)
         if counter is None:
             return True
@@ -118,7 +117,7 @@ class RelationMatcher:
         )
 
     def _edge_counter(self, candidates: CandidateSource) -> Linked | None:
-        """The stored edges in question, if they are about what is present and called by names, and many are."""
+        """The counter of stored edges, if both sets are present instances by label, and both are large."""
         if (
             self.selector.kind != "now"
             or not isinstance(candidates, LabelCandidates)
@@ -127,25 +126,25 @@ class RelationMatcher:
             return None
         if min(candidates.size(), self.references.size()) <= DIRECT_READ_LIMIT:
             return None
-        one, other = (End(pool.labels, pool.number) for pool in (candidates, self.references))
+        one, other = (End(source.labels, source.number) for source in (candidates, self.references))
         return Linked(self.reader, one, other, int(self.selector.low_ns))
 
     def with_all_relations(self, candidates: list[InstanceCandidate], basis: Basis) -> list[InstanceCandidate]:
-        """Those of the candidates that fit, with all their relations."""
+        """The matching candidates, with all their relations."""
         numbers = {candidate.instance.number for candidate in candidates}
         related_pairs = self._related_pairs(numbers, basis, self.references)
         partners = {partner for number in numbers for partner in related_pairs.partners.get(number, ())}
         return self._with_relations(candidates, self.references.with_numbers(partners), related_pairs, basis)
 
     def restrict(self, candidates: CandidateSource) -> CandidateList:
-        """All that fit, as a pool of its own."""
-        found = {candidate.key: replace(candidate, relations=()) for _, candidate in self.matches(candidates)}
-        return CandidateList([candidate for _, candidate in sorted(found.items())])
+        """All matching candidates as a list."""
+        by_key = {candidate.key: replace(candidate, relations=()) for _, candidate in self.matches(candidates)}
+        return CandidateList([candidate for _, candidate in sorted(by_key.items())])
 
     def _related_pairs(
         self, numbers: Collection[int], basis: Basis, others: CandidateSource, *, turned: bool = False
     ) -> RelatedPairs:
-        """Between some candidates and the references (`turned`: some references and the candidates)."""
+        """The pairs of some candidates and the references (`turned`: some references and the candidates)."""
         related_pairs = RelatedPairs()
         if basis == "boxes":
             labels = others.labels if isinstance(others, LabelCandidates) else None
@@ -166,19 +165,21 @@ class RelationMatcher:
         by_number: dict[int, list[InstanceCandidate]] = defaultdict(list)
         for reference in sorted(references, key=lambda reference: reference.key):
             by_number[reference.instance.number].append(reference)
-        found = []
+        matched = []
         for candidate in candidates:
-            counter = sorted(related_pairs.partners.get(candidate.instance.number, set()) - {candidate.instance.number})
-            pairs = ((candidate, reference) for number in counter for reference in by_number.get(number, ()))
+            partner_numbers = sorted(
+                related_pairs.partners.get(candidate.instance.number, set()) - {candidate.instance.number}
+            )
+            pairs = ((candidate, reference) for number in partner_numbers for reference in by_number.get(number, ()))
             views = [view for pair in pairs if (view := self._relation_view(*pair, related_pairs, basis)) is not None]
             if views:
-                found.append(replace(candidate, relations=tuple(views)))
-        return found
+                matched.append(replace(candidate, relations=tuple(views)))
+        return matched
 
     def _relation_view(
         self, candidate: InstanceCandidate, reference: InstanceCandidate, related_pairs: RelatedPairs, basis: Basis
     ) -> RelationView | None:
-        """The relation of two states that hold together at some time of the moment."""
+        """The relation of two states, if they hold at the same time within the selected time."""
         span = self.selector.span_of((candidate.state, candidate.instance), (reference.state, reference.instance))
         if span is None:
             return None
@@ -232,6 +233,6 @@ def _distance_m(first: StateRecord, second: StateRecord) -> float:
 
 
 def _in_order_of(numbers: Collection[int], candidates: list[InstanceCandidate]) -> list[InstanceCandidate]:
-    """Candidates as their numbers come; the states of each stay in order."""
+    """Candidates sorted in the order of the numbers; the states of an instance stay in order."""
     position = {number: at for at, number in enumerate(numbers)}
     return sorted(candidates, key=lambda candidate: position[candidate.instance.number])

@@ -1,6 +1,6 @@
-"""What is to be kept, in words: "crops=30d", "observations=tuesday", "thumbnails=none"; and what was not kept.
+"""Retention policies in words ("crops=30d", "observations=tuesday", "thumbnails=none"), and notes on pruned data.
 
-Ages count back from the newest sensor time of the map, never from today: a map loses nothing by lying for a year.
+Ages count back from the newest sensor time of the map, never from today: an old map that is not used loses nothing.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ CURE = (
 
 
 def parse_retention_policy(words: Collection[str], reader: MapReader) -> KeptFrom:
-    """The limits that words like "crops=30d" mean in a map. Raises `QueryError` for what is not understood."""
+    """The limits of items such as "crops=30d" in a map. Raises `QueryError` for any other text."""
     limits: dict[str, int] = {}
     best_crops = True
     for word in words:
@@ -44,7 +44,7 @@ def parse_retention_policy(words: Collection[str], reader: MapReader) -> KeptFro
 
 
 def pruned_data_notes(traversals: Iterable[StoredTraversal], clock: Clock) -> list[str]:
-    """What an answer that speaks of these traversals cannot show any more."""
+    """What answers about these traversals can no longer show."""
     notes = []
     for traversal in traversals:
         limits = {
@@ -60,7 +60,7 @@ def pruned_data_notes(traversals: Iterable[StoredTraversal], clock: Clock) -> li
 
 
 def pruned_evidence_notes(evidence: Iterable[EvidenceView], clock: Clock) -> list[str]:
-    """What evidence lacks that there once was."""
+    """A note if evidence is incomplete because observations were pruned."""
     limits = [view.given_up_before_ns for view in evidence if view.given_up_before_ns is not None]
     return [f"of observations from before {clock.text(max(limits))} only the telling ones were kept"] if limits else []
 

@@ -1,7 +1,7 @@
-"""Times as people write them: "10:21", "2026-01-05T10:21:00Z", "12 s"; of one traversal "monday@10:21", "monday+12s".
+"""Parses written times: "10:21", "2026-01-05T10:21:00Z", "12 s"; with a traversal "monday@10:21", "monday+12s".
 
-A time is one by the recordings' own clocks. Several traversals may have a 10:21, or clocks that overlap: the newest
-one's is meant then, and that is noted. Seconds that name no traversal count from the map's start.
+A time is by the recordings' own clocks. Where several traversals have that time, the newest one is taken, with a note.
+Seconds without a traversal count from the map's start.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ TRAVERSAL_TIME_SUFFIX = re.compile(r"@\d[\d:.tTzZ-]*s?|[+-]\d[\d.]*s?")
 
 @dataclass(frozen=True)
 class ParsedTime:
-    """A time that was written, in the map's time, and what there is to say about how it was understood."""
+    """A time in map time, and an optional note on how it was understood."""
 
     stamp_ns: int
     note: str | None = None
 
 
 def parse_time(text: str, spans: Sequence[TraversalSpan]) -> ParsedTime:
-    """What a written time means in a map. Raises `QueryError` for what is no time, or none that the map has."""
+    """The map time of a written time. Raises `QueryError` if the text is not a time, or not one of this map."""
     written = " ".join(text.split())
     try:
         named = _split_traversal(written, spans)
@@ -39,17 +39,17 @@ def parse_time(text: str, spans: Sequence[TraversalSpan]) -> ParsedTime:
 
 
 def is_time_of_day(text: str) -> bool:
-    """Whether a time leaves its day open."""
+    """Whether a written time has no date."""
     return ":" in text and "T" not in text.upper()
 
 
 def names_traversal(text: str, spans: Sequence[TraversalSpan]) -> bool:
-    """Whether a time is said of one traversal."""
+    """Whether a written time is prefixed with a traversal."""
     return _split_traversal(text, spans) is not None
 
 
 def _split_traversal(written: str, spans: Sequence[TraversalSpan]) -> tuple[TraversalSpan, str] | None:
-    """The traversal that a time is said of, by name, number, "first" or "last", and the rest of it."""
+    """The traversal (name, number, "first" or "last") that a time is prefixed with, and the rest of the text."""
     names = {str(span.number): span for span in spans}
     if spans:
         names |= {"first": spans[0], "last": spans[-1]}
@@ -61,7 +61,7 @@ def _split_traversal(written: str, spans: Sequence[TraversalSpan]) -> tuple[Trav
 
 
 def _time_in_span(span: TraversalSpan, rest: str, spans: Sequence[TraversalSpan]) -> int:
-    """The stamp of "@10:21", "@2026-01-05T10:21:00Z" or "+12s" in one traversal."""
+    """The map time of "@10:21", "@2026-01-05T10:21:00Z" or "+12s" in one traversal."""
     if ":" not in rest:
         return span.start_ns + _parse_duration_ns(rest.removeprefix("@"))
     if not span.has_wall_time:
@@ -89,37 +89,37 @@ def _parse_seconds(written: str, spans: Sequence[TraversalSpan]) -> ParsedTime:
 
 
 def _parse_wall_time(written: str, spans: Sequence[TraversalSpan]) -> ParsedTime:
-    """A time of day or a date: of the newest traversal that has it, else by the clock that was read last before it."""
+    """A time of day or a date: in the newest traversal that has it, else by the clock of the last one before it."""
     with_wall_time = [span for span in spans if span.has_wall_time]
     if not with_wall_time:
         _wall_time_stamps(written, [date(1970, 1, 1)])
         raise QueryError("the recordings carry no wall time", cure=_format_hint(spans))
-    found = [
+    matches = [
         (span, max(recording_ns, span.recording_start_ns))
         for span in with_wall_time
         for recording_ns in _wall_time_stamps(written, span.days())
         if span.contains(recording_ns, _precision_ns(written))
     ]
-    if found:
-        span, recording_ns = found[-1]
-        matching = list(dict.fromkeys(span for span, _ in found))
+    if matches:
+        span, recording_ns = matches[-1]
+        matching = list(dict.fromkeys(span for span, _ in matches))
         others = ", ".join(f"'{span.name}@{written}'" for span in matching[:-1])
         note = f"{written} was taken as that of {span.name}; say {others} for another" if others else None
         return ParsedTime(_to_map_time(span, recording_ns, spans), note)
     newest_day = max(stamp_to_datetime(span.recording_end_ns).date() for span in with_wall_time)
     (recording_ns,) = _wall_time_stamps(written, [newest_day])
-    begun = [span for span in with_wall_time if span.recording_start_ns <= recording_ns] or with_wall_time[:1]
-    return ParsedTime(_to_map_time(begun[-1], recording_ns, spans))
+    started = [span for span in with_wall_time if span.recording_start_ns <= recording_ns] or with_wall_time[:1]
+    return ParsedTime(_to_map_time(started[-1], recording_ns, spans))
 
 
 def _to_map_time(span: TraversalSpan, recording_ns: int, spans: Sequence[TraversalSpan]) -> int:
-    """A time by a traversal's clock in the map's time, of which it has no more after the next one has begun."""
+    """A recording time in map time, limited to before the start of the next traversal."""
     later = [other.start_ns for other in spans if other.number > span.number]
     return min([recording_ns + span.shift_ns, *(start_ns - 1 for start_ns in later[:1])])
 
 
 def _wall_time_stamps(written: str, days: Sequence[date]) -> list[int]:
-    """The stamps that a wall time stands for: on each of the days, if it leaves its day open."""
+    """The stamps of a wall time; one per day if it has no date."""
     if not is_time_of_day(written):
         return [datetime_to_stamp(datetime.fromisoformat(written.upper().removesuffix("Z")).replace(tzinfo=UTC))]
     of_day = time.fromisoformat(written.upper().removesuffix("Z").rjust(len("10:21"), "0")).replace(tzinfo=UTC)
@@ -127,7 +127,7 @@ def _wall_time_stamps(written: str, days: Sequence[date]) -> list[int]:
 
 
 def _precision_ns(written: str) -> int:
-    """How much is meant: by "10:21" a minute, by "10:21:07" a second."""
+    """The precision of a written time: a minute for "10:21", a second for "10:21:07"."""
     if "." in written:
         return 1
     return 60 * SECOND_NS if written.count(":") == 1 else SECOND_NS

@@ -1,4 +1,4 @@
-"""A time that a command is given: a traversal, which stands for its end, or a moment on the map's clock."""
+"""Times given to a command: a traversal, which stands for its end, or a time on the map's clock."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ CURE = (
 
 @dataclass(frozen=True)
 class TimePoint:
-    """A point in the map's time, and the span before it whose keyframes speak for it.
+    """A point in map time, and the interval [since_ns, at_ns] whose keyframes are evidence for it.
 
-    A traversal is its end, and [since_ns, at_ns] the whole of it; of a plain time both are that time. `note`: what
-    there is to say about how it was understood.
+    For a traversal, `at_ns` is its end and `since_ns` its start; for a plain time both are equal. `note` tells how an
+    ambiguous time was understood.
     """
 
     text: str
@@ -41,7 +41,7 @@ class TimePoint:
 
 
 def parse_time_point(written: str, reader: MapReader, clock: Clock) -> TimePoint:
-    """What a written time or traversal stands for. Raises `QueryError` for what is neither."""
+    """The time point of a written time or traversal. Raises `QueryError` for any other text."""
     wanted = " ".join(written.casefold().split())
     for prefix in sorted(_PREFIXES, key=len, reverse=True):
         wanted = wanted.removeprefix(prefix)
@@ -53,14 +53,14 @@ def parse_time_point(written: str, reader: MapReader, clock: Clock) -> TimePoint
     if wanted in {"earlier", "before"}:
         return _plain_time(max((traversal.start_ns for traversal in reader.traversals), default=0), clock)
     if not wanted[:1].isdigit() and not names_traversal(wanted, clock.spans):
-        known = ", ".join(f"{traversal.number} {traversal.name}" for traversal in reader.traversals) or "none"
+        known = traversal_list(reader.traversals)
         raise QueryError(f"'{written}' is neither a time nor a traversal; there are: {known}", cure=CURE)
     parsed = clock.parse(wanted if names_traversal(wanted, clock.spans) else _normalise_time(wanted))
     return replace(_plain_time(parsed.stamp_ns, clock), note=parsed.note)
 
 
 def traversal_end(traversal: StoredTraversal) -> TimePoint:
-    """A traversal as a point in time: its end, or as far as it is mapped."""
+    """The end of a traversal, or of its mapped part while it is being built."""
     end_ns = traversal.end_ns if traversal.status == "complete" else traversal.mapped_ns or traversal.start_ns
     return TimePoint(traversal.name, end_ns, traversal.start_ns, traversal)
 
@@ -70,7 +70,7 @@ def _plain_time(stamp_ns: int, clock: Clock) -> TimePoint:
 
 
 def _normalise_time(written: str) -> str:
-    """A time as the clock reads it: without its unit, "T" and "Z" in capitals, a "T" after the date."""
+    """A time as the clock parses it: without unit, "T" and "Z" in upper case, a "T" after the date."""
     if _DATE.match(written):
         return written.upper().replace(" ", "T", 1)
     for unit in ("seconds", "utc", "s"):
@@ -78,8 +78,13 @@ def _normalise_time(written: str) -> str:
     return written.upper()
 
 
+def traversal_list(traversals: Sequence[StoredTraversal]) -> str:
+    """Numbers and names of traversals, for messages."""
+    return ", ".join(f"{traversal.number} {traversal.name}" for traversal in traversals) or "none"
+
+
 def find_traversal(traversals: Sequence[StoredTraversal], name: str) -> StoredTraversal:
-    """A traversal by its name, its number, or "first" and "last". Raises `QueryError` that names those there are."""
+    """A traversal by name, number, "first" or "last". Raises `QueryError` with the known ones."""
     for traversal in traversals:
         if name.casefold() == traversal.name.casefold():
             return traversal
@@ -88,5 +93,5 @@ def find_traversal(traversals: Sequence[StoredTraversal], name: str) -> StoredTr
             return traversal
     if traversals and name in {"first", "last"}:
         return traversals[0 if name == "first" else -1]
-    known = ", ".join(f"{traversal.number} {traversal.name}" for traversal in traversals) or "none"
+    known = traversal_list(traversals)
     raise QueryError(f"there is no traversal {name!r}", cure=f"there are: {known}")

@@ -1,4 +1,4 @@
-"""What a question's time word stands for: which states of an instance, and which span of time relations must touch."""
+"""The time words of questions: which states of an instance they select, and over which time relations count."""
 
 from __future__ import annotations
 
@@ -17,14 +17,13 @@ from supermap_cli.types.memory import StateRecord
 
 @dataclass(frozen=True)
 class TimeSelector:
-    """A time word with its meaning.
+    """A time word and its meaning.
 
-    - "now": what is present, as it stands. "last": the newest state, present or not. "first": the oldest.
-    - "earlier": states that ended, or held before `high_ns` (the latest traversal's start; with one traversal: now).
-    - "traversal": states that `traversal` supported. "at": states that held at `low_ns` = `high_ns`.
+    - "now": the current state of present instances. "last": the newest state, present or not. "first": the oldest.
+    - "earlier": states that ended, or held before `high_ns` (start of the latest traversal; with one traversal: now).
+    - "traversal": states supported in `traversal`. "at": states that held at `low_ns` = `high_ns`.
 
-    `note`: what there is to say about how a written time was understood; `since_ns`: the start of the traversal of
-    which it is the end.
+    `note` tells how an ambiguous time was understood; `since_ns` is the start of a traversal that is given by its end.
     """
 
     kind: TimeKind
@@ -36,7 +35,7 @@ class TimeSelector:
     since_ns: int | None = None
 
     def states(self, instance: StoredInstance) -> tuple[StateRecord, ...]:
-        """The states of an instance that the moment speaks of, oldest first."""
+        """The selected states of an instance, oldest first."""
         states = instance.states
         match self.kind:
             case "now":
@@ -48,17 +47,17 @@ class TimeSelector:
             case "earlier":
                 return tuple(state for state in states if state.first_seen_ns < self.high_ns or state is not states[-1])
             case "traversal":
-                assert self.traversal is not None  # noqa: S101 - `moment_of` gives one
+                assert self.traversal is not None  # noqa: S101 - `selector_of_phrase` gives one
                 seen = instance.visit(self.traversal.id).supported > 0
                 return tuple(
                     state for state in states if seen and self._overlaps(state.first_seen_ns, state.last_seen_ns)
                 )
             case "at":
-                held = state_held_at(states, int(self.low_ns))
-                return () if held is None else (held,)
+                state = state_held_at(states, int(self.low_ns))
+                return () if state is None else (state,)
 
     def departure_gap(self, instance: StoredInstance) -> tuple[int, int] | None:
-        """The span within which an instance left, if the moment is one time in it; both ends are certain."""
+        """For a single time within the gap in which an instance left: the gap's bounds, both known."""
         for state in self.states(instance) if self.kind == "at" else ():
             end_ns = state_end_ns(state, instance.states)
             seen_then = self.since_ns is not None and state.last_seen_ns >= self.since_ns
@@ -67,17 +66,17 @@ class TimeSelector:
         return None
 
     def presence(self, instance: StoredInstance) -> PresenceAt | None:
-        """What is known of an instance at the moment, if that is one time."""
+        """The presence of an instance if the selector is a single time, else `None`."""
         return presence_at(instance, int(self.low_ns), self.since_ns) if self.kind == "at" else None
 
     def reference_states(self, instance: StoredInstance) -> tuple[StateRecord, ...]:
-        """The states that what is asked for may stand in relation to; that they hold together is checked later."""
+        """The states that other instances may be related to; overlap in time is checked later (`span_of`)."""
         return self.states(instance) if self.kind == "now" else instance.states
 
     def span_of(
         self, first: tuple[StateRecord, StoredInstance], second: tuple[StateRecord, StoredInstance]
     ) -> TimeSpan | None:
-        """When two states hold together within the moment; `None` if never."""
+        """When two states hold at the same time within the selected time; `None` if never."""
         low = max(float(first[0].first_seen_ns), float(second[0].first_seen_ns))
         high = min(state_end_ns(first[0], first[1].states), state_end_ns(second[0], second[1].states))
         if self.kind == "now":
@@ -94,30 +93,30 @@ class TimeSelector:
 
 @dataclass(frozen=True)
 class TimeSpan:
-    """A half-open span of sensor time; infinite where open."""
+    """A half-open interval of sensor time; infinite where open."""
 
     low_ns: float
     high_ns: float
 
     def overlaps(self, since_ns: int, until_ns: int | None) -> bool:
-        """Whether a half-open interval has a part in it."""
+        """Whether a half-open interval overlaps this one."""
         return since_ns < self.high_ns and (until_ns is None or until_ns > self.low_ns)
 
 
 def state_end_ns(state: StateRecord, states: Sequence[StateRecord]) -> float:
-    """When a state ended at the latest: contradicted, or seen elsewhere; infinite while it holds."""
+    """The latest possible end of a state: its contradiction, or the start of a later state; infinite while it holds."""
     later = [float(later_state.first_seen_ns) for later_state in states if later_state.index > state.index]
     return min([math.inf if state.gone_ns is None else float(state.gone_ns), *later])
 
 
-def selector_at(instant: TimePoint) -> TimeSelector:
-    """The moment at which everything is asked for "as of" a time."""
-    text, at_ns = f"as of {instant.text}", instant.at_ns
-    return TimeSelector("at", text, at_ns, at_ns, note=instant.note, since_ns=instant.traversal_start_ns)
+def selector_at(time_point: TimePoint) -> TimeSelector:
+    """The selector for an "as of" time point."""
+    text, at_ns = f"as of {time_point.text}", time_point.at_ns
+    return TimeSelector("at", text, at_ns, at_ns, note=time_point.note, since_ns=time_point.traversal_start_ns)
 
 
 def selector_of_phrase(phrase: TimePhrase, reader: MapReader, clock: Clock) -> TimeSelector:
-    """What a time phrase means in this map. Raises `QueryError` for a traversal or time it does not know."""
+    """The selector for a time phrase. Raises `QueryError` for an unknown traversal or time."""
     match phrase.kind:
         case "now":
             return TimeSelector("now", "now", low_ns=reader.now_ns)

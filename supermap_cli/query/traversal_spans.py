@@ -1,4 +1,4 @@
-"""What of the map's time is which traversal's, and what that traversal's own clock shows meanwhile."""
+"""The traversals' intervals of map time, and conversion to each recording's own clock."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
 @dataclass(frozen=True)
 class TraversalSpan:
-    """A traversal's part of the map's time, [start_ns, end_ns]; its recording's clock shows `shift_ns` less."""
+    """A traversal's interval of map time, [start_ns, end_ns]; recording time is map time minus `shift_ns`."""
 
     number: int
     name: str
@@ -25,31 +25,31 @@ class TraversalSpan:
 
     @property
     def recording_start_ns(self) -> int:
-        """Its start by its own clock."""
+        """The start in recording time."""
         return self.start_ns - self.shift_ns
 
     @property
     def recording_end_ns(self) -> int:
-        """Its end by its own clock."""
+        """The end in recording time."""
         return self.end_ns - self.shift_ns
 
     @property
     def has_wall_time(self) -> bool:
-        """Whether its stamps are dates."""
+        """Whether recording time is wall time."""
         return self.recording_start_ns >= _MIN_WALL_TIME_NS
 
     def days(self) -> tuple[date, ...]:
-        """The days that it touches, by its own clock."""
+        """The days (UTC) that it covers, in recording time."""
         first, last = stamp_to_datetime(self.recording_start_ns).date(), stamp_to_datetime(self.recording_end_ns).date()
         return tuple(first + timedelta(days=day) for day in range((last - first).days + 1))
 
     def contains(self, recording_ns: int, duration_ns: int = 1) -> bool:
-        """Whether a time by its own clock lies in it, or a part of what lasts from then on."""
+        """Whether it overlaps [recording_ns, recording_ns + duration_ns), in recording time."""
         return recording_ns <= self.recording_end_ns and recording_ns + duration_ns > self.recording_start_ns
 
 
 def traversal_spans(traversals: Sequence[StoredTraversal]) -> tuple[TraversalSpan, ...]:
-    """The stretches of a map's traversals, in the order of building."""
+    """The spans of a map's traversals, in the order of building."""
     return tuple(
         TraversalSpan(
             traversal.number,
@@ -63,22 +63,22 @@ def traversal_spans(traversals: Sequence[StoredTraversal]) -> tuple[TraversalSpa
 
 
 def span_at(spans: Sequence[TraversalSpan], stamp_ns: int) -> TraversalSpan:
-    """Whose time a stamp of the map is: the traversal that began last before it."""
-    begun = [span for span in spans if span.start_ns <= stamp_ns]
-    return (begun[-1:] or spans[:1] or [TraversalSpan(1, "map", 0, 0)])[0]
+    """The span of a map time: that of the last traversal begun by then, else the first."""
+    started = [span for span in spans if span.start_ns <= stamp_ns]
+    return (started[-1:] or spans[:1] or [TraversalSpan(1, "map", 0, 0)])[0]
 
 
 def recording_stamp_ns(spans: Sequence[TraversalSpan], stamp_ns: int) -> int:
-    """A stamp of the map by the clock of the recording that it is of."""
+    """A map time in the time of the recording that it belongs to."""
     return stamp_ns - span_at(spans, stamp_ns).shift_ns
 
 
 def stamp_to_datetime(stamp_ns: int) -> datetime:
-    """A stamp as a date, to the microsecond."""
+    """A stamp as a UTC datetime, truncated to microseconds."""
     return _EPOCH + timedelta(microseconds=stamp_ns // 1000)
 
 
 def datetime_to_stamp(date_time: datetime) -> int:
-    """A date as a stamp."""
+    """A datetime as a stamp (ns)."""
     since = date_time - _EPOCH
     return (since.days * 86_400 + since.seconds) * SECOND_NS + since.microseconds * 1000

@@ -1,6 +1,5 @@
-"""Of which things nobody can say whether they stood there at the time that a question speaks of.
-
-They were seen later, and their place had not been seen empty before; or they were on their way.
+"""Instances whose presence at a question's time is unknown: they were seen later and their place had not been seen
+empty before, or they left or came within a gap.
 """
 
 from __future__ import annotations
@@ -9,20 +8,20 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from supermap_cli.memory.values import StoredInstance
-from supermap_cli.query.candidates import LabelCandidates
+from supermap_cli.query.candidates import LabelCandidates, sorted_by_number
 from supermap_cli.query.views import InstanceView
 
 MAX_NOTED = 5
-"""Of how many things an answer says that nobody can tell."""
+"""Instances of unknown presence that an answer names in its notes."""
 
 SEARCH_LIMIT = 400
-"""Among how many it looks for those of which nobody can tell, where it need not count."""
+"""Instances searched for unknown presence, unless all are counted."""
 
 
 @dataclass(frozen=True)
 class UncertainInstances:
-    """Those of which nobody can say whether they stood there, and that are not listed: the first few, and how many
-    there are of `looked_at` (`None`: of all); `besides` are those that are not counted among what fits.
+    """The first few instances of unknown presence that are not listed in the answer, their `count` among the `searched`
+    instances (`None`: all), and how many of them are not counted as matches either (`unmatched`).
     """
 
     instances: list[StoredInstance]
@@ -37,7 +36,7 @@ NO_UNCERTAIN = UncertainInstances([], 0, 0)
 def uncertain_instances(
     candidates: LabelCandidates, listed: Iterable[InstanceView], *, counting: bool
 ) -> UncertainInstances:
-    """Of all that were ever called so, those of which nobody can say, but for those that are listed."""
+    """Instances that ever had the label, are not listed, and whose presence at the time is unknown."""
     if candidates.selector.kind != "at":
         return NO_UNCERTAIN
     listed_presences = {view.id: view.presence for view in listed}
@@ -45,7 +44,7 @@ def uncertain_instances(
         as_of = candidates.as_of()
         first, tally = as_of.unsure(candidates.labels, MAX_NOTED, listed_presences), as_of.tally(candidates.labels)
         count = tally.unsure - sum(presence == "unknown" for presence in listed_presences.values())
-        return UncertainInstances(_by_number(candidates.reader.lives_of(first)), count, tally.besides)
+        return UncertainInstances(sorted_by_number(candidates.reader.lives_of(first)), count, tally.besides)
     uncertain: dict[int, StoredInstance] = {}
     searched = None
     for at, instance in enumerate(candidates.instances()):
@@ -55,8 +54,4 @@ def uncertain_instances(
         presence = candidates.selector.presence(instance)
         if instance.id not in listed_presences and presence is not None and presence.value == "unknown":
             uncertain[instance.number] = instance
-    return UncertainInstances(_by_number(uncertain), len(uncertain), len(uncertain), searched)
-
-
-def _by_number(instances: dict[int, StoredInstance]) -> list[StoredInstance]:
-    return [instance for _, instance in sorted(instances.items())]
+    return UncertainInstances(sorted_by_number(uncertain), len(uncertain), len(uncertain), searched)

@@ -1,6 +1,6 @@
-"""What answers are made of: instances, intervals, relations and evidence, as they leave the program.
+"""The parts of answers: instances, intervals, relations and evidence.
 
-Every class here is one object of the published JSON Schemas; `to_document` turns it into JSON's types.
+Each class here is an object of the published JSON Schemas; `to_document` converts it to JSON types.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ from supermap_cli.types.memory import Presence, StateRecord, TemporalEdge
 
 Vector = tuple[float, float, float]
 DEFAULT_LIMIT = 50
-"""How many instances an answer lists, if it is not told otherwise."""
+"""Instances listed in an answer by default."""
 
 EVIDENCE_SAMPLE_SIZE = 8
-"""How many observations stand for all of them in an answer: the first, the last, and the best between."""
+"""Observations listed as evidence: the first, the last, and the best-scored in between."""
 
 
 @dataclass(frozen=True)
@@ -38,10 +38,10 @@ class BoxView:
 
 @dataclass(frozen=True)
 class IntervalView:
-    """One state of an instance: where it stood from when to when.
+    """One state of an instance: its place over an interval of time.
 
-    It was supported in [first_seen_ns, last_seen_ns]; it came between `empty_before_ns` and `first_seen_ns` and went
-    between `last_seen_ns` and `gone_ns`, as far as anybody looked.
+    It was supported in [first_seen_ns, last_seen_ns]; it came between `empty_before_ns` and `first_seen_ns` and left
+    between `last_seen_ns` and `gone_ns`, where these are known.
     """
 
     state: int
@@ -57,10 +57,10 @@ class IntervalView:
 
 @dataclass(frozen=True)
 class EvidenceView:
-    """What an answer rests on: how many observations there are, the ids and keyframe stamps of the telling ones, and
-    in how many keyframes its place was supported, in view, and seen empty.
+    """The evidence of an answer: the number of observations, ids and keyframe stamps of representative ones, and in how
+    many keyframes the place was supported, in view, and seen empty.
 
-    Of the observations before `given_up_before_ns` only the telling ones were kept; left out where all were.
+    Of the observations before `given_up_before_ns` only representative ones are kept; left out where all are.
     """
 
     observation_count: int
@@ -74,7 +74,7 @@ class EvidenceView:
 
 @dataclass(frozen=True)
 class RelationView:
-    """The relation that satisfied a question: `basis` says whether it is stored, or judged by the two boxes."""
+    """A relation that answers a question; `basis` is "stored", or "boxes" if judged by the two boxes."""
 
     name: str
     subject: str
@@ -89,9 +89,9 @@ class RelationView:
 
 @dataclass(frozen=True)
 class InstanceView:
-    """One instance in an answer: where it is, or was in the newest of its `intervals` that fit.
+    """One instance in an answer, with the position of the newest of its matching `intervals`.
 
-    Where a time was asked for, `presence` is as of then, and `standing` says what that rests on.
+    For a question about a time, `presence` is as of then, and `standing` gives its basis.
     """
 
     id: str
@@ -108,9 +108,9 @@ class InstanceView:
 
 @dataclass(frozen=True)
 class TraversalView:
-    """One traversal. Its times are its recording's own plus `clock_shift_ns`.
+    """One traversal. Its times are recording times plus `clock_shift_ns`.
 
-    Most crops, observations and thumbnails from before `*_kept_from_ns` were given up; left out where none were.
+    Most crops, observations and thumbnails from before `*_kept_from_ns` were pruned; left out where none were.
     """
 
     number: int
@@ -130,7 +130,7 @@ class TraversalView:
 
 @dataclass(frozen=True)
 class EventView:
-    """A temporal edge: what happened, to what, and within which bounds."""
+    """A temporal edge: the event, its instances, and its time bounds."""
 
     kind: str
     from_id: str
@@ -144,23 +144,23 @@ class EventView:
 
 
 def vector(values: FloatArray) -> Vector:
-    """Three metres, to a tenth of a millimetre."""
+    """A point (3,), metres, rounded to 0.1 mm."""
     x, y, z = (round(float(value), 4) for value in values)
     return x, y, z
 
 
 def box_view(box: Box3D) -> BoxView:
-    """A box as it leaves the program."""
+    """A box as a view."""
     return BoxView(vector(box.center), vector(box.size), round(float(box.yaw), 5))
 
 
 def box_of(view: BoxView) -> Box3D:
-    """The box that a view shows."""
+    """The box of a view."""
     return Box3D(np.array(view.center), np.array(view.size), view.yaw)
 
 
 def interval_view(state: StateRecord) -> IntervalView:
-    """A state as it leaves the program."""
+    """A state as a view."""
     return IntervalView(
         state=state.index,
         empty_before_ns=state.empty_before_ns,
@@ -175,7 +175,7 @@ def interval_view(state: StateRecord) -> IntervalView:
 
 
 def traversal_view(traversal: StoredTraversal) -> TraversalView:
-    """A traversal as it leaves the program."""
+    """A traversal as a view."""
     return TraversalView(
         number=traversal.number,
         name=traversal.name,
@@ -194,7 +194,7 @@ def traversal_view(traversal: StoredTraversal) -> TraversalView:
 
 
 def event_view(edge: TemporalEdge, reader: MapReader) -> EventView:
-    """A temporal edge as it leaves the program."""
+    """A temporal edge as a view."""
     return EventView(
         kind=edge.kind,
         from_id=reader.text_ids[edge.from_number],
@@ -214,7 +214,7 @@ def evidence_view(
     spans: tuple[tuple[int, int], ...],
     traversal_ids: set[int] | None = None,
 ) -> EvidenceView:
-    """What was seen of an instance within the given spans of time (and traversals), and how its place was looked at."""
+    """The evidence for an instance within the given time spans (and traversals)."""
     observations = [
         observation
         for observation in reader.sightings(instance)
@@ -231,7 +231,7 @@ AnyObservation = ObservationRef | Sighting | Said
 def evidence_of(
     observations: Sequence[AnyObservation], visits: Iterable[StoredVisit], traversals: Sequence[StoredTraversal]
 ) -> EvidenceView:
-    """What some observations say, in the order of time, and how often some of the `traversals` looked there."""
+    """The evidence of observations in chronological order, and of visits by some of the `traversals`."""
     representative = representative_observations(observations)
     visit_list = list(visits)
     limits = {traversal.id: traversal.observations_kept_from_ns for traversal in traversals}
@@ -248,7 +248,7 @@ def evidence_of(
 
 
 def representative_observations(observations: Sequence[AnyObservation]) -> Sequence[AnyObservation]:
-    """The first, the last and the best-scored observations, in the order of time, at most `SAMPLE`."""
+    """The first, the last and the best-scored observations in chronological order, at most `EVIDENCE_SAMPLE_SIZE`."""
     if len(observations) <= EVIDENCE_SAMPLE_SIZE:
         return observations
     best = sorted(observations[1:-1], key=lambda observation: (-observation.score, observation.id))[
@@ -260,12 +260,12 @@ def representative_observations(observations: Sequence[AnyObservation]) -> Seque
 
 
 def support_spans(states: tuple[StateRecord, ...]) -> tuple[tuple[int, int], ...]:
-    """When the given states were supported."""
+    """The intervals in which the states were supported."""
     return tuple((state.first_seen_ns, state.last_seen_ns) for state in states)
 
 
 def to_document(value: object) -> Any:
-    """A view as JSON's types. A field whose metadata say `optional` is left out where it is `None`."""
+    """A view as JSON types. Fields with `optional` in their metadata are left out where `None`."""
     if value is None or isinstance(value, str | int | float):
         return value.item() if isinstance(value, np.generic) else value
     if isinstance(value, list | tuple):
@@ -280,5 +280,5 @@ def to_document(value: object) -> Any:
 
 @cache
 def _named_fields(kind: type[Any]) -> tuple[tuple[str, bool], ...]:
-    """The names of a view's fields, and whether they may be left out."""
+    """The names of a view's fields, and whether they are optional."""
     return tuple((view_field.name, bool(view_field.metadata.get("optional"))) for view_field in fields(kind))

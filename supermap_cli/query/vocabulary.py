@@ -1,4 +1,4 @@
-"""Which labels of a map a phrase means: plurals, synonyms, kinds, and at last the head noun alone."""
+"""Matches a phrase to the labels of a map: plurals, synonyms, hyponyms, and finally the head noun alone."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Vocabulary:
         return " ".join([*words[:-1], self.singular(words[-1])]) if words else ""
 
     def singular(self, word: str) -> str:
-        """The singular of an English noun; a word that is none already stays as it is."""
+        """The singular of an English noun; a singular stays as it is."""
         if word in self.irregular:
             return self.irregular[word]
         if len(word) <= 3 or word.endswith(("ss", "us", "is")):
@@ -36,7 +36,7 @@ class Vocabulary:
         return word
 
     def forms_of(self, names: Iterable[str]) -> frozenset[str]:
-        """Names as they may be written: as they are, and in plurals that no rule makes."""
+        """The names and their irregular plurals."""
         irregular = {(singular, plural) for plural, singular in self.irregular.items()}
         forms = set(names)
         for name in names:
@@ -63,7 +63,7 @@ _PLURALS = (
 
 @dataclass(frozen=True)
 class LabelMatch:
-    """The labels that a phrase means, and what had to be left out or taken loosely (`note`) to find them."""
+    """The labels that match a phrase, and a note on words that were ignored or matched loosely."""
 
     labels: frozenset[str]
     note: str | None = None
@@ -71,51 +71,57 @@ class LabelMatch:
 
 @cache
 def load_vocabulary() -> Vocabulary:
-    """The synonym table that comes with the program."""
+    """The synonym table shipped with the package."""
     table = tomllib.loads((files("supermap_cli.query") / "synonyms.toml").read_text(encoding="utf-8"))
     synonyms = {name: frozenset(group) for group in table["same"] for name in group}
-    lists = {part: {name: tuple(names) for name, names in table[part].items()} for part in ("kinds", "similar")}
+    lists = {
+        section: {name: tuple(names) for name, names in table[section].items()} for section in ("kinds", "similar")
+    }
     return Vocabulary(synonyms, lists["kinds"], lists["similar"], table["irregular"])
 
 
 def match_labels(phrase: str, labels: Collection[str]) -> LabelMatch:
-    """The labels among those of a map that a phrase means; none, if nothing fits.
+    """The labels of a map that match a phrase; empty if none does.
 
-    First the phrase itself with its synonyms and kinds; then what a coarse detector may have called it; then the same
+    Tried in order: the phrase with its synonyms and kinds; labels that a coarse detector may use for it; the same
     without the words before its head noun ("red chair": chair).
     """
     vocabulary = load_vocabulary()
-    known = {label: vocabulary.normalise(label) for label in labels}
+    normalised_labels = {label: vocabulary.normalise(label) for label in labels}
     normalised = vocabulary.normalise(phrase.split(" of ", maxsplit=1)[0])
     words = normalised.split()
     for start in range(len(words)):
         name = " ".join(words[start:])
         left_out = " ".join(words[:start])
         note = f"'{left_out}' is not understood and was left out" if left_out else None
-        if found := _matching_labels(name, known, vocabulary):
-            return LabelMatch(found, note)
-        if found := _similar_labels(name, known, vocabulary):
-            taken = ", ".join(f"'{label}'" for label in sorted(found))
-            return LabelMatch(found, "; ".join(filter(None, [note, f"'{name}' was taken as {taken}"])))
+        if matching := _matching_labels(name, normalised_labels, vocabulary):
+            return LabelMatch(matching, note)
+        if matching := _similar_labels(name, normalised_labels, vocabulary):
+            taken = ", ".join(f"'{label}'" for label in sorted(matching))
+            return LabelMatch(matching, "; ".join(filter(None, [note, f"'{name}' was taken as {taken}"])))
     return LabelMatch(frozenset())
 
 
-def _matching_labels(name: str, known: Mapping[str, str], vocabulary: Vocabulary) -> frozenset[str]:
+def _matching_labels(name: str, normalised_labels: Mapping[str, str], vocabulary: Vocabulary) -> frozenset[str]:
     names = vocabulary.names_of(name)
     wanted = set(names)
     for synonym in names:
         for kind in vocabulary.kinds.get(synonym, ()):
             wanted |= vocabulary.names_of(kind)
-    return frozenset(label for label, normal in known.items() if normal in wanted or _has_head_noun(normal, names))
+    return frozenset(
+        label
+        for label, normalised_label in normalised_labels.items()
+        if normalised_label in wanted or _has_head_noun(normalised_label, names)
+    )
 
 
-def _similar_labels(name: str, known: Mapping[str, str], vocabulary: Vocabulary) -> frozenset[str]:
+def _similar_labels(name: str, normalised_labels: Mapping[str, str], vocabulary: Vocabulary) -> frozenset[str]:
     wanted: set[str] = set()
     for synonym in vocabulary.names_of(name):
         for other in vocabulary.similar.get(synonym, ()):
             wanted |= vocabulary.names_of(other)
-    return frozenset(label for label, normal in known.items() if normal in wanted)
+    return frozenset(label for label, normalised_label in normalised_labels.items() if normalised_label in wanted)
 
 
-def _has_head_noun(normal: str, names: Iterable[str]) -> bool:
-    return any(normal.endswith(f" {name}") for name in names if " " not in name)
+def _has_head_noun(normalised_label: str, names: Iterable[str]) -> bool:
+    return any(normalised_label.endswith(f" {name}") for name in names if " " not in name)

@@ -1,1 +1,1 @@
-"""What leaves as a document for people: pages complete in one file, and plans seen from above."""
+"""Reports for people: self-contained HTML pages, and plans from above."""

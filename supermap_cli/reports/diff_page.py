@@ -1,4 +1,4 @@
-"""A diff as a page: the place before and after, what changed with pictures of both sides, and a table of everything."""
+"""A diff as an HTML page: plans before and after, changes with pictures of both sides, and a table of all instances."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from supermap_cli.reports.page import badge, page, picture, table
 from supermap_cli.reports.pictures import crop_around_box, data_uri
 
 MAX_CARDS = 200
-"""More changes than these stand in the table only."""
+"""Further changes are listed in the table only."""
 
 EXPLANATION = (
     "Only a place that was seen empty makes a disappearance or an appearance. What was merely not looked at, or never "
@@ -29,7 +29,7 @@ EXPLANATION = (
 
 
 def write_diff_page(diff: Diff, reader: MapReader, path: Path) -> None:
-    """Write the page. Raises `SupermapError` where it cannot be written."""
+    """Write the page. Raises `SupermapError` if it cannot be written."""
     write_file(path, diff_page(diff, reader))
 
 
@@ -59,7 +59,7 @@ def diff_page(diff: Diff, reader: MapReader) -> str:
 
 @dataclass(frozen=True)
 class ChangePictures:
-    """What there is to show of each side of the changes."""
+    """The crops and keyframe images available for both sides of the changes."""
 
     crops: dict[int, bytes]
     images: dict[int, list[SmallImage]]
@@ -67,7 +67,7 @@ class ChangePictures:
 
     @classmethod
     def of(cls, changes: Iterable[ObjectChange], reader: MapReader, clock: Clock) -> ChangePictures:
-        """All pictures of some changes, read together."""
+        """Read the pictures of all changes at once."""
         listed = list(changes)
         ids = {
             crop_id for change in listed for crop_id in (change.crop_before, change.crop_after) if crop_id is not None
@@ -80,7 +80,7 @@ class ChangePictures:
         return cls(crop_jpegs(reader, ids), small_images(reader, stamps), clock)
 
     def side(self, change: ObjectChange, *, before: bool) -> str:
-        """One side of a change: its crop, else its place in a keyframe that saw it, or saw it empty."""
+        """One side of a change: its crop, else its place in a keyframe that observed it or saw it empty."""
         own = change.interval_before if before else change.interval_after
         crop = change.crop_before if before else change.crop_after
         if own is not None and crop in self.crops:
@@ -104,7 +104,9 @@ class ChangePictures:
 
 
 def _keyframe_stamps(change: ObjectChange, *, before: bool) -> Sequence[int]:
-    """The keyframes that may show one side, the most telling first; where it was not there, who saw that."""
+    """The keyframes that may show one side, the most relevant first; if the object was absent on that side, the
+    keyframe that saw its place empty.
+    """
     if before and change.interval_before is None:
         return [] if change.not_before_ns is None else [change.not_before_ns]
     if not before and change.interval_after is None:
@@ -116,9 +118,9 @@ def _keyframe_stamps(change: ObjectChange, *, before: bool) -> Sequence[int]:
 
 def _sides_text(diff: Diff, clock: Clock) -> str:
     sides = []
-    for end in (diff.before, diff.after):
-        at = clock.text(end.at_ns)
-        sides.append(at if end.traversal is None else f"{end.name} ({clock.text(end.since_ns)} to {at})")
+    for side in (diff.before, diff.after):
+        at = clock.text(side.at_ns)
+        sides.append(at if side.traversal is None else f"{side.name} ({clock.text(side.since_ns)} to {at})")
     return " → ".join(sides)
 
 
@@ -193,7 +195,7 @@ def _position_cell(interval: IntervalView | None) -> str:
 
 
 def _evidence(evidence: EvidenceView, crop: int | None, clock: Clock) -> str:
-    """Observations by their ids, the keyframes from the first to the last, and how the place was looked at."""
+    """Ids of observations, first and last keyframe, and the visit counts of the place."""
     counts_text = f"in view {evidence.in_view}, supported {evidence.supported}, seen empty {evidence.contradicted}"
     if not evidence.observations:
         return escape(f"no observation; {counts_text}")

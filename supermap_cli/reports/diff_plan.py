@@ -1,4 +1,4 @@
-"""What of a diff is drawn from above: the place as it was, and as it is, on one scale."""
+"""The content of a diff's plans from above: before and after, on the same scale."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from supermap_cli.reports.floor_plan import Arrow, Extent, Outline, extent_of
 from supermap_cli.reports.page import css_name
 
 MAX_NAMED_CHANGES = 60
-"""In a larger place only what changed is named."""
+"""With more changes than this, unchanged objects are not labelled."""
 
 
 @dataclass(frozen=True)
 class Panel:
-    """One of the two drawings."""
+    """One of the two plans."""
 
     title: str
     extent: Extent
@@ -30,7 +30,7 @@ class Panel:
 
 
 def before_after_panels(diff: Diff, reader: MapReader) -> tuple[Panel, Panel]:
-    """The two drawings, with the ways of the robot of those sides that are traversals."""
+    """The two plans, with the robot's trajectory for each side that is a traversal."""
     trajectories = [_trajectory(side, reader) for side in (diff.before, diff.after)]
     intervals = [
         interval for change in diff.changes for interval in (change.interval_before, change.interval_after) if interval
@@ -55,7 +55,7 @@ def before_after_panels(diff: Diff, reader: MapReader) -> tuple[Panel, Panel]:
 
 
 def _outlines(change: ObjectChange, *, before: bool, name_unchanged: bool) -> list[Outline]:
-    """A thing where it stands on one side; where it no longer stands, or does not yet, its empty outline."""
+    """The outline of an object on one side; empty where it is no longer or not yet present."""
     own, other = (
         (change.interval_before, change.interval_after) if before else (change.interval_after, change.interval_before)
     )
@@ -78,7 +78,7 @@ def _outlines(change: ObjectChange, *, before: bool, name_unchanged: bool) -> li
 
 
 def _trajectory(side: SideView, reader: MapReader) -> FloatArray:
-    """The robot's way (n, 2) in a traversal; of a plain time none."""
+    """The robot's trajectory (n, 2) in a traversal, metres; empty for a plain time."""
     if side.traversal is None:
         return np.zeros((0, 2))
     traversal = next(traversal for traversal in reader.traversals if traversal.number == side.traversal.number)

@@ -1,4 +1,4 @@
-"""A diff as a picture: the place before and after, from above."""
+"""A diff as an image: the map before and after, from above."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from supermap_cli.errors import SupermapError
 from supermap_cli.memory.reading import MapReader
 from supermap_cli.query.diff import Diff
 from supermap_cli.reports.diff_plan import Panel, before_after_panels
+from supermap_cli.reports.floor_plan import Outline
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -26,13 +27,13 @@ SUFFIXES = (".png", ".svg", ".pdf")
 
 
 def check_plot(path: Path) -> None:
-    """Raises `SupermapError` for a picture of a kind that cannot be drawn, before anything is computed for it."""
+    """Raises `SupermapError` for an unsupported image suffix, before anything is computed."""
     if path.suffix.lower() not in SUFFIXES:
         raise SupermapError("a picture of an unknown kind", where=str(path), cure="name a .png, .svg or .pdf file")
 
 
 def draw_diff(diff: Diff, reader: MapReader, path: Path) -> None:
-    """Write the picture (.png, .svg or .pdf). Raises `SupermapError` where it cannot be written."""
+    """Write the image (.png, .svg or .pdf). Raises `SupermapError` if it cannot be written."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg  # noqa: PLC0415 - keeps start-up light
     from matplotlib.figure import Figure  # noqa: PLC0415
     from matplotlib.patches import Patch  # noqa: PLC0415
@@ -60,41 +61,10 @@ def draw_diff(diff: Diff, reader: MapReader, path: Path) -> None:
 
 
 def _draw_panel(axes: Axes, panel: Panel) -> None:
-    from matplotlib.patches import Polygon  # noqa: PLC0415 - keeps start-up light
-    from matplotlib.patheffects import withStroke  # noqa: PLC0415
-
     for trajectory in panel.trajectories:
         axes.plot(trajectory[:, 0], trajectory[:, 1], color="#a9c3e2", linewidth=0.9, zorder=1)
     for outline in panel.outlines:
-        kind, ghost = outline.style.removesuffix(" ghost"), outline.style.endswith(" ghost")
-        hollow = ghost or kind in {"not-observed-again", "first-observed"}
-        colour = COLOURS[kind]
-        axes.add_patch(
-            Polygon(
-                outline.corners,
-                closed=True,
-                facecolor="none" if hollow else colour + "66",
-                edgecolor=colour,
-                linestyle="--" if hollow else "-",
-                linewidth=0.8 if kind == "unchanged" else 1.4,
-                zorder=2 if kind == "unchanged" else 3,
-            )
-        )
-        if outline.label:
-            x, y = outline.corners.mean(axis=0)
-            small = kind == "unchanged"
-            name = axes.text(
-                x,
-                y,
-                outline.label,
-                fontsize=4.5 if small else 7,
-                color="#6b7885" if small else colour,
-                weight="normal" if small else "bold",
-                ha="center",
-                va="center",
-                zorder=4 if small else 5,
-            )
-            name.set_path_effects([withStroke(linewidth=1.2, foreground="white")])
+        _draw_outline(axes, outline)
     for arrow in panel.arrows:
         axes.annotate(
             "",
@@ -107,3 +77,37 @@ def _draw_panel(axes: Axes, panel: Panel) -> None:
     axes.set(xlim=(x0, x1), ylim=(y0, y1), aspect="equal", title=panel.title, xlabel="x (m)", ylabel="y (m)")
     axes.grid(color="#eef1f4", linewidth=0.6)
     axes.set_axisbelow(True)
+
+
+def _draw_outline(axes: Axes, outline: Outline) -> None:
+    from matplotlib.patches import Polygon  # noqa: PLC0415 - keeps start-up light
+    from matplotlib.patheffects import withStroke  # noqa: PLC0415
+
+    kind, ghost = outline.style.removesuffix(" ghost"), outline.style.endswith(" ghost")
+    hollow = ghost or kind in {"not-observed-again", "first-observed"}
+    colour, unchanged = COLOURS[kind], kind == "unchanged"
+    axes.add_patch(
+        Polygon(
+            outline.corners,
+            closed=True,
+            facecolor="none" if hollow else colour + "66",
+            edgecolor=colour,
+            linestyle="--" if hollow else "-",
+            linewidth=0.8 if unchanged else 1.4,
+            zorder=2 if unchanged else 3,
+        )
+    )
+    if outline.label:
+        x, y = outline.corners.mean(axis=0)
+        name = axes.text(
+            x,
+            y,
+            outline.label,
+            fontsize=4.5 if unchanged else 7,
+            color="#6b7885" if unchanged else colour,
+            weight="normal" if unchanged else "bold",
+            ha="center",
+            va="center",
+            zorder=4 if unchanged else 5,
+        )
+        name.set_path_effects([withStroke(linewidth=1.2, foreground="white")])

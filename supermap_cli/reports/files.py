@@ -1,4 +1,4 @@
-"""Files that reports are written to."""
+"""Writing of report files."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from supermap_cli.errors import SupermapError
 
 
 def write_file(path: Path, content: str | bytes) -> None:
-    """Write a whole file, and its folder where there is none. Raises `SupermapError` where that is not possible."""
+    """Write a file, creating its folder. Raises `SupermapError` if that fails."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(content.encode() if isinstance(content, str) else content)

@@ -1,4 +1,4 @@
-"""A place seen from above, as SVG: outlines of things, the robot's way, arrows for what moved."""
+"""A plan from above as SVG: outlines of objects, the robot's trajectory, arrows for moves."""
 
 from __future__ import annotations
 
@@ -11,13 +11,20 @@ import numpy as np
 from supermap_cli.geometry.arrays import FloatArray
 
 WIDTH_PX, MARGIN_PX, MAX_HEIGHT_PX = 620.0, 14.0, 760.0
+"""Width, inner margin and largest height of a plan."""
+
+MARGIN_M = 0.5
+"""Free space around the drawn points."""
+
+HALF_LETTER_PX, LINE_HEIGHT_PX = 3.1, 11
+"""Half the mean width of a letter and the height of a line, for labels that must not overlap."""
 
 
 @dataclass(frozen=True)
 class Outline:
-    """A thing on the plan: the corners (4, 2) of its box in metres, its name, and how it is drawn (a CSS class).
+    """An object on the plan: the corners (4, 2) of its box in metres, and its CSS class `style`.
 
-    `told` is its label on the plan (empty: none), `title` what a pointer that rests on it shows.
+    `label` is drawn on the plan if not empty, `title` is its tooltip.
     """
 
     corners: FloatArray
@@ -28,7 +35,7 @@ class Outline:
 
 @dataclass(frozen=True)
 class Arrow:
-    """From one place (2,) to another, in metres."""
+    """An arrow between two positions (2,), metres."""
 
     start: FloatArray
     end: FloatArray
@@ -37,14 +44,14 @@ class Arrow:
 
 @dataclass(frozen=True)
 class Extent:
-    """The part of the map that is drawn: `low`, `high` (2,) in metres."""
+    """The part of the map that is drawn: `low`, `high` (2,), metres."""
 
     low: FloatArray
     high: FloatArray
 
     @property
     def px_per_m(self) -> float:
-        """The scale that fits it into the width and height that there are."""
+        """The scale that fits the extent into the maximal width and height."""
         size = np.maximum(self.high - self.low, 1e-6)
         return float(min((WIDTH_PX - 2 * MARGIN_PX) / size[0], (MAX_HEIGHT_PX - 2 * MARGIN_PX) / size[1]))
 
@@ -62,18 +69,18 @@ class Extent:
 
 
 def extent_of(points: Sequence[FloatArray]) -> Extent:
-    """An extent that holds all (n, 2) points, with half a metre around them; a few metres where there are none."""
+    """The extent of all (n, 2) points with a margin; a default extent without points."""
     non_empty = [part for part in points if len(part)]
     if not non_empty:
         return Extent(np.array([-2.0, -2.0]), np.array([2.0, 2.0]))
     together = np.concatenate(non_empty)
-    return Extent(np.floor(together.min(axis=0) - 0.5), np.ceil(together.max(axis=0) + 0.5))
+    return Extent(np.floor(together.min(axis=0) - MARGIN_M), np.ceil(together.max(axis=0) + MARGIN_M))
 
 
 def plan_svg(
     extent: Extent, outlines: Sequence[Outline], arrows: Sequence[Arrow], trajectories: Sequence[FloatArray], title: str
 ) -> str:
-    """The drawing. `ways` are the robot's, (n, 2) metres each; classes are styled by the page (`page.STYLE`)."""
+    """The drawing. `trajectories` are (n, 2), metres; CSS classes are styled by the page (`page.STYLE`)."""
     width, height = extent.size_px
     parts = [
         f'<svg class="plan" xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:.0f} {height:.0f}" role="img">',
@@ -105,7 +112,7 @@ _ARROW_TIP = (
 
 
 def _label_texts(extent: Extent, outlines: Sequence[Outline]) -> list[str]:
-    """Names beside what is named, moved down where they would lie on one another."""
+    """The labels of outlines, moved down where they would overlap."""
     taken: list[tuple[float, float, float]] = []
     texts = []
     labelled = sorted(
@@ -113,19 +120,20 @@ def _label_texts(extent: Extent, outlines: Sequence[Outline]) -> list[str]:
     )
     for outline in labelled:
         x, y = extent.to_px(outline.corners.mean(axis=0)[None])[0]
-        half = 3.1 * len(outline.label)
+        half = HALF_LETTER_PX * len(outline.label)
         x = float(np.clip(x, half + 2, extent.size_px[0] - half - 2))
         while any(
-            abs(y - other_y) < 11 and abs(x - other_x) < half + other_half for other_x, other_y, other_half in taken
+            abs(y - other_y) < LINE_HEIGHT_PX and abs(x - other_x) < half + other_half
+            for other_x, other_y, other_half in taken
         ):
-            y += 11
+            y += LINE_HEIGHT_PX
         taken.append((x, y, half))
         texts.append(f'<text class="name {outline.style}" x="{x:.1f}" y="{y + 3.5:.1f}">{escape(outline.label)}</text>')
     return texts
 
 
 def _grid(extent: Extent) -> str:
-    """A line every metre, or every 5 or 10 in a large place."""
+    """Grid lines every metre, or every 5 or 10 m in a large map."""
     size = float((extent.high - extent.low).max())
     step = 1 if size <= 25 else 5 if size <= 120 else 10
     lines = []
@@ -140,7 +148,7 @@ def _grid(extent: Extent) -> str:
 
 
 def _scale_bar(extent: Extent) -> str:
-    """A bar of one metre, or more where that is short."""
+    """A scale bar of one metre, or more if that is too short."""
     metres = next((m for m in (1, 2, 5, 10, 20, 50) if m * extent.px_per_m >= 30), 100)
     length, (_, height) = metres * extent.px_per_m, extent.size_px
     y = height - 7

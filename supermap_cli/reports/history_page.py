@@ -1,4 +1,4 @@
-"""The life of one object as a page: in words, its places from above, its pictures, and tables."""
+"""The history of one object as an HTML page: text, plan, pictures and tables."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from supermap_cli.reports.page import page, picture, table
 from supermap_cli.reports.pictures import data_uri
 
 MAX_PICTURES, MAX_STATES = 60, 60
-"""Of a longer life the last ones are shown."""
+"""Of a longer history the last ones are shown."""
 
 
 def write_history_page(history: ObjectHistory, reader: MapReader, path: Path) -> None:
-    """Write the page. Raises `SupermapError` where it cannot be written."""
+    """Write the page. Raises `SupermapError` if it cannot be written."""
     write_file(path, history_page(history, reader))
 
 

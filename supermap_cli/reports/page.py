@@ -1,4 +1,4 @@
-"""The frame of a page that is complete in one file: no scripts, nothing from elsewhere, readable in print."""
+"""The frame of a self-contained HTML page: no scripts, no external resources, printable."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ footer { margin-top: 32px; color: var(--soft); font-size: 12.5px; }
 
 
 def page(title: str, body: Iterable[str]) -> str:
-    """A whole page; the body's parts are HTML."""
+    """A page; the parts of `body` are HTML."""
     policy = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
     content = "\n".join(body)
     return f"""<!DOCTYPE html>
@@ -102,7 +102,7 @@ Times are sensor time; places are metres in the map frame, z up.</footer>
 
 
 def table(columns: Sequence[str], rows: Iterable[tuple[Sequence[str], str]]) -> str:
-    """A table of HTML cells; each row may have a line of HTML below it. Columns that end in "#" hold numbers."""
+    """A table of HTML cells; each row may have a line of HTML below it. Columns that end in "#" are numeric."""
     head = "".join(f"<th>{escape(column.removesuffix('#'))}</th>" for column in columns)
     kinds = [' class="number"' if column.endswith("#") else "" for column in columns]
     bodies = []
@@ -114,12 +114,12 @@ def table(columns: Sequence[str], rows: Iterable[tuple[Sequence[str], str]]) -> 
 
 
 def badge(kind: str) -> str:
-    """What became of a thing, in its colour."""
+    """A kind of change, in its colour."""
     return f'<span class="badge {css_name(kind)}">{escape(kind)}</span>'
 
 
 def picture(jpeg_uri: str | None, caption: str, missing: str = "no picture") -> str:
-    """A picture with its caption, or words in its place."""
+    """An image with its caption, or a text if it is missing."""
     shown = (
         f'<div class="none">{escape(missing)}</div>'
         if jpeg_uri is None

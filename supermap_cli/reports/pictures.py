@@ -1,4 +1,4 @@
-"""Pictures in a page: crops of observations, and places cut out of a keyframe's small image."""
+"""Pictures for pages: crops of observations, and places cropped from keyframe thumbnails."""
 
 from __future__ import annotations
 
@@ -12,18 +12,19 @@ from supermap_cli.geometry.se3 import inverse, transform_points
 from supermap_cli.memory.pictures import SmallImage
 
 CONTEXT_SHARE = 0.8
-"""How much of what lies around a place is shown, as a share of the place's size in the image, on each side."""
+"""Margin around a place on each side, as a share of its size in the image."""
 
 MIN_CROP_PX, PICTURE_HEIGHT_PX = 36, 180
+"""Smallest crop (px of the thumbnail), and the height to which a crop is scaled (px)."""
 
 
 def data_uri(jpeg: bytes) -> str:
-    """A JPEG as it stands in a page."""
+    """A JPEG as a data URI."""
     return "data:image/jpeg;base64," + base64.b64encode(jpeg).decode("ascii")
 
 
 def crop_around_box(image: SmallImage, box: Box3D) -> bytes | None:
-    """The part of a small image that shows a place, the box drawn on it, as a JPEG; `None` where it shows none."""
+    """The part of a thumbnail that shows a box, with the box drawn on it, as a JPEG; `None` if it is not visible."""
     import cv2  # noqa: PLC0415 - only where a page with pictures is written
 
     picture = cv2.imdecode(np.frombuffer(image.jpeg, np.uint8), cv2.IMREAD_COLOR)
@@ -37,7 +38,7 @@ def crop_around_box(image: SmallImage, box: Box3D) -> bytes | None:
     corners = (pixels + 0.5) * scale - 0.5
     low, high = corners[visible].min(axis=0), corners[visible].max(axis=0)
     if high[0] - low[0] > picture.shape[1] / 2 and camera.full_turn:
-        return None  # across the seam
+        return None  # the box crosses the panorama seam
     half = np.maximum((high - low) * (0.5 + CONTEXT_SHARE), MIN_CROP_PX / 2)
     middle = (low + high) / 2
     u0, v0 = np.floor(np.maximum(middle - half, 0)).astype(int)
@@ -55,6 +56,6 @@ def crop_around_box(image: SmallImage, box: Box3D) -> bytes | None:
     return jpeg.tobytes()
 
 
-_BOX_EDGES = [(i, (i + 1) % 4) for i in range(4)]
-_BOX_EDGES += [(i + 4, j + 4) for i, j in _BOX_EDGES] + [(i, i + 4) for i in range(4)]
-"""The sides of a box between its corners, the lower four first."""
+_BOTTOM_EDGES = [(i, (i + 1) % 4) for i in range(4)]
+_BOX_EDGES = _BOTTOM_EDGES + [(i + 4, j + 4) for i, j in _BOTTOM_EDGES] + [(i, i + 4) for i in range(4)]
+"""Corner indices of a box's edges; corners 0-3 are the bottom, 4-7 the top."""

@@ -33,7 +33,7 @@ def test_the_table_keeps_not_seen_apart_from_gone(db: Path) -> None:
 
 
 @pytest.mark.parametrize(("names", "turned"), [(("tuesday", "monday"), True), (("1", "2"), False), ((), False)])
-def test_a_turned_order_is_said(db: Path, names: tuple[str, ...], turned: bool) -> None:
+def test_a_reversed_order_is_noted(db: Path, names: tuple[str, ...], turned: bool) -> None:
     printed = supermap("diff", *names, "--db", db).stdout
     assert printed.startswith("from monday to tuesday: ")
     assert ("put in the order of time" in printed) is turned

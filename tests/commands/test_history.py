@@ -17,11 +17,14 @@ def db(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return kitchen.make_kitchen(tmp_path_factory.mktemp("kitchen") / "map.db")
 
 
-def test_a_life_is_told_in_states_events_and_sightings(db: Path) -> None:
-    told = document("history", "history", "chair-1", "--db", db)
-    assert [(interval["state"], interval["gone_ns"]) for interval in told["intervals"]] == [(0, m.ns(1001)), (1, None)]
-    assert [(event["kind"], event["distance_m"]) for event in told["events"]] == [("moved", 3.6056)]
-    assert [(sighting["traversal"], sighting["supported"]) for sighting in told["sightings"]] == [
+def test_a_history_has_states_events_and_sightings(db: Path) -> None:
+    history = document("history", "history", "chair-1", "--db", db)
+    assert [(interval["state"], interval["gone_ns"]) for interval in history["intervals"]] == [
+        (0, m.ns(1001)),
+        (1, None),
+    ]
+    assert [(event["kind"], event["distance_m"]) for event in history["events"]] == [("moved", 3.6056)]
+    assert [(sighting["traversal"], sighting["supported"]) for sighting in history["sightings"]] == [
         ("monday", 3),
         ("tuesday", 3),
     ]

@@ -47,19 +47,19 @@ def test_an_unknown_id_is_an_error(db: Path) -> None:
 @pytest.mark.parametrize("at", ["monday", "09:10", "2026-01-04T00:00:00Z", "tuesday"])
 def test_the_past_is_shown_by_the_published_schemas(db: Path, at: str) -> None:
     shown = document("show", "show", "--at", at, "--db", db)
-    told = [*shown["instances"], *shown["unknown"]]
-    assert {instance["standing"]["presence"] for instance in told} <= {"present", "unknown"}
+    instances = [*shown["instances"], *shown["unknown"]]
+    assert {instance["standing"]["presence"] for instance in instances} <= {"present", "unknown"}
     assert document("object", "show", "cup-1", "--at", at, "--db", db)["standing"]["words"]
 
 
-def test_the_past_is_shown_with_what_nobody_can_say(db: Path) -> None:
+def test_show_at_lists_unknown_presence(db: Path) -> None:
     printed = supermap("show", "--at", "09:10", "--db", db).stdout
     assert "5 objects as of 2026-01-05T09:10:00.0Z" in printed
     assert "4 of which nobody can say" in printed
     assert "left between" in supermap("show", "cup-1", "--at", "09:10", "--db", db).stdout
 
 
-def test_a_shifted_clock_is_told(tmp_path: Path) -> None:
+def test_a_shifted_clock_is_shown(tmp_path: Path) -> None:
     path = m.make_memory(tmp_path / "map.db", ("tuesday", (50, 100), MapDelta(keyframes=m.keyframes([60]))))
     assert "shifted" not in supermap("show", "--db", path).stdout
     with open_store(str(path), create=True) as store:

@@ -1,4 +1,4 @@
-"""`supermap export --at`: every format says of every thing what `supermap show --at` says of it, gaps and all."""
+"""`supermap export --at`: every format agrees with `supermap show --at`, including unknown presence."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ from support import memories as m
 from support.cli import document, supermap
 
 TIMES = ("0 s", "40 s", "99 s", "500 s", "1000.5 s", "1002 s", "1090 s", "monday", "tuesday")
-ODD = (11, 12, 13, 14)
-"""A cup that is called a mug later, one that left in a gap, one that was lost, one that moved in a gap."""
+CHANGED_CUPS = (11, 12, 13, 14)
+"""A cup that is labelled mug later, one that left in a gap, one that was lost, one that moved in a gap."""
 
 
 @dataclass(frozen=True)
-class Told:
-    """What is told of one thing as of a time."""
+class InstanceValues:
+    """The exported values of one instance as of a time."""
 
     presence: str
     label: str
@@ -42,15 +42,15 @@ def db(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def make_gaps(path: Path) -> Path:
-    """The kitchen, and things in it that changed while nobody looked."""
-    renamed, left, lost, moved = ODD
+    """The kitchen, with instances that changed while they were not in view."""
+    renamed, left, lost, moved = CHANGED_CUPS
     monday, tuesday = kitchen.MONDAY, kitchen.TUESDAY
     first = MapDelta(
         keyframes=m.keyframes([2, 41, 91]),
-        instances=tuple(m.instance(number, "cup", (number, 0, 0.5), seen=monday) for number in ODD),
-        observations=tuple(m.observation(number, at, "cup") for number in ODD for at in (2, 41, 91)),
-        states=tuple(m.state(number, 0, monday, (number, 0, 0.5), label="cup") for number in ODD),
-        visits=tuple(m.visit(number, 3, 3, 0, monday) for number in ODD),
+        instances=tuple(m.instance(number, "cup", (number, 0, 0.5), seen=monday) for number in CHANGED_CUPS),
+        observations=tuple(m.observation(number, at, "cup") for number in CHANGED_CUPS for at in (2, 41, 91)),
+        states=tuple(m.state(number, 0, monday, (number, 0, 0.5), label="cup") for number in CHANGED_CUPS),
+        visits=tuple(m.visit(number, 3, 3, 0, monday) for number in CHANGED_CUPS),
     )
     second = MapDelta(
         keyframes=m.keyframes([1002, 1041, 1091]),
@@ -82,20 +82,20 @@ def make_gaps(path: Path) -> Path:
     return path
 
 
-def shown(db: Path, at: str, *presences: str) -> dict[str, Told]:
-    """What `show --at` says of all that stood or perhaps stood then, by id."""
+def shown(db: Path, at: str, *presences: str) -> dict[str, InstanceValues]:
+    """The instances that `show --at` lists as present or unknown, by id."""
     printed = document("show", "show", "--db", db, "--at", at)
-    told = {
-        number["id"]: Told(
-            number["presence"],
-            number["label"],
-            tuple(number["position"]),
-            number["standing"]["not_before_ns"],
-            number["standing"]["not_after_ns"],
+    by_id = {
+        instance["id"]: InstanceValues(
+            instance["presence"],
+            instance["label"],
+            tuple(instance["position"]),
+            instance["standing"]["not_before_ns"],
+            instance["standing"]["not_after_ns"],
         )
-        for number in (*printed["instances"], *printed["unknown"])
+        for instance in (*printed["instances"], *printed["unknown"])
     }
-    return {id_: told for id_, told in told.items() if not presences or told.presence in presences}
+    return {id_: values for id_, values in by_id.items() if not presences or values.presence in presences}
 
 
 def exported(db: Path, at: str, format_: str, *options: str) -> Any:
@@ -104,12 +104,12 @@ def exported(db: Path, at: str, format_: str, *options: str) -> Any:
     return json.loads(result.stdout)
 
 
-def in_document(db: Path, at: str, *options: str) -> dict[str, Told]:
+def in_document(db: Path, at: str, *options: str) -> dict[str, InstanceValues]:
     found = exported(db, at, "json", *options)
     Draft202012Validator(load_schema("export")).validate(found)
     assert all(instance["presence"] == instance["standing"]["presence"] for instance in found["instances"])
     return {
-        instance["id"]: Told(
+        instance["id"]: InstanceValues(
             instance["presence"],
             instance["label"],
             tuple(instance["position"]),
@@ -120,10 +120,10 @@ def in_document(db: Path, at: str, *options: str) -> dict[str, Told]:
     }
 
 
-def in_plan(db: Path, at: str, *options: str) -> dict[str, Told]:
+def in_geojson(db: Path, at: str, *options: str) -> dict[str, InstanceValues]:
     features = (properties["properties"] for properties in exported(db, at, "geojson", *options)["features"])
     return {
-        properties["id"]: Told(
+        properties["id"]: InstanceValues(
             properties["presence"],
             properties["label"],
             (properties["x"], properties["y"], properties["z"]),
@@ -135,32 +135,32 @@ def in_plan(db: Path, at: str, *options: str) -> dict[str, Told]:
     }
 
 
-def in_tables(db: Path, out: Path, at: str) -> tuple[dict[str, Told], dict[str, Told]]:
+def in_tables(db: Path, out: Path, at: str) -> tuple[dict[str, InstanceValues], dict[str, InstanceValues]]:
     """By `instances.csv`, and by `states.csv`."""
     result = supermap("export", "--db", db, "--out", out, "--format", "csv", "--at", at)
     assert result.exit_code == 0, result.output or repr(result.exception)
-    told = []
+    tables = []
     for name in ("instances", "states"):
         with (out / f"{name}.csv").open(newline="") as file:
-            told.append({row["id"]: of_row(row) for row in csv.DictReader(file)})
-    return told[0], told[1]
+            tables.append({row["id"]: values_of_row(row) for row in csv.DictReader(file)})
+    return tables[0], tables[1]
 
 
-def of_row(row: dict[str, str]) -> Told:
+def values_of_row(row: dict[str, str]) -> InstanceValues:
     place = tuple(float(row[axis]) for axis in "xyz")
     low_ns, high_ns = (int(row[name]) if row[name] else None for name in ("not_before_ns", "not_after_ns"))
-    return Told(row["presence"], row["label"], place, low_ns, high_ns)
+    return InstanceValues(row["presence"], row["label"], place, low_ns, high_ns)
 
 
-def presences(told: dict[str, Told]) -> set[str]:
-    return {told.presence for told in told.values()}
+def presences(by_id: dict[str, InstanceValues]) -> set[str]:
+    return {values.presence for values in by_id.values()}
 
 
-def test_the_memory_has_gaps(db: Path) -> None:
-    """Else the tests below would hold of exports that know none."""
+def test_the_test_map_has_unknown_presence(db: Path) -> None:
+    """Otherwise the tests below would not cover unknown presence."""
     assert presences(shown(db, "500 s")) == {"present", "unknown"}
-    assert {told.label for told in shown(db, "tuesday").values()} - {
-        told.label for told in shown(db, "monday").values()
+    assert {values.label for values in shown(db, "tuesday").values()} - {
+        values.label for values in shown(db, "monday").values()
     }
 
 
@@ -171,15 +171,15 @@ def test_the_document_says_what_show_says(db: Path, at: str) -> None:
 
 @pytest.mark.parametrize("at", TIMES)
 def test_the_plan_says_what_show_says(db: Path, at: str) -> None:
-    assert in_plan(db, at) == shown(db, at)
+    assert in_geojson(db, at) == shown(db, at)
 
 
 @pytest.mark.parametrize("at", TIMES)
 def test_the_tables_say_what_show_says(db: Path, tmp_path: Path, at: str) -> None:
     instances, states = in_tables(db, tmp_path / "tables", at)
     assert instances == shown(db, at)
-    assert {id_: (told.presence, told.position) for id_, told in states.items()} == {
-        id_: (told.presence, told.position) for id_, told in instances.items()
+    assert {id_: (values.presence, values.position) for id_, values in states.items()} == {
+        id_: (values.presence, values.position) for id_, values in instances.items()
     }
 
 
@@ -190,46 +190,48 @@ def test_the_cloud_says_what_show_says(db: Path, tmp_path: Path, at: str) -> Non
     read = PlyData.read(tmp_path / "cloud.ply")
     words = [comment.split() for comment in read.comments]
     ids = {words[1]: words[2] for words in words if words[0] == "instance" and words[3] == "label"}
-    said = {ids[words[1]]: words[3].rstrip(":") for words in words if words[0] == "instance" and words[2] == "is"}
+    presence_by_id = {
+        ids[words[1]]: words[3].rstrip(":") for words in words if words[0] == "instance" and words[2] == "is"
+    }
     labels = {words[1]: " ".join(words[2:]) for words in words if words[0] == "label"}
-    called = {words[2]: labels[words[4]] for words in words if words[0] == "instance" and words[3] == "label"}
+    label_by_id = {words[2]: labels[words[4]] for words in words if words[0] == "instance" and words[3] == "label"}
     expected = shown(db, at)
-    assert said == {id_: told.presence for id_, told in expected.items()}
-    assert called == {id_: told.label for id_, told in expected.items()}
+    assert presence_by_id == {id_: values.presence for id_, values in expected.items()}
+    assert label_by_id == {id_: values.label for id_, values in expected.items()}
     assert {int(number) for number in ids} == set(np.unique(read["vertex"]["instance"]))
 
 
 @pytest.mark.parametrize("at", TIMES)
-def test_only_what_is_known_to_have_stood_is_present(db: Path, at: str) -> None:
-    assert in_plan(db, at, "--present") == shown(db, at, "present")
+def test_only_certain_presence_is_exported_as_present(db: Path, at: str) -> None:
+    assert in_geojson(db, at, "--present") == shown(db, at, "present")
 
 
 @pytest.mark.parametrize("at", TIMES)
-def test_all_has_what_did_not_stand_then_as_well(db: Path, at: str) -> None:
+def test_all_includes_absent_instances(db: Path, at: str) -> None:
     found = in_document(db, at, "--all")
-    absent = {id_ for id_, told in found.items() if told.presence == "absent"}
+    absent = {id_ for id_, values in found.items() if values.presence == "absent"}
     assert len(absent) == document("show", "show", "--db", db, "--at", at)["absent"]
-    assert {id_: told for id_, told in found.items() if id_ not in absent} == shown(db, at)
+    assert {id_: values for id_, values in found.items() if id_ not in absent} == shown(db, at)
 
 
-def test_what_a_traversal_saw_stood_at_its_end_though_it_left_later(db: Path) -> None:
+def test_what_a_traversal_saw_is_exported_as_present_at_its_end(db: Path) -> None:
     assert in_document(db, "monday")["cup-1"].presence == "present"
     assert in_document(db, "500 s")["cup-1"].presence == "unknown"
     assert "cup-1" not in in_document(db, "tuesday")
 
 
-def test_a_thing_is_looked_for_by_what_it_was_called_then(db: Path) -> None:
+def test_labels_are_selected_as_of_the_time(db: Path) -> None:
     def found(at: str, label: str) -> Iterable[str]:
         return in_document(db, at, "--label", label).keys()
 
-    called = next(id_ for id_, told in in_document(db, "tuesday").items() if told.label == "mug")
-    assert called in found("monday", "cup")
-    assert called not in found("monday", "mug")
-    assert called in found("tuesday", "mug")
-    assert called not in found("tuesday", "cup")
+    mug = next(id_ for id_, values in in_document(db, "tuesday").items() if values.label == "mug")
+    assert mug in found("monday", "cup")
+    assert mug not in found("monday", "mug")
+    assert mug in found("tuesday", "mug")
+    assert mug not in found("tuesday", "cup")
 
 
-def test_a_plan_and_a_document_say_of_when_they_are(db: Path) -> None:
+def test_geojson_and_json_tell_their_time(db: Path) -> None:
     assert exported(db, "monday", "geojson")["supermap"]["as_of"] == "monday"
     selection = exported(db, "monday", "json")["selection"]
     assert (selection["as_of"], selection["at_ns"]) == ("monday", m.ns(100))

@@ -1,4 +1,4 @@
-"""Where an export goes: whole, or as it was; what fails, is stopped or is killed takes nothing and leaves nothing."""
+"""Atomic exports: a failed, stopped or killed export leaves the target as it was."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def write_folder(out: Path, text: str) -> None:
 
 @pytest.mark.parametrize("failing", [1, 2])
 @pytest.mark.parametrize("error", [FULL, KeyboardInterrupt()], ids=["full disk", "Ctrl-C"])
-def test_a_folder_that_cannot_be_replaced_stays(
+def test_a_failed_replacement_keeps_the_old_folder(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, failing: int, error: BaseException
 ) -> None:
     write_folder(tmp_path / "tables", "old")
@@ -113,7 +113,7 @@ def test_a_killed_export_leaves_the_file_as_it_was_and_the_next_one_clears_up(tm
     assert out.read_text() == "new"
 
 
-def test_nothing_is_cleared_of_exports_that_run_or_go_elsewhere(tmp_path: Path) -> None:
+def test_leftovers_of_other_or_running_exports_are_kept(tmp_path: Path) -> None:
     killed(tmp_path / "other.json")
     of_others = {*names(tmp_path), f".a.json.{os.getppid()}.partial", ".a.json.notes.partial", ".axjson.999999.partial"}
     for name in of_others:
@@ -123,7 +123,7 @@ def test_nothing_is_cleared_of_exports_that_run_or_go_elsewhere(tmp_path: Path) 
     assert names(tmp_path) == {*of_others, "a.json"}
 
 
-def test_a_folder_killed_between_its_two_names_comes_back(tmp_path: Path) -> None:
+def test_a_folder_is_restored_after_a_kill_between_two_renames(tmp_path: Path) -> None:
     out = tmp_path / "tables"
     write_folder(out, "old")
     ended = subprocess.run([sys.executable, "-c", KILLED_BETWEEN_RENAMES, out], env=os.environ, check=False)
@@ -136,7 +136,7 @@ def test_a_folder_killed_between_its_two_names_comes_back(tmp_path: Path) -> Non
 
 
 def stop_while_it_writes(stop: int) -> None:
-    """A `prepare`: the export's process is sent a signal when it has written a part."""
+    """A `prepare`: the export's process receives a signal after writing a part."""
     whole = ExportSource.instances
 
     def stopped(self: ExportSource, **options: bool) -> Iterator[Any]:

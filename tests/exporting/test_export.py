@@ -1,4 +1,4 @@
-"""`supermap export`: what each format holds, read back by readers of others; and what never happens to a file."""
+"""`supermap export`: the content of each format, read back by independent readers, and protection of files."""
 
 from __future__ import annotations
 
@@ -45,14 +45,14 @@ def document(db: Path, *options: str) -> Any:
 
 
 def plan(db: Path, *options: str) -> dict[str, Any]:
-    """Feature by id."""
+    """Features by id."""
     result = supermap("export", "--db", db, "--out", "-", "--format", "geojson", *options)
     assert result.exit_code == 0, result.output
     return {feature["id"]: feature for feature in json.loads(result.stdout)["features"]}
 
 
 def cloud(path: Path) -> tuple[Any, dict[int, str], dict[int, str]]:
-    """Vertices, ids by number and labels by index, as plyfile and the comments have them."""
+    """Vertices, ids by number and labels by index, read by plyfile."""
     read = PlyData.read(path)
     words = [comment.split() for comment in read.comments]
     ids = {int(words[1]): words[2] for words in words if words[0] == "instance" and words[3] == "label"}
@@ -101,7 +101,7 @@ def test_a_document_of_a_traversal_has_what_it_saw(db: Path) -> None:
     assert [interval["state"] for interval in chair["intervals"]] == [1]
 
 
-def test_what_was_merged_leaves_as_what_it_is_part_of(tmp_path: Path) -> None:
+def test_merged_instances_are_exported_under_the_merged_id(tmp_path: Path) -> None:
     delta = MapDelta(
         keyframes=m.keyframes([1, 2]),
         instances=(m.instance(1, "cup"), m.instance(2, "cup", merged_into=1), m.instance(3, "cup", merged_into=2)),
@@ -119,7 +119,7 @@ def test_what_was_merged_leaves_as_what_it_is_part_of(tmp_path: Path) -> None:
 # GeoJSON
 
 
-def test_the_plan_shows_what_stands_now_and_the_ways(db: Path) -> None:
+def test_the_plan_has_present_objects_and_trajectories(db: Path) -> None:
     found = plan(db)
     objects = {key: feature for key, feature in found.items() if feature["properties"]["kind"] == "object"}
     assert set(objects) == {
@@ -184,7 +184,7 @@ def test_open3d_reads_the_cloud(db: Path, tmp_path: Path, options: tuple[str, ..
     np.testing.assert_allclose(np.asarray(read.colors), 128 / 255, atol=1e-3)
 
 
-def test_in_an_earlier_place_a_shape_stands_shifted_and_the_header_says_so(db: Path, tmp_path: Path) -> None:
+def test_an_earlier_state_is_a_shifted_shape_with_a_comment(db: Path, tmp_path: Path) -> None:
     export(db, tmp_path / "cloud.ply", "--all", "--label", "chair")
     read = PlyData.read(tmp_path / "cloud.ply")
     moved = [comment for comment in read.comments if comment.startswith("instance 3 state 0")]
@@ -241,7 +241,7 @@ def test_parquet_without_pyarrow_says_how_to_get_it(db: Path, tmp_path: Path, mo
 # Files (see test_destination.py)
 
 
-def test_what_is_there_stays_without_force(db: Path, tmp_path: Path) -> None:
+def test_existing_files_are_kept_without_force(db: Path, tmp_path: Path) -> None:
     out = tmp_path / "plan.geojson"
     out.write_text("mine")
     assert isinstance(supermap("export", "--db", db, "--out", out).exception, ExportError)

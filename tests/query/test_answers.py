@@ -1,4 +1,4 @@
-"""Questions to a small kitchen, and what they are answered with."""
+"""Questions to a small kitchen, and their answers."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def ask(tmp_path_factory: pytest.TempPathFactory) -> Ask:
         ("everything near the chair in the first traversal", ["dining-table-1", "potted-plant-1"]),
     ],
 )  # fmt: skip
-def test_who_is_named(ask: Ask, question: str, ids: list[str]) -> None:
+def test_matching_instances(ask: Ask, question: str, ids: list[str]) -> None:
     assert [instance.id for instance in ask(question).instances] == ids
 
 
@@ -100,19 +100,19 @@ def test_boxes_answer_where_no_relation_is_stored_and_the_answer_says_so(ask: As
     assert "judged by their boxes" in found.message
 
 
-def test_a_count_counts(ask: Ask) -> None:
+def test_how_many_gives_a_count(ask: Ask) -> None:
     assert ask("how many chairs").count == 2
     assert ask("how many pianos").count == 0
     assert ask("chairs").count is None
 
 
-def test_what_is_gone_is_told_as_a_near_miss_with_its_bounds(ask: Ask) -> None:
+def test_a_gone_instance_is_a_near_miss_with_bounds(ask: Ask) -> None:
     found = ask("where is the cup")
     assert [near_miss.id for near_miss in found.nearest] == ["cup-1"]
     assert "gone between 2026-01-05T09:01:30.0Z and 2026-01-05T09:16:45.0Z" in found.message
 
 
-def test_what_is_out_of_reach_is_told_with_its_distance(ask: Ask) -> None:
+def test_an_instance_out_of_reach_is_a_near_miss_with_its_distance(ask: Ask) -> None:
     found = ask("chair on the tv")
     assert found.nearest[0].id == "chair-2"
     assert found.nearest[0].distance_m == pytest.approx(0.7)
@@ -136,11 +136,11 @@ def test_what_is_out_of_reach_is_told_with_its_distance(ask: Ask) -> None:
         ("what is on the table", "everything on table now: vase-1"),
     ],
 )
-def test_what_is_said(ask: Ask, question: str, message: str) -> None:
+def test_messages(ask: Ask, question: str, message: str) -> None:
     assert ask(question).message == message
 
 
-def test_a_doubtful_label_and_a_misspelling_are_near_misses(ask: Ask) -> None:
+def test_an_uncertain_label_and_a_misspelling_are_near_misses(ask: Ask) -> None:
     assert {near_miss.reason for near_miss in ask("vaze").nearest} == {"did you mean 'vase'?"}
     assert "may be a other (10%)" in ask("other").nearest[0].reason
 
@@ -153,7 +153,7 @@ def test_what_was_left_out_is_noted(ask: Ask) -> None:
 
 
 @pytest.mark.parametrize(("question", "lead"), [("anything on the tv", ""), ("is there anything on the tv", "no: ")])
-def test_nothing_at_all_is_called_nothing(ask: Ask, question: str, lead: str) -> None:
+def test_an_empty_answer_without_a_noun_says_nothing(ask: Ask, question: str, lead: str) -> None:
     assert ask(question).message.startswith(f"{lead}nothing on tv now (")
 
 
@@ -214,7 +214,7 @@ def test_an_empty_map_answers_too(tmp_path: Path) -> None:
         assert answer("how many chairs near the tv earlier", reader).count == 0
 
 
-def test_a_map_of_one_traversal_knows_an_earlier(tmp_path: Path) -> None:
+def test_earlier_works_in_a_map_of_one_traversal(tmp_path: Path) -> None:
     delta = MapDelta(
         keyframes=m.keyframes([1, 9]),
         instances=(m.instance(1, "cup", seen=(1, 9)), m.instance(2, "book", seen=(1, 2), presence="absent")),
@@ -225,7 +225,7 @@ def test_a_map_of_one_traversal_knows_an_earlier(tmp_path: Path) -> None:
         assert [instance.id for instance in answer("everything earlier", reader).instances] == ["cup-1", "book-1"]
 
 
-def test_an_instance_is_called_what_it_was_at_the_time(tmp_path: Path) -> None:
+def test_labels_are_those_of_the_selected_time(tmp_path: Path) -> None:
     delta = MapDelta(
         keyframes=m.keyframes([1, 9]),
         instances=(m.instance(1, "bowl", seen=(1, 9)),),

@@ -66,7 +66,7 @@ def test_what_is_neither_is_an_error(reader: MapReader, written: str) -> None:
         parse_time_point(written, reader, clock_of(reader))
 
 
-def test_between_two_visits_what_has_gone_is_unknown(reader: MapReader) -> None:
+def test_presence_is_unknown_between_the_last_support_and_the_contradiction(reader: MapReader) -> None:
     shown = all_at(reader, "09:10")
     unknown = {instance.id: instance.standing.words for instance in shown.unknown or () if instance.standing}
     assert {instance.id for instance in shown.instances} == {
@@ -83,7 +83,7 @@ def test_between_two_visits_what_has_gone_is_unknown(reader: MapReader) -> None:
     assert shown.absent == 0
 
 
-def test_at_the_end_of_a_traversal_things_stand_as_they_stood_then(reader: MapReader) -> None:
+def test_the_end_of_a_traversal_shows_the_states_of_that_time(reader: MapReader) -> None:
     (chair,) = [instance for instance in all_at(reader, "60 s").instances if instance.id == "chair-1"]
     assert (chair.position, chair.presence) == ((0.0, 1.0, 0.5), "present")
     assert chair.evidence.observation_count == 2
@@ -94,7 +94,7 @@ def test_at_the_end_of_a_traversal_things_stand_as_they_stood_then(reader: MapRe
     assert [traversal.name for traversal in all_at(reader, "monday").traversals] == ["monday"]
 
 
-def test_before_anything_was_seen_nothing_stands_and_nothing_is_gone(reader: MapReader) -> None:
+def test_before_the_first_observation_nothing_is_present_or_gone(reader: MapReader) -> None:
     shown = all_at(reader, "2026-01-04T12:00:00Z")
     assert shown.instances == ()
     assert {instance.id for instance in shown.unknown or ()} >= {"cup-1", "lamp-1", "chair-1"}
@@ -102,14 +102,14 @@ def test_before_anything_was_seen_nothing_stands_and_nothing_is_gone(reader: Map
     assert answer("cup", reader, "2026-01-04T12:00:00Z").notes[0] == "the map begins at 2026-01-05T09:00:00.0Z"
 
 
-def test_after_the_end_what_stood_last_stands(reader: MapReader) -> None:
+def test_after_the_end_the_last_state_holds(reader: MapReader) -> None:
     assert {instance.id for instance in all_at(reader, "2026-01-09T12:00:00Z").instances} == {
         instance.id for instance in all_at(reader, "now").instances
     }
     assert "what came after, nobody saw" in answer("chairs", reader, "2026-01-09T12:00:00Z").notes[0]
 
 
-def test_details_hold_the_relations_of_the_time(reader: MapReader) -> None:
+def test_details_have_the_relations_of_that_time(reader: MapReader) -> None:
     then, later = one_at(reader, "chair-1", "60 s"), one_at(reader, "chair-1", "now")
     assert {relation.stored_as for relation in then.relations} == {
         "near(chair-1, potted-plant-1)",
@@ -120,7 +120,7 @@ def test_details_hold_the_relations_of_the_time(reader: MapReader) -> None:
     assert len(then.intervals) == 1
 
 
-def test_a_thing_within_its_gap_is_shown_where_it_was_last(reader: MapReader) -> None:
+def test_within_a_gap_the_last_known_place_is_shown(reader: MapReader) -> None:
     shown = one_at(reader, "cup-1", "09:10")
     assert (shown.presence, shown.position) == ("unknown", (0.5, 0.0, 0.8))
     assert shown.standing is not None
@@ -154,7 +154,7 @@ def test_a_question_with_a_time_of_its_own_is_not_asked_as_of_another(reader: Ma
         answer("cup earlier", reader, "monday")
 
 
-def test_a_thing_merged_later_is_the_thing_it_turned_out_to_be(tmp_path: Path) -> None:
+def test_a_merged_id_resolves_to_the_merged_instance_at_an_earlier_time(tmp_path: Path) -> None:
     whole, part = m.instance(1, "cup", seen=(1, 9)), m.instance(2, "cup", seen=(4, 5), merged_into=1)
     delta = MapDelta(
         keyframes=m.keyframes([1, 9]),
@@ -168,7 +168,7 @@ def test_a_thing_merged_later_is_the_thing_it_turned_out_to_be(tmp_path: Path) -
         assert [instance.id for instance in all_at(reader, "4.5 s").instances] == ["cup-1"]
 
 
-def test_what_a_traversal_saw_stands_at_its_end(reader: MapReader) -> None:
+def test_what_a_traversal_saw_is_present_at_its_end(reader: MapReader) -> None:
     """The cup was seen last 10 s before monday's end, and found gone on tuesday."""
     shown = one_at(reader, "cup-1", "monday")
     assert shown.presence == "present"

@@ -1,4 +1,4 @@
-"""What the database judges of a time is what going through all lives gives."""
+"""The presence computed by the database equals the presence computed instance by instance."""
 
 from __future__ import annotations
 
@@ -22,19 +22,19 @@ from support.databases import examples
 from support.random_memories import LABELS, make_random_memory
 
 seeds = st.integers(0, 10_000)
-asked = st.tuples(st.integers(-2, 132), st.none() | st.integers(-2, 132))
+queries = st.tuples(st.integers(-2, 132), st.none() | st.integers(-2, 132))
 labels = st.none() | st.sets(st.sampled_from(LABELS), max_size=2).map(frozenset)
 
 
 @settings(max_examples=examples(40), deadline=None)
-@given(seeds, st.lists(st.tuples(asked, labels), min_size=5, max_size=20))
-def test_a_time_is_judged_as_each_life_is(
-    seed: int, asked: list[tuple[tuple[int, int | None], frozenset[str] | None]]
+@given(seeds, st.lists(st.tuples(queries, labels), min_size=5, max_size=20))
+def test_counts_at_a_time_equal_those_of_single_instances(
+    seed: int, queries: list[tuple[tuple[int, int | None], frozenset[str] | None]]
 ) -> None:
     with tempfile.TemporaryDirectory() as folder:
         path = make_random_memory(Path(folder) / "map.db", seed)
         with open_store(str(path), read_only=True) as store, store.reader() as reader:
-            for (at, since), wanted in asked:
+            for (at, since), wanted in queries:
                 compare(reader, m.ns(at), None if since is None else m.ns(min(at, since)), wanted)
 
 
@@ -43,34 +43,38 @@ def compare(reader: MapReader, at_ns: int, since_ns: int | None, wanted: frozens
     instances = sorted(reader.believed, key=lambda instance: (-instance.last_seen_ns, -instance.number))
     known = {instance.number: presence_at(instance, at_ns, since_ns) for instance in instances}
     present = Counter(
-        label_in_state(instance, it.state)
+        label_in_state(instance, found.state)
         for instance in instances
-        if (it := known[instance.number]) and it.value == "present"
+        if (found := known[instance.number]) and found.value == "present"
     )
     counts = as_of.counts()
     assert {called: count for (presence, called), count in counts.items() if presence == "present"} == present
     for presence in ("present", "unknown", "absent"):
-        of = [instance.number for instance in instances if (it := known[instance.number]) and it.value == presence]
-        assert sum(count for (other, _), count in counts.items() if other == presence) == len(of)
-        assert [as_of.first(presence, limit) for limit in (0, 2, 99)] == [of[:0], of[:2], of]
+        expected = [
+            instance.number for instance in instances if (found := known[instance.number]) and found.value == presence
+        ]
+        assert sum(count for (other, _), count in counts.items() if other == presence) == len(expected)
+        assert [as_of.first(presence, limit) for limit in (0, 2, 99)] == [expected[:0], expected[:2], expected]
     held = {instance.number: state_held_at(instance.states, at_ns) for instance in instances}
-    fits = [
+    matching = [
         instance
         for instance in instances
-        if (it := held[instance.number]) and (wanted is None or label_in_state(instance, it) in wanted)
+        if (found := held[instance.number]) and (wanted is None or label_in_state(instance, found) in wanted)
     ]
-    unsure = [
+    uncertain = [
         instance
         for instance in instances
-        if (it := known[instance.number]) and it.value == "unknown" and (wanted is None or had_label(instance, wanted))
+        if (found := known[instance.number])
+        and found.value == "unknown"
+        and (wanted is None or had_label(instance, wanted))
     ]
     tally = as_of.tally(wanted)
-    assert (tally.fits, tally.unsure) == (len(fits), len(unsure))
-    assert tally.sure == sum(instance not in unsure for instance in fits)
-    assert tally.besides == sum(instance not in fits for instance in unsure)
-    numbers = sorted(instance.number for instance in unsure)
+    assert (tally.fits, tally.unsure) == (len(matching), len(uncertain))
+    assert tally.sure == sum(instance not in uncertain for instance in matching)
+    assert tally.besides == sum(instance not in matching for instance in uncertain)
+    numbers = sorted(instance.number for instance in uncertain)
     assert as_of.unsure(wanted, 3) == numbers[:3]
-    ids = [instance.id for instance in unsure if instance.number == numbers[0]]
+    ids = [instance.id for instance in uncertain if instance.number == numbers[0]]
     assert as_of.unsure(wanted, 3, ids) == numbers[1:4]
 
 

@@ -1,4 +1,4 @@
-"""Laws of diffs, over random lives: what is never claimed, and how diffs of adjoining spans add up."""
+"""Properties of change classification over random instances: what is never reported, and how diffs add up."""
 
 from __future__ import annotations
 
@@ -25,20 +25,20 @@ times = st.integers(-5, random_instances.END_S + 5)
 
 
 def between(instance: StoredInstance, a: float, b: float) -> ChangeClassification | None:
-    """The verdict between two plain times."""
+    """The classification between two plain times."""
     first, second = (TimePoint(str(at), m.ns(at), m.ns(at)) for at in sorted((a, b)))
     return StateComparison(instance, compared_times(first, second, ())).classify()
 
 
 def of_visits(instance: StoredInstance, first: int, second: int) -> ChangeClassification | None:
-    """The verdict between two of the traversals of `lives.visited`."""
+    """The classification between two of the traversals of `random_instances`."""
     a, b = (random_instances.TRAVERSALS[at] for at in sorted((first, second)))
     ends = [TimePoint(traversal.name, traversal.end_ns, traversal.start_ns, traversal) for traversal in (a, b)]
     return StateComparison(instance, compared_times(ends[0], ends[1], random_instances.TRAVERSALS)).classify()
 
 
 def check_claims(instance: StoredInstance, found: ChangeClassification | None, a_ns: int, b_ns: int) -> None:
-    """Gone needs a contradiction between the two, come a place seen empty before."""
+    """A disappearance needs a contradiction in between, an appearance a place seen empty before."""
     if found is None:
         return
     if found.kind == "disappeared":
@@ -68,16 +68,14 @@ def check_claims(instance: StoredInstance, found: ChangeClassification | None, a
 
 
 @given(random_instances.instances(), times, times)
-def test_nothing_is_claimed_that_nobody_saw(instance: StoredInstance, a: int, b: int) -> None:
+def test_changes_between_times_need_evidence(instance: StoredInstance, a: int, b: int) -> None:
     low, high = sorted((a, b))
     if low < high:
         check_claims(instance, between(instance, low, high), m.ns(low), m.ns(high))
 
 
 @given(random_instances.visited_instances(), st.sampled_from([(0, 1), (1, 2), (0, 2)]))
-def test_nothing_is_claimed_between_traversals_that_nobody_saw(
-    instance: StoredInstance, which: tuple[int, int]
-) -> None:
+def test_changes_between_traversals_need_evidence(instance: StoredInstance, which: tuple[int, int]) -> None:
     a, b = (random_instances.TRAVERSALS[index] for index in which)
     check_claims(instance, of_visits(instance, *which), a.end_ns, b.end_ns)
 
@@ -93,7 +91,7 @@ def test_without_a_contradiction_nothing_disappears_or_appears(instance: StoredI
 
 
 @given(random_instances.instances(), times, times)
-def test_what_is_certain_at_both_ends_is_told_as_it_is(instance: StoredInstance, a: int, b: int) -> None:
+def test_certain_presence_at_both_times_decides_the_change(instance: StoredInstance, a: int, b: int) -> None:
     low, high = sorted((a, b))
     before, after = presence_at(instance, m.ns(low)), presence_at(instance, m.ns(high))
     assert before is not None

@@ -1,4 +1,4 @@
-"""Times for people, and times that people write."""
+"""Printing and parsing of times."""
 
 from __future__ import annotations
 
@@ -51,12 +51,12 @@ def test_a_map_may_mix_recordings_with_and_without_wall_time() -> None:
     assert MIXED.span(7 * S, m.ns(10)) == "sim+2.0s .. 09:00:10.0Z"
 
 
-def test_no_time_is_a_dash() -> None:
+def test_a_missing_time_is_a_dash() -> None:
     assert ONE_DAY.text(None) == "-"
 
 
 @pytest.mark.parametrize("text", ["09:01:30", "2026-01-05T09:01:30Z", "2026-01-05t09:01:30", "90", "90.0", "90 s"])
-def test_times_are_read(text: str) -> None:
+def test_times_are_parsed(text: str) -> None:
     assert ONE_DAY.parse(text).stamp_ns == m.ns(90)
     assert ONE_DAY.parse(text).note is None
 
@@ -67,7 +67,7 @@ def test_the_minute_in_which_a_traversal_begins_is_one_that_it_has() -> None:
     assert clock.parse_ns("9:01") == m.ns(60)
 
 
-def test_of_several_traversals_that_have_a_time_the_newest_is_meant_and_that_is_said() -> None:
+def test_an_ambiguous_time_means_the_newest_traversal_with_a_note() -> None:
     parsed = TWO_DAYS.parse("09:01")
     assert parsed.stamp_ns == m.ns(DAY_S + 60)
     assert parsed.note == "09:01 was taken as that of tuesday; say 'monday@09:01' for another"
@@ -125,7 +125,7 @@ def test_a_time_of_day_of_recordings_without_wall_time_is_a_query_error() -> Non
 
 
 @given(st.sampled_from([ONE_DAY, SENSOR, TWO_DAYS, FROM_ZERO, BEHIND, MIXED]), st.floats(0, 1), st.integers(0, 1))
-def test_what_is_printed_is_read_as_what_it_was(clock: Clock, share: float, which: int) -> None:
+def test_printed_times_parse_back(clock: Clock, share: float, which: int) -> None:
     span = clock.spans[min(which, len(clock.spans) - 1)]
     stamp_ns = span.start_ns + round(share * (span.end_ns - span.start_ns) / (S / 10)) * (S // 10)
     assert abs(clock.parse_ns(clock.text(stamp_ns)) - stamp_ns) <= S // 10

@@ -1,4 +1,4 @@
-"""What changed between two traversals, and what is never claimed."""
+"""Changes between two traversals or times, and what is never reported as a change."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def reader(tmp_path_factory: pytest.TempPathFactory) -> Iterator[MapReader]:
         yield reader
 
 
-def test_every_instance_has_its_verdict(reader: MapReader) -> None:
+def test_every_instance_has_a_change_kind(reader: MapReader) -> None:
     found = diff(reader)
     assert {change.id: change.kind for change in found.changes} == {
         "vase-1": "appeared",
@@ -54,7 +54,7 @@ def test_changes_have_bounds_distances_and_evidence(reader: MapReader) -> None:
     assert [(candidate.id, candidate.probability) for candidate in vase.may_be] == [("cup-1", 0.2)]
 
 
-def test_it_says_whether_the_place_was_in_view(reader: MapReader) -> None:
+def test_reasons_tell_whether_the_place_was_in_view(reader: MapReader) -> None:
     reasons = {change.id: change.reason for change in diff(reader).changes}
     assert "never in view in tuesday" in reasons["book-1"]
     assert "in view in 2 keyframes and never seen empty" in reasons["chair-2"]
@@ -80,7 +80,7 @@ def only_change(
     instance: InstanceRecord | None = None,
     deltas: tuple[MapDelta, MapDelta] = (MapDelta(), MapDelta()),
 ) -> ObjectChange | None:
-    """The verdict on one chair, of whose visits each belongs to one of two traversals (0-10 s and 100-110 s)."""
+    """The change of one chair with a visit in each of two traversals (0-10 s and 100-110 s)."""
     chair = instance or m.instance(1, "chair", seen=(1, 105))
     with open_store(str(path), create=True) as store:
         for at, name, visit, delta in zip((0, 100), ("a", "b"), visits, deltas, strict=True):
@@ -96,40 +96,40 @@ def only_change(
 
 
 SEEN = m.visit(1, 3, 3)
-NOT_LOOKED = None
-LOOKED = m.visit(1, 0, 2)
-DOUBTED = m.visit(1, 0, 3, 1)
+NOT_VISITED = None
+IN_VIEW = m.visit(1, 0, 2)
+CONTRADICTED_ONCE = m.visit(1, 0, 3, 1)
 
 
 @pytest.mark.parametrize(
     ("states", "visits", "kind"),
     [
         ((m.state(1, 0, (1, 105)),), (SEEN, SEEN), "unchanged"),
-        ((m.state(1, 0, (1, 9)),), (SEEN, NOT_LOOKED), "not observed again"),
-        ((m.state(1, 0, (1, 9)),), (SEEN, LOOKED), "not observed again"),
-        ((m.state(1, 0, (1, 9)),), (SEEN, DOUBTED), "not observed again"),
-        ((m.state(1, 0, (1, 9), gone=101),), (SEEN, LOOKED), "disappeared"),
-        ((m.state(1, 0, (1, 5), gone=8),), (SEEN, LOOKED), None),
+        ((m.state(1, 0, (1, 9)),), (SEEN, NOT_VISITED), "not observed again"),
+        ((m.state(1, 0, (1, 9)),), (SEEN, IN_VIEW), "not observed again"),
+        ((m.state(1, 0, (1, 9)),), (SEEN, CONTRADICTED_ONCE), "not observed again"),
+        ((m.state(1, 0, (1, 9), gone=101),), (SEEN, IN_VIEW), "disappeared"),
+        ((m.state(1, 0, (1, 5), gone=8),), (SEEN, IN_VIEW), None),
         ((m.state(1, 0, (1, 105), gone=107),), (SEEN, SEEN), "disappeared"),
-        ((m.state(1, 0, (1, 9), gone=200),), (SEEN, LOOKED), "not observed again"),
-        ((m.state(1, 0, (101, 105)),), (NOT_LOOKED, SEEN), "first observed"),
-        ((m.state(1, 0, (101, 105)),), (LOOKED, SEEN), "first observed"),
-        ((m.state(1, 0, (101, 105), empty_before=9),), (LOOKED, SEEN), "appeared"),
-        ((m.state(1, 0, (101, 105), empty_before=100.5),), (NOT_LOOKED, SEEN), "appeared"),
-        ((m.state(1, 0, (101, 105), empty_before=-50),), (NOT_LOOKED, SEEN), "appeared"),
+        ((m.state(1, 0, (1, 9), gone=200),), (SEEN, IN_VIEW), "not observed again"),
+        ((m.state(1, 0, (101, 105)),), (NOT_VISITED, SEEN), "first observed"),
+        ((m.state(1, 0, (101, 105)),), (IN_VIEW, SEEN), "first observed"),
+        ((m.state(1, 0, (101, 105), empty_before=9),), (IN_VIEW, SEEN), "appeared"),
+        ((m.state(1, 0, (101, 105), empty_before=100.5),), (NOT_VISITED, SEEN), "appeared"),
+        ((m.state(1, 0, (101, 105), empty_before=-50),), (NOT_VISITED, SEEN), "appeared"),
         ((m.state(1, 0, (1, 5), gone=6), m.state(1, 1, (101, 105), (3, 0, 0.5))), (SEEN, SEEN), "moved"),
         ((m.state(1, 0, (1, 5), gone=6), m.state(1, 1, (101, 105))), (SEEN, SEEN), "appeared"),
         ((m.state(1, 0, (1, 5), gone=50), m.state(1, 1, (101, 105))), (SEEN, SEEN), "unchanged"),
-        ((m.state(1, 0, (-90, -80)), m.state(1, 1, (101, 105), (3, 0, 0.5))), (NOT_LOOKED, SEEN), "moved"),
-        ((m.state(1, 0, (-90, 105)),), (NOT_LOOKED, SEEN), "unchanged"),
-        ((m.state(1, 0, (1, 205)),), (SEEN, NOT_LOOKED), "unchanged"),
-        ((m.state(1, 0, (1, 9), gone=101),), (NOT_LOOKED, NOT_LOOKED), "disappeared"),
-        ((m.state(1, 0, (102, 103), gone=104),), (NOT_LOOKED, SEEN), "disappeared"),
-        ((m.state(1, 0, (102, 103), gone=104, empty_before=5),), (NOT_LOOKED, SEEN), None),
-        ((m.state(1, 0, (-90, -80)),), (NOT_LOOKED, NOT_LOOKED), None),
+        ((m.state(1, 0, (-90, -80)), m.state(1, 1, (101, 105), (3, 0, 0.5))), (NOT_VISITED, SEEN), "moved"),
+        ((m.state(1, 0, (-90, 105)),), (NOT_VISITED, SEEN), "unchanged"),
+        ((m.state(1, 0, (1, 205)),), (SEEN, NOT_VISITED), "unchanged"),
+        ((m.state(1, 0, (1, 9), gone=101),), (NOT_VISITED, NOT_VISITED), "disappeared"),
+        ((m.state(1, 0, (102, 103), gone=104),), (NOT_VISITED, SEEN), "disappeared"),
+        ((m.state(1, 0, (102, 103), gone=104, empty_before=5),), (NOT_VISITED, SEEN), None),
+        ((m.state(1, 0, (-90, -80)),), (NOT_VISITED, NOT_VISITED), None),
     ],
 )
-def test_the_verdict_follows_from_states_and_visits(
+def test_the_change_kind_follows_from_states_and_visits(
     tmp_path: Path, states: tuple[StateRecord, ...], visits: tuple[Visit | None, Visit | None], kind: str | None
 ) -> None:
     change = only_change(tmp_path / "map.db", states, visits)
@@ -137,13 +137,13 @@ def test_the_verdict_follows_from_states_and_visits(
 
 
 def test_a_label_changed_only_where_both_traversals_are_sure(tmp_path: Path) -> None:
-    def called(label: str, start: float, n: int) -> MapDelta:
+    def labelled(label: str, start: float, n: int) -> MapDelta:
         stamps = [start + 1 + i for i in range(n)]
         return MapDelta(keyframes=m.keyframes(stamps), observations=tuple(m.observation(1, at, label) for at in stamps))
 
     for n, kind in ((3, "relabelled"), (2, "unchanged")):
         path = tmp_path / f"{kind}.db"
-        deltas = (called("chair", 0, n), called("bench", 100, n))
+        deltas = (labelled("chair", 0, n), labelled("bench", 100, n))
         change = only_change(path, (m.state(1, 0, (1, 105)),), (SEEN, SEEN), deltas=deltas)
         assert change is not None
         assert change.kind == kind
@@ -161,11 +161,11 @@ def test_one_traversal_cannot_be_compared(tmp_path: Path) -> None:
         diff(reader)
 
 
-def test_who_walked_by_has_not_changed_the_place(tmp_path: Path) -> None:
+def test_people_are_left_out_of_diffs(tmp_path: Path) -> None:
     states = (m.state(1, 0, (1, 5), gone=105),)
-    assert only_change(tmp_path / "chair.db", states, (SEEN, LOOKED)) is not None
+    assert only_change(tmp_path / "chair.db", states, (SEEN, IN_VIEW)) is not None
     person = m.instance(1, "person", seen=(1, 5))
-    assert only_change(tmp_path / "person.db", states, (SEEN, LOOKED), person) is None
+    assert only_change(tmp_path / "person.db", states, (SEEN, IN_VIEW), person) is None
 
 
 def test_what_was_split_off_did_not_appear(tmp_path: Path) -> None:
@@ -210,7 +210,7 @@ def test_two_times_are_compared_as_well_as_traversals(reader: MapReader) -> None
     assert (by_time.before.traversal, by_time.before.at_ns) == (None, m.ns(120))
 
 
-def test_within_a_gap_nothing_has_happened_yet(reader: MapReader) -> None:
+def test_within_a_gap_nothing_has_changed_yet(reader: MapReader) -> None:
     kinds = {change.id: change for change in diff(reader, "60 s", "09:10").changes}
     assert kinds["cup-1"].kind == "not observed again"
     assert kinds["cup-1"].reason.endswith("nobody can say for this time")
@@ -249,7 +249,7 @@ def test_what_came_and_went_in_between_is_noted(tmp_path: Path) -> None:
     assert (found.changes, found.notes) == ((), ("came and went between a and b: chair-1",))
 
 
-def test_a_diff_read_in_parts_is_the_diff_read_at_once(reader: MapReader, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_diff_does_not_depend_on_the_batch_size(reader: MapReader, monkeypatch: pytest.MonkeyPatch) -> None:
     sides = ((None, None), ("60 s", "09:18:20"), ("monday", "09:18:20"))
     whole = [diff(reader, *pair) for pair in sides]
     monkeypatch.setattr("supermap_cli.query.diff.batches", lambda numbers: batches(numbers, 1))
@@ -257,9 +257,11 @@ def test_a_diff_read_in_parts_is_the_diff_read_at_once(reader: MapReader, monkey
     assert [diff(reader, *pair) for pair in sides] == whole
 
 
-@pytest.mark.parametrize("heard", [None, [1], [2, 3], [3, 1]])
-def test_what_is_heard_of_some_traversals_is_what_they_said(tmp_path: Path, heard: list[int] | None) -> None:
-    def said(at: float) -> MapDelta:
+@pytest.mark.parametrize("traversal_ids", [None, [1], [2, 3], [3, 1]])
+def test_observations_of_some_traversals_equal_those_read_singly(
+    tmp_path: Path, traversal_ids: list[int] | None
+) -> None:
+    def delta_at(at: float) -> MapDelta:
         pictures = [replace(m.observation(number, at), crop_jpeg=b"jpeg" if at > 100 else None) for number in (1, 2)]
         chairs = tuple(m.instance(number, "chair", seen=(1, at)) for number in (1, 2, 3))
         chairs = (chairs[0], replace(chairs[1], merged_into=1), chairs[2])
@@ -269,33 +271,42 @@ def test_what_is_heard_of_some_traversals_is_what_they_said(tmp_path: Path, hear
     with open_store(str(path), create=True) as store:
         for number in (1, 2, 3):
             m.add_traversal(
-                store, str(number), (100 * number, 100 * number + 10), *map(said, (100 * number, 100.0 * number + 5))
+                store,
+                str(number),
+                (100 * number, 100 * number + 10),
+                *map(delta_at, (100 * number, 100.0 * number + 5)),
             )
     with open_store(str(path), read_only=True) as store, store.reader() as reader:
-        things = reader.instances
-        found = Hearing(reader, heard).of(things)
-        told = {
+        instances = reader.instances
+        found = Hearing(reader, traversal_ids).of(instances)
+        expected = {
             instance.number: [
-                seen for seen in reader.observations(instance) if heard is None or seen.traversal_id in heard
+                seen
+                for seen in reader.observations(instance)
+                if traversal_ids is None or seen.traversal_id in traversal_ids
             ]
-            for instance in things
+            for instance in instances
         }
-    assert told[1]
+    assert expected[1]
     assert {
         number: [
             (observation.id, observation.traversal_id, observation.stamp_ns, observation.label, observation.score)
-            for observation in of
+            for observation in observations
         ]
-        for number, of in found.items()
+        for number, observations in found.items()
     } == {
         number: [
             (observation.id, observation.traversal_id, observation.stamp_ns, observation.label, observation.score)
-            for observation in of
+            for observation in observations
         ]
-        for number, of in told.items()
-        if of
+        for number, observations in expected.items()
+        if observations
     }
-    assert all(observation.cropped == (observation.stamp_ns > m.ns(100)) for of in found.values() for observation in of)
+    assert all(
+        observation.cropped == (observation.stamp_ns > m.ns(100))
+        for observations in found.values()
+        for observation in observations
+    )
 
 
 @pytest.mark.parametrize("empty_before", [None, 4.0])
@@ -303,7 +314,7 @@ def test_what_was_lost_and_then_found_elsewhere_has_moved_not_appeared(
     tmp_path: Path, empty_before: float | None
 ) -> None:
     """Whether or not its new place had been seen empty before; in history and in every diff it is one event."""
-    lived = MapDelta(
+    delta = MapDelta(
         keyframes=m.keyframes((1, 2, 5, 8)),
         instances=(m.instance(1, "suitcase", (3, 0, 0.5), seen=(1, 8)),),
         observations=(m.observation(1, 1, "suitcase"), m.observation(1, 8, "suitcase")),
@@ -317,7 +328,7 @@ def test_what_was_lost_and_then_found_elsewhere_has_moved_not_appeared(
             m.temporal("moved", (1, 0), (1, 1), 2, 8, distance_m=3.0),
         ),
     )
-    path = m.make_memory(tmp_path / "map.db", ("monday", (0, 10), lived))
+    path = m.make_memory(tmp_path / "map.db", ("monday", (0, 10), delta))
     with open_store(str(path), read_only=True) as store, store.reader() as reader:
         (change,) = diff(reader, "09:00:06", "09:00:09").changes
         assert (change.kind, change.distance_m) == ("moved", 3.0)

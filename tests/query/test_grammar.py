@@ -1,4 +1,4 @@
-"""How questions are understood."""
+"""Parsing of questions."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from supermap_cli.query.relations import RELATION_WORDS
 TRAVERSALS = ("monday", "run 2", "kitchen.2")
 
 
-def understood(text: str) -> tuple[str, NounPhrase, TimePhrase]:
+def parsed(text: str) -> tuple[str, NounPhrase, TimePhrase]:
     question = parse(text, TRAVERSALS)
     return question.intent, question.phrase, question.time
 
@@ -75,7 +75,7 @@ CHAIRS_BESIDE_TABLE = NounPhrase("chairs", RelationPhrase("beside", NounPhrase("
     ],
 )  # fmt: skip
 def test_questions(text: str, intent: str, phrase: NounPhrase, time: TimePhrase) -> None:
-    assert understood(text) == (intent, phrase, time)
+    assert parsed(text) == (intent, phrase, time)
 
 
 @pytest.mark.parametrize(

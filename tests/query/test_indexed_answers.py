@@ -1,4 +1,4 @@
-"""Answers through the indices are those that going through everything gives."""
+"""Indexed answers equal those of an exhaustive search."""
 
 from __future__ import annotations
 
@@ -45,15 +45,15 @@ questions = st.builds(
 
 @pytest.mark.parametrize("part", [100, 2])
 @settings(max_examples=examples(25), deadline=None)
-@given(seed=st.integers(0, 10_000), asked=st.lists(questions, min_size=3, max_size=12))
-def test_the_indices_find_what_going_through_everything_finds(part: int, seed: int, asked: list[str]) -> None:
+@given(seed=st.integers(0, 10_000), texts=st.lists(questions, min_size=3, max_size=12))
+def test_indexed_answers_equal_exhaustive_search(part: int, seed: int, texts: list[str]) -> None:
     with pytest.MonkeyPatch.context() as patch, tempfile.TemporaryDirectory() as folder:
         patch.setattr("supermap_cli.query.candidates.BATCH_SIZE", part)
         patch.setattr("supermap_cli.query.near_misses.EXHAUSTIVE_LIMIT", part)
         patch.setattr("supermap_cli.query.relation_matching.DIRECT_READ_LIMIT", part - 2)
         path = make_random_memory(Path(folder) / "map.db", seed)
         with open_store(str(path), read_only=True) as store, store.reader() as reader:
-            for text in asked:
+            for text in texts:
                 compare(reader, text)
 
 
@@ -69,19 +69,19 @@ def compare(reader, text: str) -> None:  # type: ignore[no-untyped-def]
         )
         for instance in found.instances
     }
-    fits = expected.found()
-    assert found_relations == fits, text
-    assert list(found_relations) == sorted(fits, key=list(expected.parts).index), text
+    matching = expected.found()
+    assert found_relations == matching, text
+    assert list(found_relations) == sorted(matching, key=list(expected.parts).index), text
     if not found.instances:
         assert [(near_miss.id, near_miss.distance_m) for near_miss in found.nearest] == expected.nearest(), text
     counted = answer(f"how many {text}", reader)
     assert counted.count == sum(instance.presence != "unknown" for instance in found.instances), text
-    assert (counted.count_at_most or counted.count) == len(fits) + expected.uncertain_count(), text
+    assert (counted.count_at_most or counted.count) == len(matching) + expected.uncertain_count(), text
     few = answer(text, reader, limit=2)
-    assert {instance.id for instance in few.instances} <= fits.keys()
-    assert len(few.instances) == min(2, len(fits))
-    assert few.more is None or few.more == len(fits) - len(few.instances)
-    assert (few.more == 0) == (len(fits) <= 2)
+    assert {instance.id for instance in few.instances} <= matching.keys()
+    assert len(few.instances) == min(2, len(matching))
+    assert few.more is None or few.more == len(matching) - len(few.instances)
+    assert (few.more == 0) == (len(matching) <= 2)
     of_few = answer(f"how many {text}", reader, limit=2)
     assert (of_few.count, of_few.count_at_most) == (counted.count, counted.count_at_most), text
-    assert of_few.more == max(len(fits) - 2, 0), text
+    assert of_few.more == max(len(matching) - 2, 0), text

@@ -1,4 +1,4 @@
-"""The life of a thing, in values and in words."""
+"""The history of an instance, as values and as text."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def history_and_text(reader: MapReader, text_id: str, at: str | None = None) -> 
     return history, history_sentences(history, clock)
 
 
-def test_it_says_where_it_stood_when_and_next_to_what(reader: MapReader) -> None:
+def test_the_history_gives_places_times_and_relations(reader: MapReader) -> None:
     history, sentences = history_and_text(reader, "chair-1")
     where = "(0.00, 1.00, 0.50), beside dining-table-1 and near potted-plant-1"
     assert sentences == [
@@ -48,7 +48,7 @@ def test_it_says_where_it_stood_when_and_next_to_what(reader: MapReader) -> None
     assert none.relations == ()
 
 
-def test_what_came_and_what_left_are_told_with_their_bounds(reader: MapReader) -> None:
+def test_arrivals_and_departures_have_bounds(reader: MapReader) -> None:
     _, cup = history_and_text(reader, "cup-1")
     assert cup[1] == "left (0.50, 0.00, 0.80) between 2026-01-05T09:01:30.0Z and 2026-01-05T09:16:45.0Z: found empty"
     assert "may be vase-1 as well (20%): the evidence does not single it out" in cup
@@ -58,7 +58,7 @@ def test_what_came_and_what_left_are_told_with_their_bounds(reader: MapReader) -
     assert "on dining-table-1" in vase[0]
 
 
-def test_a_life_is_told_until_a_time(reader: MapReader) -> None:
+def test_a_history_ends_at_the_given_time(reader: MapReader) -> None:
     history, sentences = history_and_text(reader, "chair-1", "09:10")
     assert [interval.state for interval in history.intervals] == [0]
     assert [sighting.traversal for sighting in history.sightings] == ["monday"]
@@ -68,8 +68,8 @@ def test_a_life_is_told_until_a_time(reader: MapReader) -> None:
     assert history_and_text(reader, "chair-1", "60 s")[0].events == ()
 
 
-def test_what_it_was_called_is_told_where_that_changed(tmp_path: Path) -> None:
-    def called(label: str, at: float) -> MapDelta:
+def test_label_changes_are_part_of_the_history(tmp_path: Path) -> None:
+    def labelled(label: str, at: float) -> MapDelta:
         stamps = [at + i for i in range(4)]
         return MapDelta(
             keyframes=m.keyframes(stamps),
@@ -79,7 +79,9 @@ def test_what_it_was_called_is_told_where_that_changed(tmp_path: Path) -> None:
             states=(m.state(1, 0, (1, stamps[-1]), label=label),),
         )
 
-    days = [(f"day-{n}", (100 * n, 100 * n + 10), called("chair" if n < 2 else "bench", 100 * n + 1)) for n in range(3)]
+    days = [
+        (f"day-{n}", (100 * n, 100 * n + 10), labelled("chair" if n < 2 else "bench", 100 * n + 1)) for n in range(3)
+    ]
     path = m.make_memory(tmp_path / "map.db", *days)
     with open_store(str(path), read_only=True) as store, store.reader() as reader:
         history, sentences = history_and_text(reader, "chair-1")
@@ -87,7 +89,7 @@ def test_what_it_was_called_is_told_where_that_changed(tmp_path: Path) -> None:
     assert "called chair in day-0, day-1, then bench in day-2" in sentences
 
 
-def test_a_merged_id_tells_the_life_of_what_it_is_part_of(tmp_path: Path) -> None:
+def test_a_merged_id_gives_the_history_of_the_merged_instance(tmp_path: Path) -> None:
     whole, part = m.instance(1, "cup", seen=(1, 9)), m.instance(2, "cup", seen=(3, 4))
     delta = MapDelta(
         keyframes=m.keyframes([1, 3, 9]),
@@ -105,22 +107,22 @@ def test_a_merged_id_tells_the_life_of_what_it_is_part_of(tmp_path: Path) -> Non
     assert "cup-2 turned out to be it (09:00:09.0Z)" in sentences
 
 
-def test_a_long_life_stays_readable(tmp_path: Path) -> None:
+def test_a_long_history_is_shortened(tmp_path: Path) -> None:
     """A hundred moves, and forty neighbours in each place."""
     moves = 100
-    things = tuple(m.instance(number, "box", (number, 0, 0.5), seen=(0, 10 * moves)) for number in range(2, 42))
+    boxes = tuple(m.instance(number, "box", (number, 0, 0.5), seen=(0, 10 * moves)) for number in range(2, 42))
     delta = MapDelta(
         keyframes=m.keyframes([10.0 * at for at in range(moves)]),
-        instances=(m.instance(1, "cart", seen=(0, 10 * moves)), *things),
+        instances=(m.instance(1, "cart", seen=(0, 10 * moves)), *boxes),
         observations=tuple(m.observation(1, 10.0 * at, "cart") for at in range(moves)),
         states=(
             *(m.state(1, at, (10 * at, 10 * at + 5), (at % 7, 0, 0.5), label="cart") for at in range(moves)),
             *(
                 m.state(instance.number, 0, (0, 10 * moves), (instance.number, 0, 0.5), label="box")
-                for instance in things
+                for instance in boxes
             ),
         ),
-        spatial_edges=tuple(m.spatial(1, "near", instance.number, 0) for instance in things),
+        spatial_edges=tuple(m.spatial(1, "near", instance.number, 0) for instance in boxes),
         visits=(m.visit(1, moves, moves),),
     )
     path = m.make_memory(tmp_path / "map.db", ("monday", (0, 10 * moves), delta))

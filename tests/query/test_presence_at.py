@@ -1,4 +1,4 @@
-"""What is known of a thing at one time: it stood there, it did not, or nobody can say."""
+"""The presence of an instance at one time: present, absent or unknown."""
 
 from __future__ import annotations
 
@@ -71,61 +71,61 @@ LOST = instance_with(m.state(1, 0, (10, 20)), presence="absent")
         (LOST, 25, "unknown", "not seen since", (20, None)),
     ],
 )
-def test_the_gaps_are_unknown(
+def test_presence_and_cause_over_time(
     instance: StoredInstance, at: float, presence: str, cause: str, bounds: tuple[float | None, float | None]
 ) -> None:
-    known = presence_at(instance, m.ns(at))
-    assert known is not None
-    assert (known.value, known.cause) == (presence, cause)
-    assert (known.not_before_ns, known.not_after_ns) == tuple(map(m.maybe_ns, bounds))
+    presence_then = presence_at(instance, m.ns(at))
+    assert presence_then is not None
+    assert (presence_then.value, presence_then.cause) == (presence, cause)
+    assert (presence_then.not_before_ns, presence_then.not_after_ns) == tuple(map(m.maybe_ns, bounds))
 
 
-def test_it_is_said_in_words() -> None:
-    known = presence_at(LEFT, m.ns(30))
-    assert known is not None
-    assert describe_presence(known, m.ns(30), CLOCK) == (
+def test_presence_is_described_in_words() -> None:
+    presence_then = presence_at(LEFT, m.ns(30))
+    assert presence_then is not None
+    assert describe_presence(presence_then, m.ns(30), CLOCK) == (
         "left between 2026-01-05T09:00:21.0Z and 2026-01-05T09:00:40.0Z; nobody can say for 2026-01-05T09:00:30.0Z"
     )
 
 
 @given(instances(), st.floats(-10, 210))
-def test_gone_needs_a_contradiction_and_not_yet_a_place_seen_empty(instance: StoredInstance, at: float) -> None:
+def test_absence_needs_a_contradiction_or_a_place_seen_empty(instance: StoredInstance, at: float) -> None:
     at_ns = m.ns(at)
-    known = presence_at(instance, at_ns)
-    assert known is not None
+    presence_then = presence_at(instance, at_ns)
+    assert presence_then is not None
     in_support = any(state.first_seen_ns <= at_ns <= state.last_seen_ns for state in instance.states)
     if in_support:
-        assert known.value == "present"
-    if known.value == "absent":
+        assert presence_then.value == "present"
+    if presence_then.value == "absent":
         contradicted = [state for state in instance.states if state.gone_ns is not None and state.gone_ns <= at_ns]
         seen_empty = [
             state for state in instance.states if state.empty_before_ns is not None and state.empty_before_ns >= at_ns
         ]
         assert contradicted or seen_empty
-    if known.cause in {"left", "came"}:
-        assert known.not_before_ns is not None
-        assert known.not_after_ns is not None
-        assert known.not_before_ns <= at_ns < known.not_after_ns
-    assert describe_presence(known, at_ns, CLOCK)
+    if presence_then.cause in {"left", "came"}:
+        assert presence_then.not_before_ns is not None
+        assert presence_then.not_after_ns is not None
+        assert presence_then.not_before_ns <= at_ns < presence_then.not_after_ns
+    assert describe_presence(presence_then, at_ns, CLOCK)
 
 
 @given(instances(), st.floats(-10, 210))
-def test_nothing_is_gone_that_nobody_saw_go(instance: StoredInstance, at: float) -> None:
+def test_without_a_contradiction_nothing_is_absent(instance: StoredInstance, at: float) -> None:
     unseen = replace(
         instance,
         states=tuple(replace(state, gone_ns=None, empty_before_ns=None) for state in instance.states),
         presence="present",
     )
-    known = presence_at(unseen, m.ns(at))
-    assert known is not None
-    assert known.value != "absent"
+    presence_then = presence_at(unseen, m.ns(at))
+    assert presence_then is not None
+    assert presence_then.value != "absent"
 
 
 @given(instances(), st.floats(-10, 210))
-def test_what_is_held_agrees_with_what_stands(instance: StoredInstance, at: float) -> None:
-    known, held = presence_at(instance, m.ns(at)), state_held_at(instance.states, m.ns(at))
-    assert known is not None
-    if known.value == "present":
-        assert held is known.state
-    if known.cause == "gone":
-        assert held is None or not np.array_equal(held.centroid_map, known.state.centroid_map)
+def test_the_held_state_agrees_with_presence(instance: StoredInstance, at: float) -> None:
+    presence_then, held = presence_at(instance, m.ns(at)), state_held_at(instance.states, m.ns(at))
+    assert presence_then is not None
+    if presence_then.value == "present":
+        assert held is presence_then.state
+    if presence_then.cause == "gone":
+        assert held is None or not np.array_equal(held.centroid_map, presence_then.state.centroid_map)

@@ -1,4 +1,4 @@
-"""No question goes through a large table from end to end: the plans of all its statements are read."""
+"""No question scans a large table: the query plans of all its statements are checked."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ ALLOWED = {
     ),
     "everything": {"instance": "how many there are at all"},
 }
-"""What may be gone through all the same, and why."""
+"""Scans that are allowed, and why."""
 
 
 @pytest.fixture(scope="module")
@@ -52,7 +52,7 @@ def memory(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def plans(path: Path, ask: Callable[[MapReader], object]) -> Iterator[tuple[str, str]]:
-    """Every step of every statement that a question issues, with the statement."""
+    """Every plan step of every statement that a question issues, with the statement."""
     issued = []
 
     def note(_connection, _cursor, statement, parameters, *_):  # type: ignore[no-untyped-def]
@@ -73,7 +73,7 @@ def plans(path: Path, ask: Callable[[MapReader], object]) -> Iterator[tuple[str,
 
 
 def scanned(path: Path, ask: Callable[[MapReader], object]) -> dict[str, str]:
-    """The large tables that are gone through from end to end, and by which statement."""
+    """The large tables that are scanned, with the plan step and statement."""
     found = {}
     for detail, statement in plans(path, ask):
         if (scan := re.match(r"SCAN (?:TABLE )?(\w+)", detail)) is None:
@@ -117,7 +117,7 @@ def test_no_command_scans_a_large_table(memory: Path, name: str, ask: Callable[[
     assert {table: how for table, how in found.items() if table not in ALLOWED.get(name, {})} == {}
 
 
-def test_a_scan_would_be_found(memory: Path) -> None:
+def test_scans_are_detected(memory: Path) -> None:
     assert scanned(memory, lambda reader: reader.instances).keys() == {"instance"}
     assert "observation" in scanned(
         memory, lambda reader: reader.connection.exec_driver_sql("SELECT avg(score) FROM observation").all()

@@ -1,4 +1,4 @@
-"""What two boxes say of how things stand."""
+"""Spatial relations of two boxes."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ TABLE = upright_box((0, 0, 0.375), (1.9, 0.9, 0.75))
         ((4.0, 0.0, 0.45), (0.5, 0.5, 0.9), set()),
     ],
 )
-def test_what_stands_how_to_a_table(center: Point, size: Point, expected: set[str]) -> None:
+def test_relations_to_a_table(center: Point, size: Point, expected: set[str]) -> None:
     names: tuple[RelationName, ...] = ("near", "beside", "on", "under", "inside", "above")
     assert {name for name in names if holds(name, upright_box(center, size), TABLE)} == expected
 
@@ -52,7 +52,7 @@ boxes = st.builds(
 
 
 def inner_points(box: Box3D) -> FloatArray:
-    """Points (n, 3) all over a box."""
+    """Points (n, 3) within a box, on a grid."""
     corners = box.corners()
     steps = np.linspace(0, 1, 5)
     u, v, w = (steps.ravel()[:, None] for steps in np.meshgrid(steps, steps, steps))

@@ -1,4 +1,4 @@
-"""Which labels a phrase means."""
+"""Which labels a phrase matches."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def test_plurals(plural: str, singular: str) -> None:
 
 def test_the_table_is_in_normal_form_and_names_nothing_twice() -> None:
     vocabulary = load_vocabulary()
-    for name, group in vocabulary.same.items():
+    for name, group in vocabulary.synonyms.items():
         assert name in group, f"{name!r} stands in two groups"
     for table in (vocabulary.kinds, vocabulary.similar):
         for name, others in table.items():

@@ -1,4 +1,4 @@
-"""The page and the picture of a diff: complete in one file, with everything that the diff says."""
+"""Pages and images of a diff: self-contained, and complete."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def jpeg(colour: tuple[int, int, int], size: tuple[int, int] = (80, 60)) -> byte
 
 
 def with_pictures(delta: MapDelta) -> MapDelta:
-    """The kitchen's traversals with a small image of each keyframe and a crop of each observation."""
+    """A traversal of the kitchen with a thumbnail for each keyframe and a crop for each observation."""
     keyframes = tuple(
         replace(frame, camera=camera_to_json(CAMERA), T_map_camera=LOOKING_ALONG_X, thumbnail_jpeg=jpeg((90, 120, 150)))
         for frame in delta.keyframes
@@ -101,7 +101,7 @@ def test_the_plan_shows_the_place_before_and_after_on_one_scale(reader: MapReade
     assert len(before.trajectories[0]) == 3
 
 
-def test_what_people_wrote_is_never_markup(tmp_path: Path, reader: MapReader) -> None:
+def test_user_text_is_escaped(tmp_path: Path, reader: MapReader) -> None:
     name = "<b>bad</b>"
     delta = MapDelta(
         keyframes=m.keyframes([1]),
@@ -131,7 +131,7 @@ def test_a_plan_is_well_formed_and_keeps_the_scale() -> None:
     assert extent_of([]).px_per_m > 0
 
 
-def test_a_place_is_cut_out_of_the_image_that_shows_it() -> None:
+def test_a_box_is_cropped_from_the_image_that_shows_it() -> None:
     picture = np.zeros((120, 160, 3), np.uint8)
     picture[:, 80:] = (0, 0, 255)
     image = SmallImage(1, 0, cv2.imencode(".png", picture)[1].tobytes(), camera_to_json(CAMERA), LOOKING_ALONG_X)
@@ -175,7 +175,7 @@ def test_of_several_cameras_the_one_that_has_the_place_in_view_is_shown(reader: 
 
 
 @pytest.mark.parametrize("suffix", ["png", "svg", "pdf"])
-def test_the_picture_is_drawn(reader: MapReader, tmp_path: Path, suffix: str) -> None:
+def test_the_image_is_drawn(reader: MapReader, tmp_path: Path, suffix: str) -> None:
     path = tmp_path / "pictures" / f"changes.{suffix}"
     draw_diff(diff(reader), reader, path)
     assert path.stat().st_size > 5000
@@ -198,7 +198,7 @@ def test_the_command_writes_both(db: Path, tmp_path: Path) -> None:
     assert plot.read_text().startswith("<?xml")
 
 
-def test_the_life_of_an_object_is_a_page_too(db: Path, tmp_path: Path) -> None:
+def test_a_history_is_written_as_a_page(db: Path, tmp_path: Path) -> None:
     page, folder = tmp_path / "chair.html", tmp_path / "crops"
     result = supermap("history", "chair-1", "--db", db, "--html", page, "--crops", folder)
     assert result.exit_code == 0

@@ -1,4 +1,4 @@
-"""Questions answered by going through everything in the map: slow, short, and what the indices are held against."""
+"""Answers questions by iterating over the whole map: a slow reference for the indexed implementation."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from supermap_cli.query.time_selector import selector_of_phrase
 from supermap_cli.query.vocabulary import load_vocabulary, match_labels
 from supermap_cli.types.memory import SpatialEdge, StateRecord
 
-Fit = tuple[StoredInstance, StateRecord, tuple[tuple[object, ...], ...]]
+Match = tuple[StoredInstance, StateRecord, tuple[tuple[object, ...], ...]]
 
 
 class BruteForce:
@@ -30,16 +30,16 @@ class BruteForce:
         self.parts = {reader.text_ids[part]: instance for instance in reader.instances for part in instance.numbers}
 
     def found(self) -> dict[str, tuple[list[int], list[tuple[object, ...]]]]:
-        """The states in which every instance fits, and its relations."""
-        fits: dict[str, tuple[list[int], list[tuple[object, ...]]]] = {}
+        """The matching states and relations of each instance."""
+        matching: dict[str, tuple[list[int], list[tuple[object, ...]]]] = {}
         for instance, state, relations in self._find(self.phrase, as_reference=False):
-            states, all_relations = fits.setdefault(instance.id, ([], []))
+            states, all_relations = matching.setdefault(instance.id, ([], []))
             states.append(state.index)
             all_relations.extend(relations)
-        return fits
+        return matching
 
     def uncertain_count(self) -> int:
-        """Of how many that are called so nobody can say, but that do not fit."""
+        """The number of instances of that label that do not match and whose presence is unknown."""
         if self.selector.kind != "at" or self.phrase.relation is not None:
             return 0
         told = self.found().keys()
@@ -56,59 +56,69 @@ class BruteForce:
             return out_of_reach
         return [(instance.id, None) for instance in self._labelled(self.phrase) if instance.states][:3]
 
-    def _find(self, phrase: NounPhrase, *, as_reference: bool) -> list[Fit]:
+    def _find(self, phrase: NounPhrase, *, as_reference: bool) -> list[Match]:
         labels = None if phrase.noun is None or self._by_id(phrase.noun) else self._labels(phrase.noun)
         states_of = self.selector.reference_states if as_reference else self.selector.states
-        fits: list[Fit] = [
+        matching: list[Match] = [
             (instance, state, ())
             for instance in self._labelled(phrase)
             for state in states_of(instance)
             if labels is None or (instance.label if state is instance.states[-1] else state.label) in labels
         ]
-        return fits if phrase.relation is None else self._related(fits, phrase.relation)
+        return matching if phrase.relation is None else self._related(matching, phrase.relation)
 
-    def _related(self, fits: list[Fit], related: RelationPhrase) -> list[Fit]:
+    def _related(self, matching: list[Match], related: RelationPhrase) -> list[Match]:
         references = self._find(related.reference, as_reference=True)
         for basis in (self._stored, self._boxes):
-            found: list[Fit] = []
-            for instance, state, _ in fits:
+            found: list[Match] = []
+            for instance, state, _ in matching:
                 views = []
-                for other, its, _ in references:
-                    span = self.selector.span_of((state, instance), (its, other))
-                    if other.number != instance.number and span is not None:
-                        views += [view for view in [basis(related, (instance, state), (other, its), span)] if view]
+                for reference, reference_state, _ in references:
+                    span = self.selector.span_of((state, instance), (reference_state, reference))
+                    if reference.number != instance.number and span is not None:
+                        views += [
+                            view
+                            for view in [basis(related, (instance, state), (reference, reference_state), span)]
+                            if view
+                        ]
                 if views:
                     found.append((instance, state, tuple(views)))
             if found:
                 return found
         return []
 
-    def _stored(self, related, one, other, span):  # type: ignore[no-untyped-def]
+    def _stored(self, related, candidate, reference, span):  # type: ignore[no-untyped-def]
         for form in STORED_FORMS[related.name]:
-            subject, obj = (other[0], one[0]) if form.turned else (one[0], other[0])
+            subject, obj = (reference[0], candidate[0]) if form.turned else (candidate[0], reference[0])
             for edge in self.edges:
                 if (edge.subject, edge.relation, edge.object) != (subject.number, form.relation, obj.number):
                     continue
                 if span.overlaps(edge.since_ns, edge.until_ns) and not (
-                    form.checked and not holds(related.name, one[1].box, other[1].box)
+                    form.checked and not holds(related.name, candidate[1].box, reference[1].box)
                 ):
                     stored_as = f"{edge.relation}({self.ids[subject.number]}, {self.ids[obj.number]})"
-                    return one[0].id, other[0].id, stored_as, edge.since_ns, edge.until_ns
+                    return candidate[0].id, reference[0].id, stored_as, edge.since_ns, edge.until_ns
         return None
 
-    def _boxes(self, related, one, other, span):  # type: ignore[no-untyped-def]
-        if not holds(related.name, one[1].box, other[1].box):
+    def _boxes(self, related, candidate, reference, span):  # type: ignore[no-untyped-def]
+        if not holds(related.name, candidate[1].box, reference[1].box):
             return None
         until_ns = None if span.high_ns == float("inf") else int(span.high_ns)
-        return one[0].id, other[0].id, None, max(one[1].first_seen_ns, other[1].first_seen_ns), until_ns
+        return (
+            candidate[0].id,
+            reference[0].id,
+            None,
+            max(candidate[1].first_seen_ns, reference[1].first_seen_ns),
+            until_ns,
+        )
 
     def _out_of_reach(self, phrase: NounPhrase, related: RelationPhrase) -> list[tuple[str, float | None]]:
         pairs = sorted(
-            (box_distance_m(state.box, its.box), instance.number, instance.id)
+            (box_distance_m(state.box, reference_state.box), instance.number, instance.id)
             for instance in self._labelled(phrase)
             for state in self.selector.states(instance)[-1:]
-            for other, its, _ in self._find(related.reference, as_reference=False)
-            if other.number != instance.number
+            for reference, reference_state, _ in self._find(related.reference, as_reference=False)
+            if reference.number != instance.number
         )
         nearest: dict[str, float | None] = {}
         for distance_m, _, text_id in pairs:

@@ -1,4 +1,4 @@
-"""Random lives of a thing, as the mapping engine may write them: for property tests of time."""
+"""Random instances with states and visits, as the mapping engine may write them: for property tests of time."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ END_S = 200
 
 @st.composite
 def state_lists(draw: st.DrawFn, number: int = 1, most: int = 4) -> tuple[StateRecord, ...]:
-    """Up to `most` states of one instance within [0, `END_S`] s, disjoint, with gaps of all kinds."""
+    """Up to `most` states of one instance within [0, `END_S`] s, disjoint, with all kinds of gaps."""
     count = draw(st.integers(1, most))
     times = draw(st.lists(st.integers(1, END_S - 1), min_size=4 * count, max_size=4 * count, unique=True).map(sorted))
     places = [draw(st.sampled_from(range(len(PLACES)))) for _ in range(count)]
@@ -41,7 +41,7 @@ def state_lists(draw: st.DrawFn, number: int = 1, most: int = 4) -> tuple[StateR
 
 
 def instance_with_states(states: tuple[StateRecord, ...], visits: tuple[StoredVisit, ...] = ()) -> StoredInstance:
-    """An instance with some states; present where nothing says that it has gone."""
+    """An instance with the given states; present unless its last state was contradicted."""
     last = states[-1]
     return StoredInstance(
         number=1,
@@ -63,7 +63,7 @@ def instance_with_states(states: tuple[StateRecord, ...], visits: tuple[StoredVi
 
 
 def instances() -> st.SearchStrategy[StoredInstance]:
-    """Random lives without visits."""
+    """Random instances without visits."""
     return state_lists().map(instance_with_states)
 
 
@@ -87,11 +87,11 @@ def _traversal(number: int, start_s: int, end_s: int) -> StoredTraversal:
 
 
 TRAVERSALS = (_traversal(1, 0, 66), _traversal(2, 67, 133), _traversal(3, 134, END_S))
-"""Three that follow one another, so that every support lies in one of them."""
+"""Three consecutive traversals, so that every support lies in one of them."""
 
 
 def visited_instances() -> st.SearchStrategy[StoredInstance]:
-    """Random lives, and how often each of `TRAVERSALS` saw them."""
+    """Random instances with their visits in each of `TRAVERSALS`."""
     return state_lists().map(
         lambda states: instance_with_states(states, tuple(_visit(traversal, states) for traversal in TRAVERSALS))
     )
