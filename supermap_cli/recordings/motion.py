@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from supermap_cli.recordings.notes import Notes
 from supermap_cli.recordings.probing import Topic
-from supermap_cli.recordings.topics import TopicPlan
+from supermap_cli.recordings.topic_plan import TopicPlan
 from supermap_cli.recordings.transforms import TransformTree
 
 _ODOM_NAMES = ("odom", "odom_combined", "odometry")

@@ -8,7 +8,9 @@ from supermap_cli.recordings.containers import open_storage
 from supermap_cli.recordings.decoding import Decoder
 from supermap_cli.recordings.notes import Notes
 from supermap_cli.recordings.probing import probe_topics
-from supermap_cli.recordings.topics import is_rectified, namespace_of, plan_topics
+from supermap_cli.recordings.roles import parse_named_topics
+from supermap_cli.recordings.topic_names import is_rectified, namespace_of
+from supermap_cli.recordings.topics import plan_topics
 from support import bags
 
 SIZE, K = (8, 6), (8.0, 8.0, 3.5, 2.5)
@@ -17,7 +19,7 @@ RGB, DEPTH = np.zeros((6, 8, 3), np.uint8), np.ones((6, 8), np.uint16)
 
 def plan_of(path, named=None):
     storage = open_storage(path, Notes())
-    return plan_topics(probe_topics(storage, Decoder("run")), named or {}, "run")
+    return plan_topics(probe_topics(storage, Decoder("run")), parse_named_topics(named or {}), "run")
 
 
 def chosen(plan):
