@@ -113,19 +113,21 @@ def plan_named_cameras(topics: Sequence[Topic], named: NamedTopics, where: str) 
 
 
 def _mispaired(cameras: Sequence[CameraPlan], where: str) -> Iterator[RecordingError]:
-    """Topics that serve one camera and are, by their frame, another one's."""
+    """Topics that serve one camera and are, by their frame, another one's; of detections that several cameras share
+    each takes its own.
+    """
     frames = {camera.color.frame_id: camera.camera_id for camera in cameras if camera.color.frame_id}
-    users: dict[str, set[str]] = {}
-    for camera in cameras:
-        for choice in camera.choices.values():
-            users.setdefault(choice.topic.name, set()).add(camera.camera_id)
     for camera in cameras:
         for role, choice in camera.choices.items():
-            owner = frames.get(choice.topic.frame_id, camera.camera_id)
-            if owner not in {camera.camera_id, *users[choice.topic.name]} and choice.topic.frame_id != camera.frame_id:
+            frame_id, topic = choice.topic.frame_id, choice.topic
+            owner = frames.get(frame_id, camera.camera_id)
+            shared = role in {"detections", "masks"} and any(
+                other.topic(role) is topic for other in cameras if other.camera_id == owner
+            )
+            if frame_id != camera.frame_id and owner != camera.camera_id and not shared:
                 yield RecordingError(
-                    f"its frame {choice.topic.frame_id!r} is that of the camera {owner!r}, not of {camera.camera_id!r}",
-                    where=f"{where}, {choice.topic.name}",
+                    f"its frame {frame_id!r} is that of the camera {owner!r}, not of {camera.camera_id!r}",
+                    where=f"{where}, {topic.name}",
                     cure=f"name the topic that belongs to it with --topic {role}.{camera.camera_id}=/...",
                 )
 
@@ -151,7 +153,7 @@ class CameraFinder:
         if len(found) < 2:
             self._check_named([MAIN_CAMERA])
             lone_color = self._lone.topic("color")
-            if not found or lone_color in {plan.color for plan in found.values()}:
+            if not found or any(plan.color is lone_color for plan in found.values()):
                 return self._lone
             (only,) = found.values()
             return replace(self._lone, cameras=(replace(only, camera_id=MAIN_CAMERA),))
