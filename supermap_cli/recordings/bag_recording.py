@@ -28,6 +28,7 @@ from supermap_cli.types.detections import Detections
 from supermap_cli.types.sensing import CameraFrame, ImuSample, StampedPose, Sweep
 
 _LATE_NS = 5_000_000_000
+"""ns of log time by which detections and masks may come later than their image's stamp: a slow detector on a robot."""
 
 Stamped = TypeVar("Stamped", StampedPose, Sweep, ImuSample)
 
@@ -138,7 +139,7 @@ class BagRecording:
 
     @property
     def warnings(self) -> Sequence[str]:
-        """What was mended or left out while opening and reading so far, one line each."""
+        """What was corrected or left out while opening and reading so far, one line each."""
         return self._opened.notes.lines
 
     def fingerprint(self) -> str:

@@ -296,8 +296,8 @@ def _unique(pairs: Iterable[tuple[Key, str]]) -> dict[Key, str]:
 
 def _named_in(topic: str, cameras: Collection[str]) -> str | None:
     """The one camera whose words are all in a topic's name; of "front" and "front_left" the longer one."""
-    said = words_of(topic)
-    fitting = sorted((len(words_of(camera_id)), camera_id) for camera_id in cameras if words_of(camera_id) <= said)
+    words = words_of(topic)
+    fitting = sorted((len(words_of(camera_id)), camera_id) for camera_id in cameras if words_of(camera_id) <= words)
     if not fitting or (len(fitting) > 1 and fitting[-1][0] == fitting[-2][0]):
         return None
     return fitting[-1][1]
@@ -321,13 +321,26 @@ def _same_view(tree: TransformTree, a: CameraPlan, b: CameraPlan) -> bool:
     return bool(np.linalg.norm(T_a_b[:3, 3]) < nearest_m and T_a_b[2, 2] > np.cos(_PARALLEL_RAD))
 
 
+def check_clocks(cameras: Sequence[CameraPlan], robot: RecordedRobot, where: str) -> None:
+    """Raise `RecordingError` where the stamps of cameras that the user named are of different clocks."""
+    for camera in cameras[1:]:
+        if (why := _other_clock(camera, cameras[0], robot)) is not None:
+            raise RecordingError(
+                why, where=f"{where}, {camera.color.name}", cure="record with one clock, or name only one of the two"
+            )
+
+
+def _other_clock(plan: CameraPlan, main: CameraPlan, robot: RecordedRobot) -> str | None:
+    apart_ns = abs(_clock_offset_ns(plan.color, robot) - _clock_offset_ns(main.color, robot))
+    return f"its clock is {apart_ns / 1e9:.1f} s off that of {main.color.name}" if apart_ns > _SAME_CLOCK_NS else None
+
+
 def _not_together(
     plan: CameraPlan, main: CameraPlan, robot: RecordedRobot, moments: Mapping[str, frozenset[int]]
 ) -> str | None:
     """Why a camera's images cannot be put in one order with the main camera's; `None` if they can."""
-    apart_ns = abs(_clock_offset_ns(plan.color, robot) - _clock_offset_ns(main.color, robot))
-    if apart_ns > _SAME_CLOCK_NS:
-        return f"its clock is {apart_ns / 1e9:.1f} s off that of {main.color.name}"
+    if (why := _other_clock(plan, main, robot)) is not None:
+        return why
     own, of_main = moments[plan.color.name], moments[main.color.name]
     if len(own & of_main) < _SHARED_MOMENTS * len(own | of_main):
         return f"it does not record over the same time as {main.color.name}"

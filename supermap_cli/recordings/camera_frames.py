@@ -11,7 +11,7 @@ import numpy as np
 from supermap_cli.errors import RecordingError
 from supermap_cli.geometry.arrays import Float32Array, FloatArray, IntArray, UInt8Array
 from supermap_cli.geometry.se3 import inverse
-from supermap_cli.recordings.clock_faults import StepForward, step_back, step_forward, strays
+from supermap_cli.recordings.clock_faults import StepForward, outliers, step_back, step_forward
 from supermap_cli.recordings.color_depth_fit import fitted_rig
 from supermap_cli.recordings.images import decode_color, decode_depth
 from supermap_cli.recordings.messages import peek_stamp_ns, read_image
@@ -23,7 +23,10 @@ from supermap_cli.recordings.storage import RawMessage
 from supermap_cli.types.sensing import CameraFrame
 
 _MARGIN_NS = 1_000_000_000
+"""ns of log time about the window in which images whose stamps lie in it may have been recorded."""
+
 _CUT = "cut the recording there and build its parts one after the other; their order is kept"
+"""The cure for a clock that was set while recording."""
 
 
 def pair_stamps(color_ns: IntArray, depth_ns: IntArray, tolerance_ns: int) -> list[tuple[int, int]]:
@@ -106,14 +109,14 @@ class CameraFrames:
         set forward by days, from no time at all to that of the day.
         """
         stamps_ns, log_ns = times_ns.T
-        stray = strays(stamps_ns, log_ns)
-        if stray.any():
-            first = self._opened.place(topic, int(log_ns[stray][0]) + self._opened.window.offset_ns)
+        outlying = outliers(stamps_ns, log_ns)
+        if outlying.any():
+            first = self._opened.place(topic, int(log_ns[outlying][0]) + self._opened.window.offset_ns)
             self._opened.notes.note(
                 f"stray stamps {topic}",
-                f"{first}: {stray.sum()} of {len(stray)} images have a stamp far off all others and are left out",
+                f"{first}: {outlying.sum()} of {len(outlying)} images have a stamp far off all others and are left out",
             )
-        stamps_ns, log_ns = stamps_ns[~stray], log_ns[~stray]
+        stamps_ns, log_ns = stamps_ns[~outlying], log_ns[~outlying]
         back = step_back(stamps_ns)
         if back is not None:
             raise RecordingError(

@@ -1,4 +1,4 @@
-"""Colour and depth that are said to share one calibration: checked on the images, and put right where they do not."""
+"""Colour and depth that are said to share one calibration: checked on the images, and corrected where they do not."""
 
 from __future__ import annotations
 
@@ -21,10 +21,13 @@ SAMPLES = 14
 """Images looked at, spread over the whole recording, so that every window of it gets the same camera."""
 
 LEAST_SAMPLES = 8
-"""With fewer images of different moments nothing is put right: they would show one view, and agree by accident."""
+"""With fewer images of different moments nothing is corrected: they would show one view, and agree by accident."""
 
 _WINDOW_NS = 1_000_000_000
+"""ns of log time in which a pair of images is looked for at every sample."""
+
 _SPACING_NS = 500_000_000
+"""ns between the colour stamps of two samples, at least, so that they show different views."""
 
 
 def fitted_rig(opened: OpenedRecording, opened_camera: OpenedCamera) -> CameraRig:

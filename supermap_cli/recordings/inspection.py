@@ -20,6 +20,7 @@ from supermap_cli.recordings.topic_plan import TopicChoice
 from supermap_cli.recordings.transforms import TransformTree
 
 _GAP_PERIODS = 5
+"""Periods of a topic that a pause must last to be reported as a gap."""
 
 
 @dataclass(frozen=True)
@@ -121,7 +122,7 @@ class Inspection:
     @property
     def without_detections(self) -> str | None:
         """What a build needs because no detections are recorded; `None` where they are."""
-        return next((each.reason for each in self.roles if each.role == "detections" and each.topic is None), None)
+        return next((role.reason for role in self.roles if role.role == "detections" and role.topic is None), None)
 
 
 def inspect_recording(path: Path, request: RecordingRequest) -> Inspection:
@@ -154,7 +155,7 @@ def inspect_recording(path: Path, request: RecordingRequest) -> Inspection:
         camera=_model_text(opened.cameras[0]) if opened.cameras else None,
         cameras=tuple(cameras),
         usable_frames=sum(camera.usable_frames for camera in cameras),
-        problems=tuple(ProblemReport(each.what, each.where, each.cure) for each in problems),
+        problems=tuple(ProblemReport(problem.what, problem.where, problem.cure) for problem in problems),
         warnings=(*opened.notes.lines, *_conflicts(opened.tree)),
     )
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from supermap_cli.errors import CalibrationError, ConfigError, RecordingError
 from supermap_cli.hookspecs import RecordingRequest
 from supermap_cli.recordings import messages
-from supermap_cli.recordings.camera_finding import CameraFinder, RecordedRobot, plan_named_cameras
+from supermap_cli.recordings.camera_finding import CameraFinder, RecordedRobot, check_clocks, plan_named_cameras
 from supermap_cli.recordings.containers import open_storage
 from supermap_cli.recordings.decoding import Decoder
 from supermap_cli.recordings.messages import PoseMessage
@@ -25,10 +25,15 @@ from supermap_cli.recordings.topics import plan_topics
 from supermap_cli.recordings.transforms import MovingTransforms, TransformTree
 
 MARGIN_NS = 2_000_000_000
-"""How far poses, sweeps and IMU reach beyond the window."""
+"""ns by which poses, sweeps and IMU reach beyond the window, so that images at its ends have them on both sides."""
 
 _SKEWED_CLOCK_NS = 1_000_000_000
+"""ns between sensor time and log time from which they are two clocks, and not a message under way."""
+
 _FIRST_TRANSFORMS = 2000
+"""Messages of moving transforms that are read to learn the tree's structure: some ten seconds of a robot with 20 of
+them at 10 Hz.
+"""
 
 
 @dataclass(frozen=True)
@@ -125,8 +130,8 @@ class OpenedRecording:
         names = [topic.name for topic in self.topics if topic.kind == "transforms" and not _is_static(topic)]
         start_ns, end_ns = self.window.log_range(margin_ns)
         for raw in self.storage.messages(names, start_ns, end_ns):
-            for each in messages.read_transforms(self.decoder.decode(raw), raw.log_ns):
-                yield raw.log_ns + self.window.offset_ns, each
+            for transform in messages.read_transforms(self.decoder.decode(raw), raw.log_ns):
+                yield raw.log_ns + self.window.offset_ns, transform
 
 
 def open_recording(path: Path, request: RecordingRequest) -> OpenedRecording:
@@ -149,8 +154,10 @@ def open_recording(path: Path, request: RecordingRequest) -> OpenedRecording:
     try:
         source = find_pose_source(plan, topics, tree, request.frames)
         base_frame = find_base_frame(source, tree, _sensor_frame(plan), request.frames, notes)
-        if not (named.color_cameras or named.lone_camera or request.camera):
-            robot = RecordedRobot(tree, base_frame, storage, decoder)
+        robot = RecordedRobot(tree, base_frame, storage, decoder)
+        if named.color_cameras:
+            check_clocks(plan.cameras, robot, where)
+        elif not (named.lone_camera or request.camera):
             plan = CameraFinder(topics, plan, named, where).find(robot, notes)
         builder = RigBuilder(plan, tree, request.camera, where=where)
         cameras, problems = _open_cameras(plan, lambda camera: builder.build(camera, base_frame, source, notes), notes)
@@ -226,12 +233,12 @@ def _static_transforms(storage: Storage, decoder: Decoder, topics: tuple[Topic, 
 def _first_tree(storage: Storage, decoder: Decoder, topics: tuple[Topic, ...]) -> TransformTree:
     """The tree's structure: all static transforms and the first of the moving ones."""
     tree = TransformTree()
-    for each in _static_transforms(storage, decoder, topics):
-        tree.add(each, static=True)
+    for transform in _static_transforms(storage, decoder, topics):
+        tree.add(transform, static=True)
     names = [topic.name for topic in topics if topic.kind == "transforms" and not _is_static(topic)]
     for raw in islice(storage.messages(names), _FIRST_TRANSFORMS):
-        for each in messages.read_transforms(decoder.decode(raw), raw.log_ns):
-            tree.add(each, static=False)
+        for transform in messages.read_transforms(decoder.decode(raw), raw.log_ns):
+            tree.add(transform, static=False)
     return tree
 
 

@@ -16,7 +16,7 @@ from supermap_cli.recordings.messages import CalibrationMessage, ImageMessage, K
 from supermap_cli.recordings.storage import Channel, RawMessage, Storage
 
 _TOGETHER_NS = 3_000_000_000
-"""ns of log time from the start in which most topics have sent once (slow ones do so every second); tuned to be cheap.
+"""ns of log time from the start in which most topics have sent once; the others are looked up one by one.
 """
 
 _FIRST_STAMPS = 21
@@ -48,8 +48,12 @@ class Topic:
 
 def probe_topics(storage: Storage, decoder: Decoder) -> tuple[Topic, ...]:
     """All topics of a known kind that hold messages, by name."""
-    kinds = {each: kind for each in storage.channels if each.count and (kind := messages.kind_of(each)) is not None}
-    by_name = {(each.topic, each.msgtype): kind for each, kind in kinds.items()}
+    kinds = {
+        channel: kind
+        for channel in storage.channels
+        if channel.count and (kind := messages.kind_of(channel)) is not None
+    }
+    by_name = {(channel.topic, channel.msgtype): kind for channel, kind in kinds.items()}
     topics = [
         _probe(raw, by_name[raw.channel.topic, raw.channel.msgtype], decoder)
         for raw in _first_messages(storage, by_name)
@@ -58,7 +62,7 @@ def probe_topics(storage: Storage, decoder: Decoder) -> tuple[Topic, ...]:
 
 
 def usual_offset_ns(storage: Storage, topic: Topic, decoder: Decoder) -> int:
-    """Sensor time minus log time of a topic: the median of its first messages, of which one may be astray."""
+    """Sensor time minus log time of a topic: the median of its first messages, of which one may be an outlier."""
     first = islice(storage.messages([topic.name]), _FIRST_STAMPS)
     return int(np.median([messages.peek_stamp_ns(raw, decoder.decode) - raw.log_ns for raw in first]))
 

@@ -243,7 +243,7 @@ class CameraPlanner:
             self._problems.append(self._unsupported_depth(depth, depth.image))
 
     def _miss_depth(self) -> None:
-        """No depth: because of an encoding that nobody here reads, or because there is none."""
+        """No depth: because of an encoding that is not supported, or because there is none."""
         unsupported = [
             self._unsupported_depth(topic, topic.image)
             for topic in self._of("image")
@@ -317,7 +317,7 @@ def _odometry_rank(topic: Topic) -> tuple[float, ...]:
 
 
 def faults(choices: Iterable[TopicChoice], where: str) -> tuple[RecordingError, ...]:
-    """Why topics that were chosen cannot be read. Depth of an encoding nobody reads is reported as such before."""
+    """Why topics that were chosen cannot be read; not for depth of an unsupported encoding, which is reported before."""
     return tuple(
         RecordingError(fault.what, where=fault.where or f"{where}, {choice.topic.name}", cure=fault.cure)
         for choice in choices

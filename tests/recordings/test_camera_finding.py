@@ -325,6 +325,8 @@ def test_a_camera_by_another_clock_is_left_out(tmp_path):
     recording = open_(path)
     assert recording.cameras == ("camera",)
     assert any("its clock is 7.0 s off that of /cam_front" in line for line in recording.warnings)
+    with pytest.raises(RecordingError, match=r"its clock is 7\.0 s off that of /cam_front.*/cam_left"):
+        open_(path, topics={f"color.{name}": color(f"/cam_{name}") for name in ("front", "left")})
 
 
 def test_of_more_than_six_cameras_the_first_six_are_taken(tmp_path):

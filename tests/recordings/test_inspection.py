@@ -25,12 +25,12 @@ def test_a_whole_recording_can_be_built(tmp_path):
     assert report.base_frame == "base_link"
     assert report.poses == "/odom (odom -> base_link)"
     assert report.camera == "pinhole 64 x 48, 60 px a radian, depth aligned"
-    assert {(each.parent, each.child, each.static) for each in report.transforms} == {
+    assert {(edge.parent, edge.child, edge.static) for edge in report.transforms} == {
         ("odom", "base_link", False),
         ("base_link", "camera_optical_frame", True),
         ("base_link", "lidar", True),
     }
-    color = next(each for each in report.topics if each.role == "color")
+    color = next(topic for topic in report.topics if topic.role == "color")
     assert (color.count, color.rate_hz, color.frame_id) == (10, 10.0, "camera_optical_frame")
     assert not color.has_gap
 
@@ -74,7 +74,7 @@ def test_lidar_stands_in_for_depth_and_for_motion(tmp_path):
 
 def test_poses_that_are_never_finite_are_a_problem(tmp_path):
     report = inspect(bags.write_recording(tmp_path / "run.mcap", broken_poses=range(5)))
-    assert ["no usable poses" in each.what for each in report.problems] == [True]
+    assert ["no usable poses" in problem.what for problem in report.problems] == [True]
 
 
 @pytest.mark.parametrize("name", ["run.mcap", "run.db3", "run.bag"])
@@ -133,7 +133,7 @@ def test_the_window_counts(tmp_path):
     path = bags.write_recording(tmp_path / "run.mcap", frames=30)
     report = inspect(path, start_s=1.0, end_s=2.0)
     assert report.usable_frames == 10
-    assert {each.count for each in report.topics if each.role in {"color", "depth"}} == {10}
+    assert {topic.count for topic in report.topics if topic.role in {"color", "depth"}} == {10}
 
 
 def test_a_frame_with_two_parents_is_warned_of(tmp_path):
