@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.tree import Tree
 
-    from supermap_cli.recordings.inspection import Inspection, TopicReport
+    from supermap_cli.recordings.inspection import Inspection, RoleReport, TopicReport
 
 EXAMPLES = """
 Examples:
@@ -33,6 +33,8 @@ Examples:
     supermap inspect run.mcap
 
     supermap inspect run.bag --topic color=/cam/image_raw --json
+
+    supermap inspect run.bag --topic color.front=/front/image_raw --topic color.left=/left/image_raw
 """
 
 
@@ -83,15 +85,15 @@ def _print(report: Inspection) -> None:
     console = out()
     console.print(f"{report.path}: {report.duration_s:.1f} s, {report.usable_frames} usable frames", markup=False)
     columns = ("topic", "type", "messages#", "Hz#", "longest gap#", "frame", "used for")
-    print_table(console, "", columns, (_topic_row(each) for each in report.topics))
+    print_table(console, "", columns, (_topic_row(topic) for topic in report.topics))
     print_table(
         console,
         "A build would use",
         ("role", "topic", "why"),
-        ((each.role, each.topic or "-", each.reason) for each in report.roles),
+        ((_role_text(role), role.topic or "-", role.reason) for role in report.roles),
     )
     console.print(f"motion: {report.poses or 'none'}; base frame: {report.base_frame or '?'}", markup=False)
-    console.print(f"camera: {report.camera or 'none'}", markup=False)
+    _print_cameras(console, report)
     _print_trees(console, report)
     if report.can_build:
         console.print(f"\n{_verdict(report.without_detections)}", markup=False, soft_wrap=True)
@@ -108,6 +110,26 @@ def _verdict(without_detections: str | None) -> str:
     if without_detections is None:
         return "A build can work."
     return f"A build can work if a detector model is given: no detections are recorded, and {without_detections}."
+
+
+def _print_cameras(console: Console, report: Inspection) -> None:
+    """One line for a lone camera, a table for several."""
+    if len(report.cameras) < 2:
+        console.print(f"camera: {report.camera or 'none'}", markup=False)
+        return
+    print_table(
+        console,
+        "Cameras",
+        ("camera", "color topic", "frame", "model", "usable frames#"),
+        (
+            (camera.camera_id, camera.topic, camera.frame_id, camera.model, str(camera.usable_frames))
+            for camera in report.cameras
+        ),
+    )
+
+
+def _role_text(role: RoleReport) -> str:
+    return role.role if role.camera is None else f"{role.role}.{role.camera}"
 
 
 def _topic_row(topic: TopicReport) -> tuple[str, ...]:

@@ -14,20 +14,21 @@ from supermap_cli.errors import CalibrationError, RecordingError
 from supermap_cli.geometry.arrays import IntArray
 from supermap_cli.protocols import SensorMessage
 from supermap_cli.recordings import messages
-from supermap_cli.recordings.camera_frames import CameraFrames
+from supermap_cli.recordings.camera_frames import CameraFrames, ImageTimes
 from supermap_cli.recordings.clock_faults import REORDER_NS
 from supermap_cli.recordings.detection_messages import DetectionArrival, join_masks, read_detections
 from supermap_cli.recordings.fingerprint import content_fingerprint, window_fingerprint
 from supermap_cli.recordings.images import decode_numbers
-from supermap_cli.recordings.opening import MARGIN_NS, OpenedRecording, no_poses
+from supermap_cli.recordings.opening import MARGIN_NS, OpenedCamera, OpenedRecording, no_poses
 from supermap_cli.recordings.pointclouds import read_points
 from supermap_cli.recordings.poses import recorded_poses
 from supermap_cli.recordings.probing import Topic
 from supermap_cli.recordings.storage import RawMessage
 from supermap_cli.types.detections import Detections
-from supermap_cli.types.sensing import MAIN_CAMERA, CameraFrame, ImuSample, StampedPose, Sweep
+from supermap_cli.types.sensing import CameraFrame, ImuSample, StampedPose, Sweep
 
 _LATE_NS = 5_000_000_000
+"""ns of log time by which detections and masks may come later than their image's stamp: a slow detector on a robot."""
 
 Stamped = TypeVar("Stamped", StampedPose, Sweep, ImuSample)
 
@@ -65,10 +66,11 @@ class BagRecording:
     def __init__(self, opened: OpenedRecording) -> None:
         if opened.problems:
             raise opened.problems[0]
-        if opened.rig is None:
-            raise ValueError("a recording without problems has a rig")
+        if not opened.cameras:
+            raise ValueError("a recording without problems has a camera")
         self._opened = opened
-        self._camera_frames = CameraFrames(opened, opened.rig)
+        times = ImageTimes(opened)
+        self._frames = {camera.camera_id: CameraFrames(opened, camera, times) for camera in opened.cameras}
 
     @property
     def path(self) -> Path:
@@ -88,13 +90,37 @@ class BagRecording:
     @cached_property
     def _span_ns(self) -> tuple[int, int]:
         """The window and all its images. Its open sides are times of recording, which stamps lie before or beyond."""
-        stamps_ns, window = self.frame_stamps_ns(), self._opened.window
-        return min(window.start_ns, int(stamps_ns[0])), max(window.end_ns, int(stamps_ns[-1]))
+        window, stamps_ns = self._opened.window, [self.frame_stamps_ns(camera_id) for camera_id in self.cameras]
+        first_ns, last_ns = min(int(stamps[0]) for stamps in stamps_ns), max(int(stamps[-1]) for stamps in stamps_ns)
+        return min(window.start_ns, first_ns), max(window.end_ns, last_ns)
+
+    @cached_property
+    def _cameras(self) -> tuple[OpenedCamera, ...]:
+        """The cameras, without those that were found by themselves and turn out to have no usable frame (noted)."""
+        given = self._opened.cameras
+        if len(given) == 1:
+            return given
+        usable: list[OpenedCamera] = []
+        failures: dict[str, RecordingError] = {}
+        for camera in given:
+            try:
+                if not camera.plan.named:
+                    self._frames[camera.camera_id].stamps_ns()
+                usable.append(camera)
+            except RecordingError as error:
+                failures[camera.camera_id] = error
+        if not usable:
+            raise next(iter(failures.values()))
+        for camera_id, failure in failures.items():
+            self._opened.notes.note(f"camera {camera_id}", f"the camera {camera_id!r} is left out: {failure}")
+        return tuple(usable)
 
     @property
     def streams(self) -> frozenset[str]:
         """Which of "color", "depth", "lidar", "imu", "poses", "detections", "masks" there are."""
-        roles = {"color", "depth", "lidar", "detections", "masks"} & self._opened.plan.choices.keys()
+        roles = {"lidar"} & self._opened.plan.shared.keys()
+        for camera in self._cameras:
+            roles |= {"color", "depth", "detections", "masks"} & camera.plan.choices.keys()
         if self._opened.pose_source is not None:
             roles.add("poses")
         if self._imu_topic() is not None:
@@ -104,7 +130,7 @@ class BagRecording:
     @property
     def cameras(self) -> tuple[str, ...]:
         """The `camera_id` of every camera, the main one first."""
-        return (MAIN_CAMERA,)
+        return tuple(camera.camera_id for camera in self._cameras)
 
     @property
     def base_frame(self) -> str:
@@ -113,7 +139,7 @@ class BagRecording:
 
     @property
     def warnings(self) -> Sequence[str]:
-        """What was mended or left out while opening and reading so far, one line each."""
+        """What was corrected or left out while opening and reading so far, one line each."""
         return self._opened.notes.lines
 
     def fingerprint(self) -> str:
@@ -134,15 +160,13 @@ class BagRecording:
 
     def frame_stamps_ns(self, camera_id: str | None = None) -> IntArray:
         """(n,) int64 stamps of all usable frames of a camera, ascending, without decoding any image."""
-        self._check_camera(camera_id)
-        return self._camera_frames.stamps_ns()
+        return self._frames[self._camera(camera_id).camera_id].stamps_ns()
 
     def frames(
         self, selected: Callable[[int], bool] | None = None, camera_id: str | None = None
     ) -> Iterator[CameraFrame]:
         """Frames of a camera in order; `selected` is asked about all stamps, ascending, before any image is decoded."""
-        self._check_camera(camera_id)
-        return self._camera_frames.frames(selected)
+        return self._frames[self._camera(camera_id).camera_id].frames(selected)
 
     def poses(self) -> Iterator[StampedPose]:
         """The recorded odometry, `T_odom_base`. Raises `RecordingError` where there is none, or none that is finite."""
@@ -162,22 +186,23 @@ class BagRecording:
 
     def detection_stamps_ns(self, camera_id: str | None = None) -> IntArray:
         """(n,) int64 stamps of a camera's images that recorded detections belong to (`header.stamp`), ascending."""
-        self._check_camera(camera_id)
-        topic = self._opened.plan.topic("detections")
+        camera = self._camera(camera_id)
+        topic = camera.plan.topic("detections")
         if topic is None:
             return np.zeros(0, np.int64)
-        decode, window = self._opened.decoder.decode, self._opened.window
-        stamps = {messages.peek_stamp_ns(raw, decode) for raw in self._messages([topic.name], _LATE_NS)}
-        return np.array(sorted(stamp for stamp in stamps if window.holds(stamp)), np.int64)
+        stamps = {stamp_ns for stamp_ns, _ in self._of_camera(camera, [topic.name])}
+        return np.array(sorted(stamps), np.int64)
 
     def detections(self, camera_id: str | None = None) -> Iterator[Detections]:
         """Recorded detections of a camera with their masks, in the order of their images' stamps."""
-        self._check_camera(camera_id)
-        return join_masks(self._detection_arrivals(), _LATE_NS)
+        return join_masks(self._detection_arrivals(self._camera(camera_id)), _LATE_NS)
 
-    def _check_camera(self, camera_id: str | None) -> None:
-        if camera_id is not None and camera_id not in self.cameras:
-            raise ValueError(f"no camera {camera_id!r} among {self.cameras}")
+    def _camera(self, camera_id: str | None) -> OpenedCamera:
+        """A camera by its id (`None`: the main one). Raises `ValueError` if there is none of that id."""
+        for camera in self._cameras:
+            if camera_id in {None, camera.camera_id}:
+                return camera
+        raise ValueError(f"no camera {camera_id!r} among {self.cameras}")
 
     def _note_late(self, what: str) -> Callable[[int, int], None]:
         def note(count: int, stamp_ns: int) -> None:
@@ -241,25 +266,41 @@ class BagRecording:
             if T_base_imu is not None and finite and opened.window.holds(sample.stamp_ns, MARGIN_NS):
                 yield ImuSample(sample.stamp_ns, sample.angular_rate, sample.specific_force, T_base_imu)
 
-    def _detection_arrivals(self) -> Iterator[DetectionArrival]:
-        plan, opened = self._opened.plan, self._opened
-        arrays, masks = plan.topic("detections"), plan.topic("masks")
-        if arrays is None:
-            return
-        names = [arrays.name] if masks is None else [arrays.name, masks.name]
-        for raw in self._messages(names, _LATE_NS):
+    def _of_camera(self, camera: OpenedCamera, topics: Sequence[str]) -> Iterator[tuple[int, RawMessage]]:
+        """(stamp, message) of detections or masks in the window; of a topic that several cameras share those that bear
+        the camera's frame.
+        """
+        opened = self._opened
+        others = {
+            other.plan.frame_id
+            for other in self._cameras
+            if not {choice.topic.name for choice in other.plan.choices.values()}.isdisjoint(topics)
+        } - {camera.plan.frame_id}
+        for raw in self._messages(topics, _LATE_NS):
             stamp_ns = messages.peek_stamp_ns(raw, opened.decoder.decode)
             if not opened.window.holds(stamp_ns):
                 continue
+            if others and messages.header_of(opened.decoder.decode(raw), raw.log_ns)[1] in others:
+                continue
+            yield stamp_ns, raw
+
+    def _detection_arrivals(self, camera: OpenedCamera) -> Iterator[DetectionArrival]:
+        opened = self._opened
+        arrays, masks = camera.plan.topic("detections"), camera.plan.topic("masks")
+        if arrays is None:
+            return
+        names = [arrays.name] if masks is None else [arrays.name, masks.name]
+        for stamp_ns, raw in self._of_camera(camera, names):
             arrived_ns, message = raw.log_ns + opened.window.offset_ns, opened.decoder.decode(raw)
             if raw.channel.topic == arrays.name:
-                yield DetectionArrival(stamp_ns, arrived_ns, detections=read_detections(message, stamp_ns))
+                detections = read_detections(message, stamp_ns, camera.camera_id)
+                yield DetectionArrival(stamp_ns, arrived_ns, detections=detections)
                 continue
             place = opened.place(raw.channel.topic, stamp_ns)
             try:
                 numbers = decode_numbers(messages.read_image(message, raw.log_ns))
             except ValueError as error:
-                opened.notes.note("masks", f"{place}: {error}, left out")
+                opened.notes.note(f"masks {camera.camera_id}", f"{place}: {error}, left out")
                 continue
             except RecordingError as error:
                 raise RecordingError(error.what, where=place, cure=error.cure) from error

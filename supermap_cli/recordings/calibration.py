@@ -9,10 +9,14 @@ from supermap_cli.geometry.cameras import Camera, EquirectangularCamera, Fisheye
 from supermap_cli.recordings.messages import CalibrationMessage
 
 MODELS = ("plumb_bob", "rational_polynomial", "equidistant", "equirectangular")
+"""Distortion models to name in errors (sensor_msgs/distortion_models.h; "equirectangular" is this program's own)."""
 
 _PERSPECTIVE = {"plumb_bob": 5, "rational_polynomial": 8, "radtan": 5, "pinhole": 5, "none": 0, "": 5}
+"""Perspective distortion models and how many coefficients each has (sensor_msgs/CameraInfo, D)."""
 _FISHEYE = {"equidistant", "fisheye", "kannala_brandt", "kannala_brandt4"}
+"""Names of the fisheye model with four coefficients (Kannala and Brandt 2006, as in OpenCV's fisheye module)."""
 _ASPECT_TOLERANCE = 0.01
+"""Share by which the scales of width and height may differ: rounding to whole pixels, at 100 pixels and more."""
 
 
 def camera_from_calibration(

@@ -11,18 +11,22 @@ import numpy as np
 from supermap_cli.errors import RecordingError
 from supermap_cli.geometry.arrays import Float32Array, FloatArray, IntArray, UInt8Array
 from supermap_cli.geometry.se3 import inverse
-from supermap_cli.recordings.clock_faults import StepForward, step_back, step_forward, strays
+from supermap_cli.recordings.clock_faults import StepForward, outliers, step_back, step_forward
 from supermap_cli.recordings.color_depth_fit import fitted_rig
 from supermap_cli.recordings.images import decode_color, decode_depth
 from supermap_cli.recordings.messages import peek_stamp_ns, read_image
-from supermap_cli.recordings.opening import OpenedRecording
+from supermap_cli.recordings.opening import OpenedCamera, OpenedRecording
 from supermap_cli.recordings.registration import DepthRegistration, SameCentre, ZBuffer
-from supermap_cli.recordings.rig import DepthRig, Rig
+from supermap_cli.recordings.rig import CameraRig, DepthRig
+from supermap_cli.recordings.roles import role_name
 from supermap_cli.recordings.storage import RawMessage
 from supermap_cli.types.sensing import CameraFrame
 
 _MARGIN_NS = 1_000_000_000
+"""ns of log time about the window in which images whose stamps lie in it may have been recorded."""
+
 _CUT = "cut the recording there and build its parts one after the other; their order is kept"
+"""The cure for a clock that was set while recording."""
 
 
 def pair_stamps(color_ns: IntArray, depth_ns: IntArray, tolerance_ns: int) -> list[tuple[int, int]]:
@@ -45,30 +49,47 @@ def _nearest(of: IntArray, among: IntArray) -> IntArray:
     return np.where(earlier, after - 1, after)
 
 
-class CameraFrames:
-    """The camera stream of an opened recording. Only the images of a few frames are in memory at a time."""
+class ImageTimes:
+    """The stamps of all cameras' images, by one pass over the headers alone."""
 
-    def __init__(self, opened: OpenedRecording, rig: Rig) -> None:
+    def __init__(self, opened: OpenedRecording) -> None:
         self._opened = opened
-        self._given_rig = rig
-        self._color = opened.plan.choices["color"].topic.name
-        depth = opened.plan.topic("depth")
-        self._depth = depth.name if depth else None
+        topics = (topic for camera in opened.cameras for topic in (camera.color, camera.depth))
+        self._topics = tuple(dict.fromkeys(topic for topic in topics if topic is not None))
 
     @cached_property
-    def _rig(self) -> Rig:
+    def _times_ns(self) -> dict[str, IntArray]:
+        times: dict[str, list[tuple[int, int]]] = {topic: [] for topic in self._topics}
+        decode = self._opened.decoder.decode
+        for raw in self._opened.storage.messages(self._topics, *self._opened.window.log_range(_MARGIN_NS)):
+            times[raw.channel.topic].append((peek_stamp_ns(raw, decode), raw.log_ns))
+        return {topic: np.array(pairs, np.int64).reshape(-1, 2) for topic, pairs in times.items()}
+
+    def of_topic(self, topic: str) -> IntArray:
+        """(n, 2) int64 stamps and log times of a topic's images about the window, in the order of recording."""
+        return self._times_ns[topic]
+
+
+class CameraFrames:
+    """The frames of one camera of an opened recording. Only the images of a few are in memory at a time."""
+
+    def __init__(self, opened: OpenedRecording, camera: OpenedCamera, times: ImageTimes) -> None:
+        self._opened = opened
+        self._camera = camera
+        self._times = times
+        self._color = camera.color
+        self._depth = camera.depth
+
+    @cached_property
+    def _rig(self) -> CameraRig:
         """The rig, checked on the images when the first frame is wanted."""
-        return fitted_rig(self._opened, self._given_rig)
+        return fitted_rig(self._opened, self._camera)
 
     @cached_property
     def _pairs(self) -> Sequence[tuple[int, int | None]]:
-        """(colour stamp, depth stamp) of every usable frame, by one pass over the headers alone."""
-        times: dict[str, list[tuple[int, int]]] = {self._color: []}
-        if self._depth is not None:
-            times[self._depth] = []
-        for raw in self._messages():
-            times[raw.channel.topic].append((peek_stamp_ns(raw, self._opened.decoder.decode), raw.log_ns))
-        stamps = {topic: self._going_forward(topic, np.array(each, np.int64)) for topic, each in times.items()}
+        """(colour stamp, depth stamp) of every usable frame."""
+        topics = [self._color] if self._depth is None else [self._color, self._depth]
+        stamps = {topic: self._going_forward(topic, self._times.of_topic(topic)) for topic in topics}
         color_ns = np.unique(stamps[self._color])
         color_ns = (
             color_ns[[self._opened.window.holds(int(stamp)) for stamp in color_ns]] if len(color_ns) else color_ns
@@ -87,15 +108,15 @@ class CameraFrames:
         Raises `RecordingError` where the clock was set back: images of two times would stand in one; and where it was
         set forward by days, from no time at all to that of the day.
         """
-        stamps_ns, log_ns = times_ns.reshape(-1, 2).T
-        stray = strays(stamps_ns, log_ns)
-        if stray.any():
-            first = self._opened.place(topic, int(log_ns[stray][0]) + self._opened.window.offset_ns)
+        stamps_ns, log_ns = times_ns.T
+        outlying = outliers(stamps_ns, log_ns)
+        if outlying.any():
+            first = self._opened.place(topic, int(log_ns[outlying][0]) + self._opened.window.offset_ns)
             self._opened.notes.note(
                 f"stray stamps {topic}",
-                f"{first}: {stray.sum()} of {len(stray)} images have a stamp far off all others and are left out",
+                f"{first}: {outlying.sum()} of {len(outlying)} images have a stamp far off all others and are left out",
             )
-        stamps_ns, log_ns = stamps_ns[~stray], log_ns[~stray]
+        stamps_ns, log_ns = stamps_ns[~outlying], log_ns[~outlying]
         back = step_back(stamps_ns)
         if back is not None:
             raise RecordingError(
@@ -106,7 +127,7 @@ class CameraFrames:
         ahead = step_forward(stamps_ns, log_ns)
         if ahead is not None:
             self._set_forward(topic, ahead, log_ns)
-        return stamps_ns
+        return np.asarray(stamps_ns, np.int64)
 
     def _set_forward(self, topic: str, ahead: StepForward, log_ns: IntArray) -> None:
         """Note that a clock was set forward. Raises `RecordingError` where that cannot be time that went by."""
@@ -114,7 +135,9 @@ class CameraFrames:
         where = self._opened.place(topic, last_ns + self._opened.window.offset_ns)
         what = f"its clock is set forward by {_length_text(ahead.by_ns)}, after image {ahead.index} of {len(log_ns)}"
         if not ahead.too_far:
-            self._opened.notes.note("clock set", f"{where}: {what}; in the map nobody looks in that time")
+            self._opened.notes.note(
+                f"clock set {self._color}", f"{where}: {what}; in the map nobody looks in that time"
+            )
             return
         begin_ns = self._opened.storage.start_ns
         end_s, start_s = (last_ns - begin_ns) // 10**9 + 1, (next_ns - begin_ns) // 10**9 - 1
@@ -132,11 +155,12 @@ class CameraFrames:
                 f"no depth image within {tolerance_s:g} s of a colour image"
                 + (f", the nearest is {apart:.3f} s off" if apart is not None else ""),
                 where=self._place(depth),
-                cure="raise sync_tolerance_s ([build.recording] in supermap.toml), or name another --topic depth=/...",
+                cure="raise sync_tolerance_s ([build.recording] in supermap.toml), or name another "
+                f"--topic {self._role('depth')}=/...",
             )
         if len(pairs) < len(color_ns):
             self._opened.notes.note(
-                "pairs",
+                f"pairs {self._color}",
                 f"{self._place(self._color)}: {len(color_ns) - len(pairs)} of {len(color_ns)} images have no depth "
                 f"within {tolerance_s:g} s and are left out",
             )
@@ -148,7 +172,7 @@ class CameraFrames:
 
     def frames(self, selected: Callable[[int], bool] | None) -> Iterator[CameraFrame]:
         """Decoded frames in order; broken images are left out with a note. Raises if none is left."""
-        builder = _FrameBuilder(self._opened, self._rig, self._color)
+        builder = _FrameBuilder(self._opened, self._rig, self._camera)
         pairs = [pair for pair in self._pairs if selected is None or selected(pair[0])]
         count = 0
         for color, depth in self._raw_pairs(pairs):
@@ -160,7 +184,8 @@ class CameraFrames:
             raise RecordingError(
                 f"none of {len(pairs)} camera frames can be used ({builder.last_fault})",
                 where=self._place(self._color),
-                cure="record again, or name another topic with --topic color=/... or depth=/...",
+                cure="record again, or name another topic with "
+                f"--topic {self._role('color')}=/... or {self._role('depth')}=/...",
             )
 
     def _raw_pairs(self, pairs: Sequence[tuple[int, int | None]]) -> Iterator[tuple[RawMessage, RawMessage | None]]:
@@ -195,22 +220,25 @@ class CameraFrames:
     def _place(self, topic: str) -> str:
         return f"{self._opened.path}, {topic}"
 
+    def _role(self, role: str) -> str:
+        return role_name(role, self._camera.camera_id)
+
 
 class _FrameBuilder:
-    """Makes one frame after the other from raw messages."""
+    """Makes one frame after the other from a camera's raw messages."""
 
-    def __init__(self, opened: OpenedRecording, rig: Rig, color: str) -> None:
+    def __init__(self, opened: OpenedRecording, rig: CameraRig, camera: OpenedCamera) -> None:
         self._opened = opened
         self._rig = rig
-        self._color = color
+        self._camera_id = camera.camera_id
+        self._color = camera.color
         self._dropped = 0
         self.last_fault = ""
         self._transforms = opened.transforms(
             rig.base_frame, {rig.color_frame, rig.depth.frame_id if rig.depth else rig.color_frame}
         )
         self._registration = _registration(rig)
-        camera = rig.camera
-        mask = camera.valid_mask()
+        mask = rig.camera.valid_mask()
         self._blind = None if mask.all() else ~mask
 
     def build(self, color: RawMessage, depth: RawMessage | None) -> CameraFrame | None:
@@ -227,13 +255,21 @@ class _FrameBuilder:
         except ValueError as fault:
             self._drop(stamp_ns, str(fault))
             return None
-        return CameraFrame(stamp_ns, self._rig.color_frame, rgb, depth_m, self._rig.camera, T_base_camera)
+        return CameraFrame(
+            stamp_ns,
+            self._rig.color_frame,
+            rgb,
+            depth_m,
+            self._rig.camera,
+            T_base_camera,
+            camera_id=self._camera_id,
+        )
 
     def _drop(self, stamp_ns: int, fault: str) -> None:
         self._dropped += 1
         self.last_fault = fault
         self._opened.notes.note(
-            "frames",
+            f"frames {self._color}",
             f"{self._opened.place(self._color, stamp_ns)}: {fault}; {self._dropped} camera frame(s) left out so far",
         )
 
@@ -286,7 +322,7 @@ def _length_text(length_ns: int) -> str:
     return f"{days:.0f} days" if days >= 1 else f"{length_ns / 1e9:.1f} s"
 
 
-def _registration(rig: Rig) -> DepthRegistration | None:
+def _registration(rig: CameraRig) -> DepthRegistration | None:
     if rig.depth is None or rig.depth.aligned:
         return None
     if rig.depth.T_color_depth is None and rig.depth.frame_id == rig.color_frame:

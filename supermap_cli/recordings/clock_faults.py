@@ -1,4 +1,4 @@
-"""Stamps that cannot be true: single ones far off all others, and clocks that were set while recording."""
+"""Stamps that cannot be true: outliers far off all others, and clocks that were set while recording."""
 
 from __future__ import annotations
 
@@ -9,19 +9,28 @@ import numpy as np
 from supermap_cli.geometry.arrays import BoolArray, IntArray
 
 REORDER_NS = 500_000_000
-"""Messages may come so late that others with later stamps were recorded before them."""
+"""ns by which messages may come late, after others with later stamps; beyond it the clock was set back. Set by
+hand: several times what buffering in drivers and recorders takes.
+"""
 
-STRAY_NS = 60 * 10**9
-"""A stamp so far from where the others lie, against the time of recording, is not the sensor's time."""
+OUTLIER_NS = 60 * 10**9
+"""ns; a stamp so far from the others, as compared with the time of recording, is not the sensor's time."""
 
-AWAY_NS = 24 * 3600 * 10**9
-"""No recording pauses for so long: between two images the clock was set, as by NTP on a robot without a battery."""
+LONGEST_PAUSE_NS = 24 * 3600 * 10**9
+"""ns, a day; no recording pauses for so long: between two images the clock was set, as by NTP on a robot without a
+battery-backed clock.
+"""
 
-_SET_NS = 1_000_000_000
-_SET_PERIODS = 10
-_AROUND = 20
-_FEW = 3
-_FEW_SHARE = 0.01
+_STEP_NS, _STEP_PERIODS = 1_000_000_000, 10
+"""The least step forward of a clock that is reported: ns, and periods of the stream, whichever is more. Smaller ones
+cannot be told from a pause.
+"""
+
+_STEP_NEIGHBOURS = 20
+"""Messages before and after a step whose median offset to the log time shows that it lasts."""
+
+_MOST_OUTLIERS, _MOST_OUTLIERS_SHARE = 3, 0.01
+"""So many of a stream's stamps, or this share of them, are outliers at most; more are a clock that was set."""
 
 
 @dataclass(frozen=True)
@@ -46,18 +55,18 @@ class StepForward:
     log_too: bool = False
 
 
-def strays(stamps_ns: IntArray, log_ns: IntArray) -> BoolArray:
+def outliers(stamps_ns: IntArray, log_ns: IntArray) -> BoolArray:
     """(n,) which of the stamps of a stream, in the order of recording, are far off all others: a few at most.
 
     What is judged is the stamp against the time of recording, by which clocks may differ, and slowly drift apart.
     """
     off_ns = stamps_ns - log_ns
     order = np.argsort(off_ns, kind="stable")
-    groups = np.split(order, np.flatnonzero(np.diff(off_ns[order]) > STRAY_NS) + 1)
-    few = max(_FEW, round(_FEW_SHARE * len(stamps_ns)))
+    groups = np.split(order, np.flatnonzero(np.diff(off_ns[order]) > OUTLIER_NS) + 1)
+    most = max(_MOST_OUTLIERS, round(_MOST_OUTLIERS_SHARE * len(stamps_ns)))
     found = np.zeros(len(stamps_ns), bool)
     for group in groups:
-        found[group] = len(group) <= few and len(group) * 2 < len(stamps_ns)
+        found[group] = len(group) <= most and len(group) * 2 < len(stamps_ns)
     return found
 
 
@@ -79,15 +88,15 @@ def step_forward(stamps_ns: IntArray, log_ns: IntArray) -> StepForward | None:
     if len(stamps_ns) < 2:
         return None
     gaps_ns, log_gaps_ns = np.diff(stamps_ns), np.diff(log_ns)
-    away = np.flatnonzero(np.maximum(gaps_ns, log_gaps_ns) > AWAY_NS)
+    away = np.flatnonzero(np.maximum(gaps_ns, log_gaps_ns) > LONGEST_PAUSE_NS)
     if len(away):
         at = int(away[0])
-        both = abs(int(gaps_ns[at] - log_gaps_ns[at])) < STRAY_NS
+        both = abs(int(gaps_ns[at] - log_gaps_ns[at])) < OUTLIER_NS
         return StepForward(at + 1, int(max(gaps_ns[at], log_gaps_ns[at])), too_far=True, log_too=both)
-    least_ns = max(_SET_NS, _SET_PERIODS * float(np.median(gaps_ns)))
+    least_ns = max(_STEP_NS, _STEP_PERIODS * float(np.median(gaps_ns)))
     off_ns = stamps_ns - log_ns
     for at in np.flatnonzero(gaps_ns - log_gaps_ns > least_ns).tolist():
-        before, after = off_ns[max(at + 1 - _AROUND, 0) : at + 1], off_ns[at + 1 : at + 1 + _AROUND]
+        before, after = off_ns[max(at + 1 - _STEP_NEIGHBOURS, 0) : at + 1], off_ns[at + 1 : at + 1 + _STEP_NEIGHBOURS]
         by_ns = int(np.median(after) - np.median(before))
         if by_ns > least_ns:
             return StepForward(at + 1, by_ns)

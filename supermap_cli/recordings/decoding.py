@@ -17,7 +17,10 @@ from supermap_cli.recordings.definitions import FALLBACK_DEFINITIONS
 from supermap_cli.recordings.storage import Channel, RawMessage
 
 _DEFAULTS = {"ros1": Stores.ROS1_NOETIC, "cdr": Stores.ROS2_JAZZY}
+"""Which distribution's definitions serve where a recording holds none, by serialization."""
+
 _IDL_SEPARATOR = "=" * 80 + "\n"
+"""Between the definitions of a bundle (rosbag2's MCAP storage, encoding "ros2idl")."""
 
 
 class Decoder:
@@ -72,8 +75,8 @@ def _protobuf_function(channel: Channel) -> Callable[[bytes | memoryview], Any]:
 
     files = descriptor_pb2.FileDescriptorSet.FromString(channel.definition)
     pool = descriptor_pool.DescriptorPool()
-    for each in files.file:
-        pool.Add(each)
+    for descriptor in files.file:
+        pool.Add(descriptor)
     message_class = message_factory.GetMessageClass(pool.FindMessageTypeByName(channel.msgtype))
 
     def decode(data: bytes | memoryview) -> Any:
@@ -91,8 +94,8 @@ def _typestore(channel: Channel) -> Typestore:
     package = channel.msgtype.partition("/")[0]
     fallback: dict[str, Any] = {}
     if channel.msgtype not in embedded and channel.msgtype not in default:
-        for each, text in FALLBACK_DEFINITIONS.get(package, {}).items():
-            fallback.update(get_types_from_msg(text, f"{package}/msg/{each}"))
+        for type_name, text in FALLBACK_DEFINITIONS.get(package, {}).items():
+            fallback.update(get_types_from_msg(text, f"{package}/msg/{type_name}"))
     needed: dict[str, Any] = {}
     wanted = [channel.msgtype]
     while wanted:

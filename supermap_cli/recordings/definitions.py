@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-_VISION = {
+_VISION: Mapping[str, str] = {
     "Point2D": "float64 x\nfloat64 y\n",
     "Pose2D": "vision_msgs/Point2D position\nfloat64 theta\n",
     "BoundingBox2D": "vision_msgs/Pose2D center\nfloat64 size_x\nfloat64 size_y\n",
@@ -29,6 +29,7 @@ _LIVOX = {
 }
 
 LIVOX_PACKAGES = ("livox_ros_driver", "livox_ros_driver2", "livox_interfaces")
+"""The packages under which Livox's drivers publish the same CustomMsg."""
 
 FALLBACK_DEFINITIONS: Mapping[str, Mapping[str, str]] = {
     "vision_msgs": _VISION,

@@ -14,24 +14,26 @@ import numpy as np
 
 from supermap_cli.geometry.arrays import Float32Array, UInt16Array
 from supermap_cli.types.detections import Detections, Hypothesis, RegionMask, cut_mask, no_detections
+from supermap_cli.types.sensing import MAIN_CAMERA
 
 
-def read_detections(message: Any, stamp_ns: int) -> Detections:
-    """The detections of a vision_msgs 4.x or older array (and ROS 1's), without masks; `class_id` or `id` is the label.
+def read_detections(message: Any, stamp_ns: int, camera_id: str = MAIN_CAMERA) -> Detections:
+    """A camera's detections of a vision_msgs 4.x or older array (and ROS 1's), without masks; `class_id` or `id` is the
+    label.
 
     The k-th of them belongs to the array's k-th detection: one without a usable label or box is kept as an empty box
     of score 0, so that mask numbers stay right (drop it after the masks are in).
     """
     found = list(message.detections)
     if not found:
-        return no_detections(stamp_ns)
-    boxes = np.array([_box_xyxy(each.bbox) for each in found], np.float32)
-    hypotheses = tuple(_hypotheses(each.results) for each in found)
+        return no_detections(stamp_ns, camera_id)
+    boxes = np.array([_box_xyxy(detection.bbox) for detection in found], np.float32)
+    hypotheses = tuple(_hypotheses(detection.results) for detection in found)
     broken = ~np.isfinite(boxes).all(axis=1)
     boxes[broken] = 0
-    scores = np.array([each[0].score for each in hypotheses], np.float32)
+    scores = np.array([ranked[0].score for ranked in hypotheses], np.float32)
     scores[broken] = 0
-    return Detections(stamp_ns, boxes, scores, hypotheses, (None,) * len(found))
+    return Detections(stamp_ns, boxes, scores, hypotheses, (None,) * len(found), camera_id)
 
 
 def _box_xyxy(box: Any) -> tuple[float, float, float, float]:
@@ -43,8 +45,8 @@ def _box_xyxy(box: Any) -> tuple[float, float, float, float]:
 
 def _hypotheses(results: Any) -> tuple[Hypothesis, ...]:
     read = []
-    for each in results:
-        inner = getattr(each, "hypothesis", each)
+    for result in results:
+        inner = getattr(result, "hypothesis", result)
         label = str(getattr(inner, "class_id", None) if hasattr(inner, "class_id") else inner.id)
         score = float(inner.score)
         if label and np.isfinite(score):

@@ -11,6 +11,7 @@ from supermap_cli.recordings.notes import Notes
 from supermap_cli.recordings.storage import Channel
 
 _END_BYTES = 1 << 18
+"""Bytes at either end of a file that go into its fingerprint: enough for the header, the index and some messages."""
 
 
 def recording_fingerprint(path: Path) -> str:
@@ -21,9 +22,9 @@ def recording_fingerprint(path: Path) -> str:
 def content_fingerprint(path: Path, channels: Sequence[Channel]) -> str:
     """Hex digest of the files' sizes, their first and last 256 KiB, and what is in them; not of their names."""
     digest = hashlib.sha256()
-    for each in storage_files(path):
-        size = each.stat().st_size
-        with each.open("rb") as file:
+    for file_path in storage_files(path):
+        size = file_path.stat().st_size
+        with file_path.open("rb") as file:
             digest.update(f"{size}\n".encode() + file.read(_END_BYTES))
             file.seek(max(0, size - _END_BYTES))
             digest.update(file.read(_END_BYTES))

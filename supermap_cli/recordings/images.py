@@ -18,11 +18,16 @@ from supermap_cli.recordings.messages import ImageMessage
 from supermap_cli.recordings.rvl import decode_rvl
 
 _PNG = b"\x89PNG"
+"""How every PNG begins (RFC 2083, section 3.1)."""
+
 _DEPTH_HEADER = struct.Struct("<iff")
+"""compressed_depth_image_transport's ConfigHeader: format, depthParam[0], depthParam[1]."""
+
 _RVL_SIZE = struct.Struct("<ii")
+"""Width and height in pixels before an RVL stream (compressed_depth_image_transport, rvl_codec)."""
 
 
-class _Layout(NamedTuple):
+class _PixelLayout(NamedTuple):
     """How an encoding lies in memory, and the OpenCV conversion to RGB (`None`: it is RGB)."""
 
     dtype: str
@@ -31,30 +36,36 @@ class _Layout(NamedTuple):
 
 
 _COLOR = {
-    "rgb8": _Layout("u1", 3, None),
-    "bgr8": _Layout("u1", 3, cv2.COLOR_BGR2RGB),
-    "8UC3": _Layout("u1", 3, cv2.COLOR_BGR2RGB),
-    "rgba8": _Layout("u1", 4, cv2.COLOR_RGBA2RGB),
-    "bgra8": _Layout("u1", 4, cv2.COLOR_BGRA2RGB),
-    "8UC4": _Layout("u1", 4, cv2.COLOR_BGRA2RGB),
-    "mono8": _Layout("u1", 1, cv2.COLOR_GRAY2RGB),
-    "8UC1": _Layout("u1", 1, cv2.COLOR_GRAY2RGB),
-    "mono16": _Layout("u2", 1, cv2.COLOR_GRAY2RGB),
-    "rgb16": _Layout("u2", 3, None),
-    "bgr16": _Layout("u2", 3, cv2.COLOR_BGR2RGB),
-    "yuv422": _Layout("u1", 2, cv2.COLOR_YUV2RGB_UYVY),
-    "uyvy": _Layout("u1", 2, cv2.COLOR_YUV2RGB_UYVY),
-    "yuv422_yuy2": _Layout("u1", 2, cv2.COLOR_YUV2RGB_YUY2),
-    "yuyv": _Layout("u1", 2, cv2.COLOR_YUV2RGB_YUY2),
-    "bayer_rggb8": _Layout("u1", 1, cv2.COLOR_BayerRGGB2RGB),
-    "bayer_bggr8": _Layout("u1", 1, cv2.COLOR_BayerBGGR2RGB),
-    "bayer_gbrg8": _Layout("u1", 1, cv2.COLOR_BayerGBRG2RGB),
-    "bayer_grbg8": _Layout("u1", 1, cv2.COLOR_BayerGRBG2RGB),
+    "rgb8": _PixelLayout("u1", 3, None),
+    "bgr8": _PixelLayout("u1", 3, cv2.COLOR_BGR2RGB),
+    "8UC3": _PixelLayout("u1", 3, cv2.COLOR_BGR2RGB),
+    "rgba8": _PixelLayout("u1", 4, cv2.COLOR_RGBA2RGB),
+    "bgra8": _PixelLayout("u1", 4, cv2.COLOR_BGRA2RGB),
+    "8UC4": _PixelLayout("u1", 4, cv2.COLOR_BGRA2RGB),
+    "mono8": _PixelLayout("u1", 1, cv2.COLOR_GRAY2RGB),
+    "8UC1": _PixelLayout("u1", 1, cv2.COLOR_GRAY2RGB),
+    "mono16": _PixelLayout("u2", 1, cv2.COLOR_GRAY2RGB),
+    "rgb16": _PixelLayout("u2", 3, None),
+    "bgr16": _PixelLayout("u2", 3, cv2.COLOR_BGR2RGB),
+    "yuv422": _PixelLayout("u1", 2, cv2.COLOR_YUV2RGB_UYVY),
+    "uyvy": _PixelLayout("u1", 2, cv2.COLOR_YUV2RGB_UYVY),
+    "yuv422_yuy2": _PixelLayout("u1", 2, cv2.COLOR_YUV2RGB_YUY2),
+    "yuyv": _PixelLayout("u1", 2, cv2.COLOR_YUV2RGB_YUY2),
+    "bayer_rggb8": _PixelLayout("u1", 1, cv2.COLOR_BayerRGGB2RGB),
+    "bayer_bggr8": _PixelLayout("u1", 1, cv2.COLOR_BayerBGGR2RGB),
+    "bayer_gbrg8": _PixelLayout("u1", 1, cv2.COLOR_BayerGBRG2RGB),
+    "bayer_grbg8": _PixelLayout("u1", 1, cv2.COLOR_BayerGRBG2RGB),
 }
+"""Colour encodings (sensor_msgs/image_encodings.h)."""
+
 _FLOAT_DEPTH = {"32FC1": "f4", "64FC1": "f8"}
+"""Depth encodings in metres."""
 
 COLOR_ENCODINGS = (*_COLOR, "jpeg", "png")
+"""What colour images may be encoded in, for error messages."""
+
 DEPTH_ENCODINGS = ("16UC1", "32FC1", "mono16", "64FC1", "compressedDepth (png, rvl)", "png")
+"""What depth images may be encoded in, for error messages."""
 
 
 def is_depth_encoding(image: ImageMessage) -> bool:
@@ -64,7 +75,7 @@ def is_depth_encoding(image: ImageMessage) -> bool:
 
 
 def unknown_encoding(image: ImageMessage, known: tuple[str, ...]) -> RecordingError:
-    """The error for an encoding nobody here reads; the caller adds where it was."""
+    """The error for an encoding that is not supported; the caller adds where it was."""
     return RecordingError(
         f"unknown image encoding {image.encoding!r}",
         cure=f"re-record or convert it to one of {', '.join(known)}, or name another topic",

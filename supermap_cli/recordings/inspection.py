@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import islice
 from pathlib import Path
 
@@ -12,12 +13,14 @@ import numpy as np
 from supermap_cli.errors import RecordingError
 from supermap_cli.hookspecs import RecordingRequest
 from supermap_cli.recordings.bag_recording import BagRecording
-from supermap_cli.recordings.opening import OpenedRecording, open_recording
+from supermap_cli.recordings.opening import OpenedCamera, OpenedRecording, open_recording
+from supermap_cli.recordings.roles import CAMERA_ROLES, ROLES
 from supermap_cli.recordings.storage import Channel
-from supermap_cli.recordings.topics import ROLES
+from supermap_cli.recordings.topic_plan import TopicChoice
 from supermap_cli.recordings.transforms import TransformTree
 
 _GAP_PERIODS = 5
+"""Periods of a topic that a pause must last to be reported as a gap."""
 
 
 @dataclass(frozen=True)
@@ -44,11 +47,26 @@ class TopicReport:
 
 @dataclass(frozen=True)
 class RoleReport:
-    """The topic that serves a role and why; `topic` is `None` where none does."""
+    """The topic that serves a role and why; `topic` is `None` where none does.
+
+    `camera` is the id of the camera that it serves, of several; `None` for a lone camera and the robot as a whole.
+    """
 
     role: str
     topic: str | None
     reason: str
+    camera: str | None = None
+
+
+@dataclass(frozen=True)
+class CameraReport:
+    """One camera a build would use: its colour topic and frame, its model, and how many usable frames it has."""
+
+    camera_id: str
+    topic: str
+    frame_id: str
+    model: str
+    usable_frames: int
 
 
 @dataclass(frozen=True)
@@ -74,7 +92,7 @@ class Inspection:
     """The whole report. A build can work if there are no `problems`.
 
     `poses` says where motion comes from ("LiDAR odometry" without recorded poses), `usable_frames` counts colour images
-    that have what a build needs; `camera` is the camera model's name and size.
+    that have what a build needs, of all `cameras` together; `camera` is the main camera's model with its size.
     """
 
     path: Path
@@ -86,6 +104,7 @@ class Inspection:
     base_frame: str
     poses: str | None
     camera: str | None
+    cameras: tuple[CameraReport, ...]
     usable_frames: int
     problems: tuple[ProblemReport, ...]
     warnings: tuple[str, ...]
@@ -103,7 +122,7 @@ class Inspection:
     @property
     def without_detections(self) -> str | None:
         """What a build needs because no detections are recorded; `None` where they are."""
-        return next((each.reason for each in self.roles if each.role == "detections" and each.topic is None), None)
+        return next((role.reason for role in self.roles if role.role == "detections" and role.topic is None), None)
 
 
 def inspect_recording(path: Path, request: RecordingRequest) -> Inspection:
@@ -112,12 +131,13 @@ def inspect_recording(path: Path, request: RecordingRequest) -> Inspection:
     Raises `RecordingError` where nothing can be said (no recording at all), and for topics named that are not there.
     """
     opened = open_recording(path, request)
-    problems, usable_frames = list(opened.problems), 0
+    problems: list[RecordingError] = list(opened.problems)
+    cameras: list[CameraReport] = []
     start_ns, end_ns = opened.window.start_ns, opened.window.end_ns
     if not problems:
         recording = BagRecording(opened)
-        usable_frames, problems = _try_streams(recording)
-        if usable_frames:
+        cameras, problems = _try_streams(opened, recording)
+        if cameras and all(camera.usable_frames for camera in cameras):
             start_ns, end_ns = recording.start_ns, recording.end_ns
     if opened.motion_problem is not None:
         problems.append(opened.motion_problem)
@@ -132,35 +152,49 @@ def inspect_recording(path: Path, request: RecordingRequest) -> Inspection:
         transforms=tuple(EdgeReport(edge.parent, edge.child, edge.static) for edge in opened.tree.edges),
         base_frame=opened.base_frame,
         poses=source.description if source else ("LiDAR odometry" if has_lidar else None),
-        camera=_camera_text(opened),
-        usable_frames=usable_frames,
-        problems=tuple(ProblemReport(each.what, each.where, each.cure) for each in problems),
+        camera=_model_text(opened.cameras[0]) if opened.cameras else None,
+        cameras=tuple(cameras),
+        usable_frames=sum(camera.usable_frames for camera in cameras),
+        problems=tuple(ProblemReport(problem.what, problem.where, problem.cure) for problem in problems),
         warnings=(*opened.notes.lines, *_conflicts(opened.tree)),
     )
 
 
-def _try_streams(recording: BagRecording) -> tuple[int, list[RecordingError]]:
-    """How many frames there are, and what goes wrong when the first frame, pose, sweep and detections are read."""
+def _try_streams(opened: OpenedRecording, recording: BagRecording) -> tuple[list[CameraReport], list[RecordingError]]:
+    """The cameras with their usable frames, and what goes wrong when the first frame, pose, sweep and detections are
+    read.
+    """
     problems: list[RecordingError] = []
-    usable = 0
     try:
-        stamps = recording.frame_stamps_ns()
-        usable = len(stamps)
-        first = set(stamps[:1].tolist())
-        next(recording.frames(first.__contains__), None)
+        camera_ids = recording.cameras
     except RecordingError as error:
-        problems.append(error)
-    for role, stream in (
+        return [], [error]
+    reports = []
+    for camera in opened.cameras:
+        if camera.camera_id not in camera_ids:
+            continue
+        usable = 0
+        try:
+            stamps = recording.frame_stamps_ns(camera.camera_id)
+            usable = len(stamps)
+            first = set(stamps[:1].tolist())
+            next(recording.frames(first.__contains__, camera.camera_id), None)
+        except RecordingError as error:
+            problems.append(error)
+        plan = camera.plan
+        reports.append(CameraReport(plan.camera_id, camera.color, plan.frame_id, _model_text(camera), usable))
+    streams: list[tuple[str, Callable[[], Iterator[object]]]] = [
         ("poses", recording.poses),
         ("lidar", recording.sweeps),
-        ("detections", recording.detections),
-    ):
+        *(("detections", partial(recording.detections, camera_id)) for camera_id in camera_ids),
+    ]
+    for role, stream in streams:
         try:
             if role in recording.streams:
                 list(islice(stream(), 1))
         except RecordingError as error:
             problems.append(error)
-    return usable, problems
+    return reports, problems
 
 
 def _topic_reports(opened: OpenedRecording) -> Iterator[TopicReport]:
@@ -198,14 +232,23 @@ def _topic_report(
 
 
 def _role_reports(opened: OpenedRecording) -> Iterator[RoleReport]:
+    plan = opened.plan
+    several = len(plan.cameras) > 1
     for role in ROLES:
-        choice = opened.plan.choices.get(role)
-        if choice is not None:
-            yield RoleReport(role, choice.topic.name, choice.reason)
-        elif role == "odometry" and opened.pose_source is not None:
+        if role in CAMERA_ROLES:
+            for camera in plan.cameras:
+                camera_id = camera.camera_id if several else None
+                yield _role_report(role, camera.choices.get(role), camera_id)
+        elif role == "odometry" and role not in plan.shared and opened.pose_source is not None:
             yield RoleReport(role, opened.pose_source.description, "no odometry topic")
         else:
-            yield RoleReport(role, None, _WITHOUT.get(role, ""))
+            yield _role_report(role, plan.shared.get(role))
+
+
+def _role_report(role: str, choice: TopicChoice | None, camera_id: str | None = None) -> RoleReport:
+    if choice is None:
+        return RoleReport(role, None, _WITHOUT.get(role, ""), camera_id)
+    return RoleReport(role, choice.topic.name, choice.reason, camera_id)
 
 
 _WITHOUT = {
@@ -220,9 +263,7 @@ _WITHOUT = {
 """What happens when nothing serves a role."""
 
 
-def _camera_text(opened: OpenedRecording) -> str | None:
-    if opened.rig is None:
-        return None
+def _model_text(opened: OpenedCamera) -> str:
     camera, depth = opened.rig.camera, opened.rig.depth
     name = type(camera).__name__.removesuffix("Camera").lower()
     how = "" if depth is None else (", depth aligned" if depth.aligned else ", depth to be registered")

@@ -20,11 +20,22 @@ PosesAt = Callable[[IntArray], tuple[FloatArray, BoolArray]]
 """`T_odom_base` (n, 4, 4) at n stamps, and (n,) which of them the trajectory reaches."""
 
 _KNOTS = 11
+"""Moments of a sweep, evenly spread, at which the pose is looked up: every 10 ms at 10 Hz."""
+
 _LONGEST_SWEEP_NS = 200_000_000
+"""ns a sweep may last, 5 Hz; older ones are dropped from the window."""
+
 _CELL_PX = 16
+"""Pixels of a side of the cells in which returns are counted; set by hand, so that several returns fall on one."""
+
 _LARGEST_SPLAT_RAD = 0.037
+"""rad that a return covers at most, 2.1 degrees: the rings of a 16-ring LiDAR (VLP-16) are 2.0 degrees apart."""
+
 _SAME_SURFACE = 0.05
+"""Share of the range by which both sides of a gap may differ to be one surface; set by hand."""
+
 _NEAREST_RANGE_M = 0.3
+"""m; nearer returns are of the robot itself or noise; set by hand."""
 
 
 def deskew_to_odom(sweep: Sweep, T_odom_base_at: PosesAt) -> FloatArray | None:

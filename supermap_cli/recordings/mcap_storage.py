@@ -28,12 +28,22 @@ from supermap_cli.recordings.notes import Notes
 from supermap_cli.recordings.storage import Channel, RawMessage, merge_lazily
 
 MAGIC = b"\x89MCAP0\r\n"
+"""How a file begins and ends."""
 
 _RECORD = struct.Struct("<BQ")
+"""Every record's head: opcode, length of its content."""
+
 _MESSAGE = struct.Struct("<HIQQ")
+"""A message's head: channel id, sequence, log time, publish time."""
+
 _CHUNK = struct.Struct("<QQQII")
+"""A chunk's head: start and end time, uncompressed size, uncompressed CRC, length of the compression's name."""
+
 _MESSAGE_INDEX = struct.Struct("<HI")
+"""A message index's head: channel id, bytes of its (log time, offset) pairs."""
+
 _LOOSE_BLOCK_BYTES = 4 << 20
+"""Bytes of messages outside of any chunk that are read at a time, about the usual size of a chunk."""
 
 
 @dataclass(frozen=True)
@@ -63,15 +73,15 @@ class McapStorage:
             index = _index_from_summary(file) or _Scan(file, path, notes)
         self._blocks = index.blocks
         self._channels = {
-            number: _channel(each, index.schemas.get(each.schema_id), index.counts.get(number, 0))
-            for number, each in index.channels.items()
+            number: _channel(record, index.schemas.get(record.schema_id), index.counts.get(number, 0))
+            for number, record in index.channels.items()
         }
         merged: dict[tuple[str, str], list[Channel]] = {}
         for channel in self._channels.values():
             merged.setdefault((channel.topic, channel.msgtype), []).append(channel)
         self.channels = tuple(_merge(merged[key]) for key in sorted(merged))
-        self.start_ns = min((each.start_ns for each in self._blocks), default=0)
-        self.end_ns = max((each.end_ns for each in self._blocks), default=0)
+        self.start_ns = min((block.start_ns for block in self._blocks), default=0)
+        self.end_ns = max((block.end_ns for block in self._blocks), default=0)
 
     def messages(
         self, topics: Collection[str], start_ns: int | None = None, end_ns: int | None = None
@@ -106,7 +116,7 @@ class McapStorage:
         """The wanted channels, the bounds of time, and the blocks that may hold such messages."""
         first = self.start_ns if start_ns is None else start_ns
         beyond = self.end_ns + 1 if end_ns is None else end_ns
-        wanted = {number: each for number, each in self._channels.items() if each.topic in topics}
+        wanted = {number: channel for number, channel in self._channels.items() if channel.topic in topics}
         blocks = [
             block
             for block in self._blocks
@@ -139,7 +149,7 @@ class McapStorage:
 
 def _merge(channels: list[Channel]) -> Channel:
     first = channels[0]
-    total = sum(each.count for each in channels)
+    total = sum(channel.count for channel in channels)
     return Channel(first.topic, first.msgtype, first.serialization, first.definition, first.definition_format, total)
 
 
@@ -201,20 +211,20 @@ def _index_from_summary(file: BinaryIO) -> _Index | None:
         return None
     if len(summary.chunk_indexes) != summary.statistics.chunk_count or not summary.chunk_indexes:
         return None
-    if any(each.schema_id and each.schema_id not in summary.schemas for each in summary.channels.values()):
+    if any(channel.schema_id and channel.schema_id not in summary.schemas for channel in summary.channels.values()):
         return None
     blocks = [
         _Block(
-            offset=each.chunk_start_offset + _RECORD.size + _CHUNK.size + len(each.compression) + 8,
-            size=each.compressed_size,
-            compression=each.compression,
-            start_ns=each.message_start_time,
-            end_ns=each.message_end_time,
-            channel_ids=frozenset(each.message_index_offsets) or None,
-            indexes=tuple(each.message_index_offsets.items()),
+            offset=chunk.chunk_start_offset + _RECORD.size + _CHUNK.size + len(chunk.compression) + 8,
+            size=chunk.compressed_size,
+            compression=chunk.compression,
+            start_ns=chunk.message_start_time,
+            end_ns=chunk.message_end_time,
+            channel_ids=frozenset(chunk.message_index_offsets) or None,
+            indexes=tuple(chunk.message_index_offsets.items()),
         )
-        for each in summary.chunk_indexes
-        if each.message_end_time
+        for chunk in summary.chunk_indexes
+        if chunk.message_end_time
     ]
     return _Index(summary.schemas, summary.channels, summary.statistics.channel_message_counts, blocks)
 
@@ -341,8 +351,8 @@ class _Scan:
         if not self._loose:
             return
         first, last = self._loose[0][0], self._loose[-1][1]
-        times = [each[2] for each in self._loose]
-        numbers = frozenset(each[3] for each in self._loose)
+        times = [log_ns for _, _, log_ns, _ in self._loose]
+        numbers = frozenset(number for _, _, _, number in self._loose)
         self.blocks.append(_Block(first, last - first, "", min(times), max(times), numbers))
         self._loose.clear()
 

@@ -111,7 +111,7 @@ class ImuMessage:
 
 
 def kind_of(channel: Channel) -> Kind | None:
-    """What a channel is used for; `None` for types nobody here reads."""
+    """What a channel is used for; `None` for types that are not supported."""
     if channel.serialization in {"protobuf", "json"}:
         return KINDS.get(channel.msgtype) if channel.msgtype.startswith("foxglove.") else None
     return KINDS.get(channel.msgtype)
@@ -181,7 +181,7 @@ def read_calibration(message: Any, log_ns: int) -> CalibrationMessage:
         int(message.width),
         int(message.height),
         str(message.distortion_model),
-        tuple(float(each) for each in message_fields(message, "d", "D")),
+        tuple(float(coefficient) for coefficient in message_fields(message, "d", "D")),
         intrinsics.reshape(3, 3) if intrinsics.size == 9 else np.zeros((3, 3)),
         projection.reshape(3, 4) if projection.size == 12 else np.zeros((3, 4)),
         (max(1, int(getattr(message, "binning_x", 1))), max(1, int(getattr(message, "binning_y", 1)))),
@@ -207,19 +207,19 @@ def read_pose(message: Any, log_ns: int) -> PoseMessage:
 
 def read_transforms(message: Any, log_ns: int) -> Iterator[PoseMessage]:
     """Of a TFMessage or Foxglove's FrameTransform and FrameTransforms."""
-    for each in getattr(message, "transforms", None) or ([message] if hasattr(message, "parent_frame_id") else []):
-        if hasattr(each, "parent_frame_id"):
+    for stamped in getattr(message, "transforms", None) or ([message] if hasattr(message, "parent_frame_id") else []):
+        if hasattr(stamped, "parent_frame_id"):
             yield PoseMessage(
-                stamp_ns_of(each.timestamp) or log_ns,
-                str(each.parent_frame_id).lstrip("/"),
-                str(each.child_frame_id).lstrip("/"),
-                _xyz(each.translation),
-                _xyzw(each.rotation),
+                stamp_ns_of(stamped.timestamp) or log_ns,
+                str(stamped.parent_frame_id).lstrip("/"),
+                str(stamped.child_frame_id).lstrip("/"),
+                _xyz(stamped.translation),
+                _xyzw(stamped.rotation),
             )
         else:
-            stamp_ns, frame_id = header_of(each, log_ns)
-            child = str(each.child_frame_id).lstrip("/")
-            motion = each.transform
+            stamp_ns, frame_id = header_of(stamped, log_ns)
+            child = str(stamped.child_frame_id).lstrip("/")
+            motion = stamped.transform
             yield PoseMessage(stamp_ns, frame_id, child, _xyz(motion.translation), _xyzw(motion.rotation))
 
 

@@ -7,12 +7,17 @@ from dataclasses import dataclass
 
 from supermap_cli.recordings.notes import Notes
 from supermap_cli.recordings.probing import Topic
-from supermap_cli.recordings.topics import TopicPlan
+from supermap_cli.recordings.topic_plan import TopicPlan
 from supermap_cli.recordings.transforms import TransformTree
 
 _ODOM_NAMES = ("odom", "odom_combined", "odometry")
+"""Names of the frame that odometry is given in (REP-105; odom_combined is robot_pose_ekf's)."""
+
 _MAP_NAMES = ("map", "world")
+"""Names of the frame above it, for robots without odom (REP-105)."""
+
 _BASE_NAMES = ("base_link", "base_footprint", "base", "body")
+"""Names of the robot's base (REP-105, REP-120), the likeliest first."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""What was mended or left out, collected while a recording is read."""
+"""What was corrected or left out, collected while a recording is read."""
 
 from __future__ import annotations
 

@@ -2,33 +2,38 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 
-import numpy as np
-
 from supermap_cli.errors import CalibrationError, ConfigError, RecordingError
 from supermap_cli.hookspecs import RecordingRequest
 from supermap_cli.recordings import messages
+from supermap_cli.recordings.camera_finding import CameraFinder, RecordedRobot, check_clocks, plan_named_cameras
 from supermap_cli.recordings.containers import open_storage
 from supermap_cli.recordings.decoding import Decoder
 from supermap_cli.recordings.messages import PoseMessage
 from supermap_cli.recordings.motion import PoseSource, find_base_frame, find_pose_source
 from supermap_cli.recordings.notes import Notes
-from supermap_cli.recordings.probing import Topic, probe_topics
-from supermap_cli.recordings.rig import Rig, RigBuilder, camera_frame
+from supermap_cli.recordings.probing import Topic, probe_topics, usual_offset_ns
+from supermap_cli.recordings.rig import CameraRig, RigBuilder
+from supermap_cli.recordings.roles import parse_named_topics
 from supermap_cli.recordings.storage import Storage
-from supermap_cli.recordings.topics import TopicPlan, plan_topics
+from supermap_cli.recordings.topic_plan import CameraPlan, TopicPlan
+from supermap_cli.recordings.topics import plan_topics
 from supermap_cli.recordings.transforms import MovingTransforms, TransformTree
 
 MARGIN_NS = 2_000_000_000
-"""How far poses, sweeps and IMU reach beyond the window."""
+"""ns by which poses, sweeps and IMU reach beyond the window, so that images at its ends have them on both sides."""
 
 _SKEWED_CLOCK_NS = 1_000_000_000
+"""ns between sensor time and log time from which they are two clocks, and not a message under way."""
+
 _FIRST_TRANSFORMS = 2000
-_FIRST_STAMPS = 21
+"""Messages of moving transforms that are read to learn the tree's structure: some ten seconds of a robot with 20 of
+them at 10 Hz.
+"""
 
 
 @dataclass(frozen=True)
@@ -59,10 +64,35 @@ class Window:
 
 
 @dataclass(frozen=True)
+class OpenedCamera:
+    """A camera with its topics and its rig."""
+
+    plan: CameraPlan
+    rig: CameraRig
+
+    @property
+    def camera_id(self) -> str:
+        """What the camera is called."""
+        return self.plan.camera_id
+
+    @property
+    def color(self) -> str:
+        """The topic of its colour images."""
+        return self.plan.color.name
+
+    @property
+    def depth(self) -> str | None:
+        """The topic of its depth images."""
+        topic = self.plan.topic("depth")
+        return topic.name if topic else None
+
+
+@dataclass(frozen=True)
 class OpenedRecording:
     """What is known once a recording is open, before any stream is read.
 
-    `problems` stand in the way of any build, the gravest first; `rig` is `None` where one of them concerns the cameras.
+    `problems` stand in the way of any build, the gravest first; `cameras`, the main one first, are those that can be
+    used, and none where a problem concerns them.
     `motion_problem` says why there is no motion to be had from it.
     """
 
@@ -76,7 +106,7 @@ class OpenedRecording:
     tree: TransformTree
     pose_source: PoseSource | None
     base_frame: str
-    rig: Rig | None
+    cameras: tuple[OpenedCamera, ...]
     window: Window
     problems: tuple[RecordingError, ...]
     motion_problem: RecordingError | None
@@ -100,8 +130,8 @@ class OpenedRecording:
         names = [topic.name for topic in self.topics if topic.kind == "transforms" and not _is_static(topic)]
         start_ns, end_ns = self.window.log_range(margin_ns)
         for raw in self.storage.messages(names, start_ns, end_ns):
-            for each in messages.read_transforms(self.decoder.decode(raw), raw.log_ns):
-                yield raw.log_ns + self.window.offset_ns, each
+            for transform in messages.read_transforms(self.decoder.decode(raw), raw.log_ns):
+                yield raw.log_ns + self.window.offset_ns, transform
 
 
 def open_recording(path: Path, request: RecordingRequest) -> OpenedRecording:
@@ -115,17 +145,24 @@ def open_recording(path: Path, request: RecordingRequest) -> OpenedRecording:
         raise RecordingError("no messages in the recording", where=where, cure="record again")
     if request.camera not in {None, "equirectangular"}:
         raise ConfigError(f"unknown camera model {request.camera!r}", cure="only 'equirectangular' can be forced")
-    plan = plan_topics(topics, request.topics, where)
+    named = parse_named_topics(request.topics)
+    plan = (plan_named_cameras if named.color_cameras else plan_topics)(topics, named, where)
     tree = _first_tree(storage, decoder, topics)
-    problems = list(plan.problems)
-    source, rig, base_frame = None, None, ""
+    source, base_frame = None, ""
+    cameras: tuple[OpenedCamera, ...] = ()
+    problems: list[RecordingError] = []
     try:
         source = find_pose_source(plan, topics, tree, request.frames)
         base_frame = find_base_frame(source, tree, _sensor_frame(plan), request.frames, notes)
-        if (color := plan.topic("color")) is not None and not problems:
-            rig = RigBuilder(plan, tree, request.camera, where=where).build(color, base_frame, source, notes)
+        robot = RecordedRobot(tree, base_frame, storage, decoder)
+        if named.color_cameras:
+            check_clocks(plan.cameras, robot, where)
+        elif not (named.lone_camera or request.camera):
+            plan = CameraFinder(topics, plan, named, where).find(robot, notes)
+        builder = RigBuilder(plan, tree, request.camera, where=where)
+        cameras, problems = _open_cameras(plan, lambda camera: builder.build(camera, base_frame, source, notes), notes)
     except CalibrationError as error:
-        problems.append(CalibrationError(error.what, where=error.where or where, cure=error.cure))
+        problems = [*plan.problems, CalibrationError(error.what, where=error.where or where, cure=error.cure)]
     return OpenedRecording(
         path=path,
         request=request,
@@ -137,11 +174,36 @@ def open_recording(path: Path, request: RecordingRequest) -> OpenedRecording:
         tree=tree,
         pose_source=source,
         base_frame=base_frame,
-        rig=rig,
+        cameras=cameras,
         window=_window(storage, plan, request, decoder, notes),
         problems=tuple(problems),
         motion_problem=no_poses(where) if source is None and not plan.serves("lidar") else None,
     )
+
+
+def _open_cameras(
+    plan: TopicPlan, build: Callable[[CameraPlan], CameraRig], notes: Notes
+) -> tuple[tuple[OpenedCamera, ...], list[RecordingError]]:
+    """The cameras with their rigs, and the problems. Of several that were found by themselves those that fail are left
+    out with a note, as long as one remains.
+    """
+    opened: list[OpenedCamera] = []
+    failures: list[tuple[CameraPlan, RecordingError]] = []
+    for camera in plan.cameras:
+        try:
+            if camera.problems:
+                raise camera.problems[0]
+            if not plan.shared_problems:
+                opened.append(OpenedCamera(camera, build(camera)))
+        except RecordingError as error:
+            failures.append((camera, error))
+    grave = [failure for camera, failure in failures if camera.named or len(plan.cameras) == 1 or not opened]
+    if not grave:
+        for camera, failure in failures:
+            notes.note(f"camera {camera.camera_id}", f"the camera {camera.camera_id!r} is left out: {failure}")
+        return tuple(opened), list(plan.shared_problems)
+    of_plans = [problem for camera in plan.cameras for problem in camera.problems]
+    return (), [*of_plans, *plan.shared_problems, *(failure for failure in grave if failure not in of_plans)]
 
 
 def no_poses(where: str) -> RecordingError:
@@ -155,7 +217,7 @@ def no_poses(where: str) -> RecordingError:
 
 def _sensor_frame(plan: TopicPlan) -> str:
     lidar = plan.topic("lidar")
-    return camera_frame(plan) or (lidar.frame_id if lidar else "")
+    return plan.main.frame_id or (lidar.frame_id if lidar else "")
 
 
 def _is_static(topic: Topic) -> bool:
@@ -171,19 +233,13 @@ def _static_transforms(storage: Storage, decoder: Decoder, topics: tuple[Topic, 
 def _first_tree(storage: Storage, decoder: Decoder, topics: tuple[Topic, ...]) -> TransformTree:
     """The tree's structure: all static transforms and the first of the moving ones."""
     tree = TransformTree()
-    for each in _static_transforms(storage, decoder, topics):
-        tree.add(each, static=True)
+    for transform in _static_transforms(storage, decoder, topics):
+        tree.add(transform, static=True)
     names = [topic.name for topic in topics if topic.kind == "transforms" and not _is_static(topic)]
     for raw in islice(storage.messages(names), _FIRST_TRANSFORMS):
-        for each in messages.read_transforms(decoder.decode(raw), raw.log_ns):
-            tree.add(each, static=False)
+        for transform in messages.read_transforms(decoder.decode(raw), raw.log_ns):
+            tree.add(transform, static=False)
     return tree
-
-
-def _usual_offset_ns(storage: Storage, topic: Topic, decoder: Decoder) -> int:
-    """Sensor time minus log time of a topic: the median of its first messages, of which one may be astray."""
-    first = islice(storage.messages([topic.name]), _FIRST_STAMPS)
-    return int(np.median([messages.peek_stamp_ns(raw, decoder.decode) - raw.log_ns for raw in first]))
 
 
 def _window(storage: Storage, plan: TopicPlan, request: RecordingRequest, decoder: Decoder, notes: Notes) -> Window:
@@ -192,7 +248,7 @@ def _window(storage: Storage, plan: TopicPlan, request: RecordingRequest, decode
     leading = next((topic for role in ("color", "lidar", "odometry") if (topic := plan.topic(role))), None)
     offset_ns = leading.clock_offset_ns if leading else 0
     if leading is not None and abs(offset_ns) >= _SKEWED_CLOCK_NS:
-        offset_ns = _usual_offset_ns(storage, leading, decoder)
+        offset_ns = usual_offset_ns(storage, leading, decoder)
     if abs(offset_ns) < _SKEWED_CLOCK_NS:
         offset_ns = 0
     else:

@@ -19,13 +19,28 @@ from supermap_cli.recordings.messages import PoseMessage, bytes_of, header_of
 from supermap_cli.recordings.storage import RawMessage
 
 _POINT_FIELD = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8", 9: "i8", 10: "u8"}
+"""numpy's name of a sensor_msgs/PointField datatype (9 and 10 are not ROS's, but drivers write them)."""
+
 _FOXGLOVE_FIELD = {1: "u1", 2: "i1", 3: "u2", 4: "i2", 5: "u4", 6: "i4", 7: "f4", 8: "f8"}
+"""numpy's name of a foxglove.PackedElementField type."""
+
 _TIME_FIELDS = ("t", "time", "timestamp", "offset_time", "time_offset", "timeoffset", "time_stamp", "timestamps", "ts")
+"""Names of the per-point time, as Ouster, Velodyne, Hesai, Livox and others call it, the likeliest first."""
+
 _UNITS_NS = (1e9, 1e6, 1e3, 1.0)
+"""ns of the units that a time field may be in: s, ms, us, ns."""
+
 _LONGEST_SWEEP_NS = 2e9
+"""ns that a sweep lasts at most: twenty times the usual."""
+
 _SAME_CLOCK_NS = 1e9
+"""ns between a point's time and the header's stamp up to which they are of one clock."""
+
 _LIVOX_CDR = np.dtype({"names": ["t", "xyz"], "formats": ["<u4", "<3f4"], "offsets": [0, 4], "itemsize": 20})
+"""A CustomPoint in CDR, which aligns every point to four bytes."""
+
 _LIVOX_ROS1 = np.dtype({"names": ["t", "xyz"], "formats": ["<u4", "<3f4"], "offsets": [0, 4], "itemsize": 19})
+"""A CustomPoint in ROS 1, which does not align."""
 
 
 @dataclass(frozen=True)
@@ -84,7 +99,7 @@ def point_stamps(times: NDArray[np.generic], stamp_ns: int) -> tuple[IntArray, b
         finite = finite - first
         largest = float(finite.max())
     is_integer = np.issubdtype(finite.dtype, np.integer)
-    unit = next((each for each in _UNITS_NS[is_integer:] if largest * each <= _LONGEST_SWEEP_NS), 1.0)
+    unit = next((candidate for candidate in _UNITS_NS[is_integer:] if largest * candidate <= _LONGEST_SWEEP_NS), 1.0)
     return stamp_ns + _nanoseconds(finite, unit), foreign
 
 
@@ -113,12 +128,12 @@ def _foxglove_cloud(message: Any) -> NDArray[np.void]:
 
 
 def _record(fields: Any, formats: dict[int, str], type_name: str, size: int, order: str) -> np.dtype[np.void]:
-    known = [each for each in fields if int(getattr(each, type_name)) in formats]
+    known = [point_field for point_field in fields if int(getattr(point_field, type_name)) in formats]
     return np.dtype(
         {
-            "names": [str(each.name) for each in known],
-            "formats": [order + formats[int(getattr(each, type_name))] for each in known],
-            "offsets": [int(each.offset) for each in known],
+            "names": [str(point_field.name) for point_field in known],
+            "formats": [order + formats[int(getattr(point_field, type_name))] for point_field in known],
+            "offsets": [int(point_field.offset) for point_field in known],
             "itemsize": size,
         }
     )

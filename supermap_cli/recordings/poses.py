@@ -17,11 +17,11 @@ def recorded_poses(opened: OpenedRecording, source: PoseSource) -> Iterator[Stam
 
     Poses that are not finite are left out with a note. Raises `RecordingError` with the reasons if none is left.
     """
-    losses = _Losses(opened, source.topic.name if source.topic else "TF")
+    skipped = _SkippedPoses(opened, source.topic.name if source.topic else "TF")
     if source.topic is None:
-        poses = _from_tree(opened, source, losses)
+        poses = _from_tree(opened, source, skipped)
     else:
-        poses = _from_topic(opened, source, source.topic, losses)
+        poses = _from_topic(opened, source, source.topic, skipped)
     count = 0
     for pose in poses:
         if opened.window.holds(pose.stamp_ns, MARGIN_NS):
@@ -29,13 +29,13 @@ def recorded_poses(opened: OpenedRecording, source: PoseSource) -> Iterator[Stam
             yield pose
     if not count:
         raise RecordingError(
-            f"no usable poses in the window{losses.summary}",
+            f"no usable poses in the window{skipped.summary}",
             where=f"{opened.path}, {source.description}",
             cure="widen --start/--end, name another source with --topic odometry=/..., or record again",
         )
 
 
-class _Losses:
+class _SkippedPoses:
     """Counts poses that had to be left out and keeps the note on them."""
 
     def __init__(self, opened: OpenedRecording, topic: str) -> None:
@@ -57,23 +57,25 @@ class _Losses:
         return f": {'all ' if len(self._counts) == 1 else ''}{counts}" if counts else ""
 
 
-def _from_topic(opened: OpenedRecording, source: PoseSource, topic: Topic, losses: _Losses) -> Iterator[StampedPose]:
+def _from_topic(
+    opened: OpenedRecording, source: PoseSource, topic: Topic, skipped: _SkippedPoses
+) -> Iterator[StampedPose]:
     moved = source.child_frame or opened.base_frame
     transforms = opened.transforms(moved, {opened.base_frame})
     for raw in opened.storage.messages([topic.name], *opened.window.log_range(MARGIN_NS)):
         message = messages.read_pose(opened.decoder.decode(raw), raw.log_ns)
         T_odom_moved = message.transform()
         if T_odom_moved is None:
-            losses.add("a pose that is not finite", message.stamp_ns)
+            skipped.add("a pose that is not finite", message.stamp_ns)
             continue
         T_moved_base = transforms.lookup(moved, opened.base_frame, message.stamp_ns)
         if T_moved_base is None:
-            losses.add(f"TF does not place {opened.base_frame!r} on {moved!r}", message.stamp_ns)
+            skipped.add(f"TF does not place {opened.base_frame!r} on {moved!r}", message.stamp_ns)
             continue
         yield StampedPose(message.stamp_ns, T_odom_moved @ T_moved_base)
 
 
-def _from_tree(opened: OpenedRecording, source: PoseSource, losses: _Losses) -> Iterator[StampedPose]:
+def _from_tree(opened: OpenedRecording, source: PoseSource, skipped: _SkippedPoses) -> Iterator[StampedPose]:
     """The chain odom -> base at every stamp of its moving link next to odom."""
     _, chain = opened.tree.path(source.odom_frame, opened.base_frame)
     moving = [edge for edge in chain if not edge.static]
@@ -85,10 +87,10 @@ def _from_tree(opened: OpenedRecording, source: PoseSource, losses: _Losses) -> 
         if message.child_frame_id != leading:
             continue
         if message.transform() is None:
-            losses.add(f"{leading!r} is at a place that is not finite", message.stamp_ns)
+            skipped.add(f"{leading!r} is at a place that is not finite", message.stamp_ns)
             continue
         T_odom_base = transforms.lookup(source.odom_frame, opened.base_frame, message.stamp_ns)
         if T_odom_base is None:
-            losses.add(f"TF does not connect {source.odom_frame!r} and {opened.base_frame!r}", message.stamp_ns)
+            skipped.add(f"TF does not connect {source.odom_frame!r} and {opened.base_frame!r}", message.stamp_ns)
             continue
         yield StampedPose(message.stamp_ns, T_odom_base)

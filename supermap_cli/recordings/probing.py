@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from itertools import islice
+
+import numpy as np
 
 from supermap_cli.errors import RecordingError
 from supermap_cli.recordings import messages
@@ -13,6 +16,11 @@ from supermap_cli.recordings.messages import CalibrationMessage, ImageMessage, K
 from supermap_cli.recordings.storage import Channel, RawMessage, Storage
 
 _TOGETHER_NS = 3_000_000_000
+"""ns of log time from the start in which most topics have sent once; the others are looked up one by one.
+"""
+
+_FIRST_STAMPS = 21
+"""Messages whose median offset is taken as the usual one: odd, and more than the few that a start-up delays."""
 
 
 @dataclass(frozen=True)
@@ -40,13 +48,23 @@ class Topic:
 
 def probe_topics(storage: Storage, decoder: Decoder) -> tuple[Topic, ...]:
     """All topics of a known kind that hold messages, by name."""
-    kinds = {each: kind for each in storage.channels if each.count and (kind := messages.kind_of(each)) is not None}
-    by_name = {(each.topic, each.msgtype): kind for each, kind in kinds.items()}
+    kinds = {
+        channel: kind
+        for channel in storage.channels
+        if channel.count and (kind := messages.kind_of(channel)) is not None
+    }
+    by_name = {(channel.topic, channel.msgtype): kind for channel, kind in kinds.items()}
     topics = [
         _probe(raw, by_name[raw.channel.topic, raw.channel.msgtype], decoder)
         for raw in _first_messages(storage, by_name)
     ]
     return tuple(sorted(topics, key=lambda topic: topic.name))
+
+
+def usual_offset_ns(storage: Storage, topic: Topic, decoder: Decoder) -> int:
+    """Sensor time minus log time of a topic: the median of its first messages, of which one may be an outlier."""
+    first = islice(storage.messages([topic.name]), _FIRST_STAMPS)
+    return int(np.median([messages.peek_stamp_ns(raw, decoder.decode) - raw.log_ns for raw in first]))
 
 
 def _first_messages(storage: Storage, wanted: Iterable[tuple[str, str]]) -> Iterator[RawMessage]:

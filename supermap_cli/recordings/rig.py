@@ -1,4 +1,4 @@
-"""The rig: the colour camera, the depth camera, and where the sensors sit on the robot."""
+"""A camera's rig: its colour camera, its depth camera, and where they sit on the robot."""
 
 from __future__ import annotations
 
@@ -11,8 +11,11 @@ from supermap_cli.recordings.calibration import camera_from_calibration
 from supermap_cli.recordings.motion import PoseSource
 from supermap_cli.recordings.notes import Notes
 from supermap_cli.recordings.probing import Topic
-from supermap_cli.recordings.topics import TopicPlan, is_rectified
+from supermap_cli.recordings.roles import role_name
+from supermap_cli.recordings.topic_names import is_rectified
+from supermap_cli.recordings.topic_plan import CameraPlan, TopicPlan
 from supermap_cli.recordings.transforms import TransformTree
+from supermap_cli.types.sensing import MAIN_CAMERA
 
 
 @dataclass(frozen=True)
@@ -29,8 +32,8 @@ class DepthRig:
 
 
 @dataclass(frozen=True)
-class Rig:
-    """Frames and cameras. `depth` is `None` where the rig has a LiDAR instead."""
+class CameraRig:
+    """One colour camera and its depth camera. `depth` is `None` where a LiDAR stands in."""
 
     base_frame: str
     color_frame: str
@@ -39,7 +42,7 @@ class Rig:
 
 
 class RigBuilder:
-    """Puts the rig together from what was found. Every `CalibrationError` names file, topic and cure."""
+    """Puts a camera's rig together from what was found. Every `CalibrationError` names file, topic and cure."""
 
     def __init__(self, plan: TopicPlan, tree: TransformTree, forced_model: str | None, *, where: str) -> None:
         self._plan = plan
@@ -47,19 +50,19 @@ class RigBuilder:
         self._forced_model = forced_model
         self._where = where
 
-    def build(self, color: Topic, base_frame: str, source: PoseSource | None, notes: Notes) -> Rig:
-        """The rig around a colour topic. Raises `CalibrationError`."""
-        camera = self._camera(color, self._plan.topic("camera_info"))
-        color_frame = camera_frame(self._plan)
+    def build(self, camera: CameraPlan, base_frame: str, source: PoseSource | None, notes: Notes) -> CameraRig:
+        """The rig of a camera that has colour images. Raises `CalibrationError`."""
+        color, color_frame = camera.color, camera.frame_id
+        model = self._model(color, camera.topic("camera_info"), role_name("camera_info", camera.camera_id))
         _note_optical(color, color_frame, self._tree, notes)
         check_mounting(self._tree, base_frame, color_frame, source, where=f"{self._where}, {color.name}")
-        depth, lidar = self._plan.topic("depth"), self._plan.topic("lidar")
+        depth, lidar = camera.topic("depth"), self._plan.topic("lidar")
         if depth is None and lidar is not None:
             check_mounting(self._tree, base_frame, lidar.frame_id, source, where=f"{self._where}, {lidar.name}")
-        depth_rig = None if depth is None else self._depth_rig(depth, color, camera, color_frame)
-        return Rig(base_frame, color_frame, camera, depth_rig)
+        depth_rig = None if depth is None else self._depth_rig(depth, camera, model)
+        return CameraRig(base_frame, color_frame, model, depth_rig)
 
-    def _camera(self, image: Topic, info: Topic | None) -> Camera:
+    def _model(self, image: Topic, info: Topic | None, role: str) -> Camera:
         if image.size is None or min(image.size) <= 0:
             raise CalibrationError(
                 "the images have no size", where=f"{self._where}, {image.name}", cure="name another topic with --topic"
@@ -71,35 +74,39 @@ class RigBuilder:
             raise CalibrationError(
                 "no calibration for the camera",
                 where=place,
-                cure="record its camera_info, name it with --topic camera_info=/..., or force --camera equirectangular",
+                cure=f"record its camera_info, name it with --topic {role}=/..., or force --camera equirectangular",
             )
         try:
             return camera_from_calibration(info.calibration, image.size, is_rectified(image.name))
         except CalibrationError as error:
             raise CalibrationError(error.what, where=place, cure=error.cure) from error
 
-    def _depth_rig(self, depth: Topic, color: Topic, camera: Camera, color_frame: str) -> DepthRig:
+    def _depth_rig(self, depth: Topic, camera: CameraPlan, model: Camera) -> DepthRig:
         """Depth is aligned when named so, or in the colour's frame with its intrinsics; both at the same size."""
-        info = self._plan.topic("depth_camera_info")
+        color_frame, info = camera.frame_id, camera.topic("depth_camera_info")
         frame_id = depth.frame_id or (info.frame_id if info else "")
         named_aligned = any(word in depth.name for word in ("aligned", "registered"))
         same_frame = named_aligned or not frame_id or frame_id == color_frame
-        if same_frame and depth.size == color.size and (named_aligned or info is None or self._forced_model):
-            return DepthRig(camera, color_frame, aligned=True)
-        depth_camera = self._camera(depth, info or (self._plan.topic("camera_info") if same_frame else None))
+        if same_frame and depth.size == camera.color.size and (named_aligned or info is None or self._forced_model):
+            return DepthRig(model, color_frame, aligned=True)
+        role = role_name("depth_camera_info", camera.camera_id)
+        depth_model = self._model(depth, info or (camera.topic("camera_info") if same_frame else None), role)
         if same_frame:
-            return DepthRig(depth_camera, color_frame, aligned=depth_camera == camera)
-        check_mounting(self._tree, color_frame, frame_id, None, where=f"{self._where}, {depth.name}")
-        return DepthRig(depth_camera, frame_id, aligned=False)
+            return DepthRig(depth_model, color_frame, aligned=depth_model == model)
+        place = f"{self._where}, {depth.name}"
+        check_mounting(self._tree, color_frame, frame_id, None, where=place)
+        if camera.camera_id != MAIN_CAMERA and self._looks_away(color_frame, frame_id):
+            raise CalibrationError(
+                f"the depth camera {frame_id!r} looks away from what the camera {camera.camera_id!r} sees",
+                where=place,
+                cure=f"name the depth that belongs to it with --topic {role_name('depth', camera.camera_id)}=/...",
+            )
+        return DepthRig(depth_model, frame_id, aligned=False)
 
-
-def camera_frame(plan: TopicPlan) -> str:
-    """The colour images' frame: their own, else their camera_info's; "" where neither says."""
-    for role in ("color", "camera_info"):
-        topic = plan.topic(role)
-        if topic is not None and topic.frame_id:
-            return topic.frame_id
-    return ""
+    def _looks_away(self, color_frame: str, depth_frame: str) -> bool:
+        """Whether two optical axes are more than a right angle apart, so that the images show different things."""
+        T_color_depth = self._tree.lookup(color_frame, depth_frame, 0)
+        return T_color_depth is not None and bool(T_color_depth[2, 2] < 0)
 
 
 def check_mounting(tree: TransformTree, base: str, sensor: str, source: PoseSource | None, *, where: str) -> None:
@@ -120,6 +127,6 @@ def _note_optical(color: Topic, color_frame: str, tree: TransformTree, notes: No
     optical = sorted(frame for frame in tree.frames if "optical" in frame)
     hint = f" (TF also has {', '.join(optical)})" if optical else ""
     notes.note(
-        "optical",
+        f"optical {color.name}",
         f"{color.name}: its frame {color_frame!r} is not named an optical frame; it is taken as one, z forward{hint}",
     )

@@ -26,16 +26,16 @@ _ROS2_FORMATS = {
 def _channels(connections: Iterable[Connection], ros1: bool) -> dict[int, Channel]:
     """A channel for each connection id; several publishers of one topic share one channel."""
     grouped: dict[tuple[str, str], list[Connection]] = {}
-    for each in connections:
-        grouped.setdefault((each.topic, each.msgtype), []).append(each)
+    for connection in connections:
+        grouped.setdefault((connection.topic, connection.msgtype), []).append(connection)
     channels = {}
     for (topic, msgtype), group in sorted(grouped.items()):
         definition = group[0].msgdef
         form = "ros1msg" if ros1 else _ROS2_FORMATS[definition.format]
-        count = sum(each.msgcount for each in group)
+        count = sum(connection.msgcount for connection in group)
         serialization = "ros1" if ros1 else "cdr"
         channel = Channel(topic, msgtype, serialization, definition.data.encode(), form, count)
-        channels.update({each.id: channel for each in group})
+        channels.update({connection.id: channel for connection in group})
     return channels
 
 
@@ -69,7 +69,7 @@ class Ros1Storage:
     ) -> Iterator[RawMessage]:
         """See `Storage.messages`."""
         with self._open() as reader:
-            wanted = [each for each in reader.connections if each.topic in topics]
+            wanted = [connection for connection in reader.connections if connection.topic in topics]
             if not wanted:
                 return
             try:
@@ -114,7 +114,7 @@ class Ros2Storage:
         self, topics: Collection[str], start_ns: int | None = None, end_ns: int | None = None
     ) -> Iterator[RawMessage]:
         """See `Storage.messages`."""
-        wanted = [each for each in self._reader.connections if each.topic in topics]
+        wanted = [connection for connection in self._reader.connections if connection.topic in topics]
         if not wanted:
             return
         try:

@@ -18,10 +18,23 @@ from supermap_cli.geometry.cameras import PinholeCamera
 from supermap_cli.geometry.se3 import make_transform
 
 _JUMP_M, _JUMP_SHARE, _JUMP_PX = 0.1, 0.1, 3
+"""A depth jump is more than so many m, and than this share of the nearer depth, between pixels so far apart: above an
+RGB-D sensor's noise and the slant of a floor.
+"""
+
 _MOST_JUMPS = 1000
+"""Depth jumps of an image that are looked at, evenly drawn from all: bounds the time of the search."""
+
 _LEAST_JUMPS = 2000
+"""Depth jumps of all images together below which nothing is said; set by hand on the test recordings."""
+
 _LEAST_GAIN = 0.2
+"""Standard deviations of edge strength by which a fit must be better than the given calibration to replace it; set by
+hand on the test recordings.
+"""
+
 _AS_IT_IS = np.array([1.0, 0.0, 0.0])
+"""Scale, shift u and shift v (pixels) of images that fit as they are."""
 
 
 @dataclass(frozen=True)
@@ -78,12 +91,25 @@ class _Level:
 
 
 _COARSE = _Level(6, 4, 0.24, 0.02, 24, 8)
+"""The first level: focal lengths up to 24 % off, as a depth camera's given for the colour camera's (Kinect: 10 %)."""
+
 _FINER = (_Level(2.5, 1, 0.02, 0.005, 8, 2), _Level(1.5, 1, 0.005, 0.00125, 2, 0.5))
+"""The levels after it: each reaches one step of the one before and is as fine as its blur allows."""
+
 _COMPARED = (_Level(2.5, 2, 0.02, 0.005, 8, 2),)
+"""The level at which the two halves of the images are compared."""
+
 _MOST_APART = np.array([0.02, 4.0, 4.0])
+"""Scale and shifts (pixels) by which the fits of the two halves may differ: a few steps of that level."""
+
 _JUDGED_BLUR_PX = 2.5
+"""Pixels, the blur of the edges under which fits are compared: what is left of lens distortion and unequal stamps."""
+
 _LEAST_PARALLAX_GAIN = 0.02
+"""Standard deviations by which a parallax must improve a fit to be kept; set by hand on the test recordings."""
+
 _MOST_PARALLAX = 0.1
+"""Pixel metres for each pixel of image width; an RGB-D sensor's baseline of 50 mm at 600 px is 30 px m, 0.05."""
 
 
 def corrected_color_camera(

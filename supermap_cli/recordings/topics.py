@@ -4,146 +4,164 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 
-from supermap_cli.errors import ConfigError, RecordingError
+from supermap_cli.errors import RecordingError
 from supermap_cli.recordings.images import DEPTH_ENCODINGS, is_depth_encoding
 from supermap_cli.recordings.messages import ImageMessage, Kind
 from supermap_cli.recordings.probing import Topic
+from supermap_cli.recordings.roles import ROLES, NamedTopics, role_name
+from supermap_cli.recordings.topic_names import common_parts, device_of, namespace_of
+from supermap_cli.recordings.topic_plan import CameraPlan, TopicChoice, TopicPlan
+from supermap_cli.types.sensing import MAIN_CAMERA
 
-ROLES: Mapping[str, tuple[Kind, ...]] = {
-    "color": ("image",),
-    "depth": ("image",),
-    "camera_info": ("camera_info",),
-    "depth_camera_info": ("camera_info",),
-    "lidar": ("points",),
-    "imu": ("imu",),
-    "odometry": ("pose", "transforms"),
-    "detections": ("detections",),
-    "masks": ("image",),
-}
-"""Every role and the kinds of topic that can serve it."""
+MASK_WORDS = ("mask", "instance", "segment", "label")
+"""An image topic whose name holds one of them shows instance masks, not colours."""
 
-_TRANSPORTS = ("compressedDepth", "compressed", "theora", "zstd", "ffmpeg")
-_MASK_WORDS = ("mask", "instance", "segment", "label")
-_NO_COLOR = ("infra", "/ir", "thermal", "depth", "confidence", "disparity", "debug", "overlay", "annotated", "result")
-_NO_SCAN = ("depth", "camera", "color", "map", "ground", "obstacle", "world", "deskew", "filtered", "registered")
+NOT_COLOR_WORDS = (
+    *("infra", "/ir", "thermal", "depth", "confidence", "disparity"),
+    *("debug", "overlay", "annotated", "result"),
+)
+"""An image topic whose name holds one of them is chosen as colour only where there is no other."""
+
+_NOT_SCAN_WORDS = ("depth", "camera", "color", "map", "ground", "obstacle", "world", "deskew", "filtered", "registered")
+"""A point cloud topic whose name holds one of them is no raw scan of a LiDAR."""
 
 _GROUND_TRUTH = re.compile(r"ground_?truth|(^|[/_])gt([/_]|$)")
 """Beside an odometry, the truth is there to judge by; a robot does not have it."""
 
 
-@dataclass(frozen=True)
-class TopicChoice:
-    """The topic that serves a role, and why it rather than another."""
+def plan_topics(topics: Sequence[Topic], named: NamedTopics, where: str) -> TopicPlan:
+    """Choose a topic for every role that can be served, for a lone camera.
 
-    role: str
-    topic: Topic
-    reason: str
-
-
-@dataclass(frozen=True)
-class TopicPlan:
-    """Which topic serves which role, and what stands in the way (`problems`, each with its cure)."""
-
-    choices: Mapping[str, TopicChoice]
-    problems: tuple[RecordingError, ...]
-
-    def topic(self, role: str) -> Topic | None:
-        """The topic of a role, if there is one."""
-        choice = self.choices.get(role)
-        return choice.topic if choice else None
-
-    def serves(self, role: str) -> bool:
-        """Whether there is a topic for a role."""
-        return role in self.choices
-
-
-def plan_topics(topics: Sequence[Topic], named: Mapping[str, str], where: str) -> TopicPlan:
-    """Choose a topic for every role that can be served. Raises if the user named what is not there."""
-    return _Planner(topics, named, where).plan()
-
-
-def namespace_of(topic: str) -> str:
-    """/camera/color/image_raw/compressed -> /camera/color: where its camera_info stands too."""
-    parts = topic.split("/")
-    if parts[-1] in _TRANSPORTS:
-        parts = parts[:-1]
-    return "/".join(parts[:-1])
-
-
-def is_rectified(topic: str) -> bool:
-    """Whether an image topic is named as image_proc's rectified output (image_rect, image_rect_color, image_rect_raw).
-
-    RealSense's depth/image_rect_raw is meant too: its distortion is zero anyhow.
+    Raises `RecordingError` if the user named what is not there.
     """
-    return "rect" in topic.removeprefix(namespace_of(topic))
+    shared = plan_shared(topics, named.plain, where)
+    planner = CameraPlanner(topics, topics, named.of_camera(MAIN_CAMERA), where, lidar_stands_in="lidar" in shared)
+    camera = planner.plan()
+    return TopicPlan((camera,), shared, faults(shared.values(), where))
 
 
-def _has(topic: Topic, words: Iterable[str]) -> bool:
-    name = topic.name.lower()
-    return any(word in name for word in words)
+def plan_shared(topics: Sequence[Topic], named: Mapping[str, str], where: str) -> Mapping[str, TopicChoice]:
+    """The topics of the roles that are of no single camera."""
+    choices = _Choices(topics, named, where)
+    image_frames = {topic.frame_id for topic in topics if topic.kind == "image"}
+    choices.choose("lidar", _of(topics, "points"), lambda topic: _lidar_rank(topic, image_frames))
+    choices.choose("imu", _of(topics, "imu"), lambda topic: (has_word(topic, ("data",)), topic.channel.count))
+    odometries = [topic for topic in _of(topics, "pose") if topic.channel.msgtype.endswith("Odometry")]
+    choices.choose("odometry", odometries, _odometry_rank)
+    return choices.chosen
 
 
-def _common_prefix(a: str, b: str) -> int:
-    pairs = zip(a.split("/"), b.split("/"), strict=False)
-    return next((index for index, (x, y) in enumerate(pairs) if x != y), min(a.count("/"), b.count("/")) + 1)
+class _Choices:
+    """Roles that are filled one after the other: by what the user named, else by the best candidate."""
 
-
-class _Planner:
-    """Fills the roles one after the other; later ones look at earlier ones."""
-
-    def __init__(self, topics: Sequence[Topic], named: Mapping[str, str], where: str) -> None:
+    def __init__(
+        self, topics: Sequence[Topic], named: Mapping[str, str], where: str, camera_id: str = MAIN_CAMERA
+    ) -> None:
         self._topics = topics
         self._named = named
         self._where = where
-        self._choices: dict[str, TopicChoice] = {}
-        self._problems: list[RecordingError] = []
+        self._camera_id = camera_id
+        self.chosen: dict[str, TopicChoice] = {}
 
-    def plan(self) -> TopicPlan:
-        unknown = sorted(self._named.keys() - ROLES.keys())
-        if unknown:
-            raise ConfigError(f"unknown role {unknown[0]!r} in --topic", cure=f"the roles are {', '.join(ROLES)}")
-        self._choose("detections", self._of("detections"), lambda topic: (topic.channel.count,))
-        self._choose("masks", self._mask_candidates(), self._mask_rank)
-        self._choose("color", self._color_candidates(), self._color_rank)
-        self._choose("depth", self._depth_candidates(), self._depth_rank)
-        self._choose_camera_info("camera_info", "color")
-        self._choose_camera_info("depth_camera_info", "depth")
-        self._choose("lidar", self._of("points"), self._lidar_rank)
-        self._choose("imu", self._of("imu"), lambda topic: (_has(topic, ("data",)), topic.channel.count))
-        self._choose("odometry", self._odometry_candidates(), self._odometry_rank)
-        self._note_missing()
-        return TopicPlan(dict(self._choices), tuple(self._problems))
+    def topic(self, role: str) -> Topic | None:
+        """What serves a role so far."""
+        choice = self.chosen.get(role)
+        return choice.topic if choice else None
 
-    def _of(self, kind: Kind) -> list[Topic]:
-        return [topic for topic in self._topics if topic.kind == kind]
+    def is_named(self, role: str) -> bool:
+        """Whether the user named the topic of a role."""
+        return role in self._named
 
-    def _choose(self, role: str, candidates: Sequence[Topic], rank: Callable[[Topic], tuple[float, ...]]) -> None:
+    def choose(self, role: str, candidates: Sequence[Topic], rank: Callable[[Topic], tuple[float, ...]]) -> None:
+        """Fill a role with the topic named for it, else with the candidate of the highest rank, if there is one."""
         if role in self._named:
-            self._choices[role] = TopicChoice(role, self._named_topic(role), "named by the user")
+            self.chosen[role] = TopicChoice(role, self._named_topic(role), "named by the user")
             return
         usable = sorted(candidates, key=lambda topic: topic.name)
         if not usable:
+            self.chosen.pop(role, None)
             return
         best = max(usable, key=rank)
         others = [topic.name for topic in usable if topic is not best]
         reason = f"rather than {', '.join(others)}" if others else "the only one of its kind"
-        self._choices[role] = TopicChoice(role, best, reason)
+        self.chosen[role] = TopicChoice(role, best, reason)
 
     def _named_topic(self, role: str) -> Topic:
-        name = self._named[role]
+        name, key = self._named[role], role_name(role, self._camera_id)
         fitting = [topic for topic in self._topics if topic.kind in ROLES[role]]
         for topic in fitting:
             if topic.name == name:
                 return topic
         listed = ", ".join(topic.name for topic in fitting) or "none"
         there = any(topic.name == name for topic in self._topics)
-        what = f"topic {name} cannot serve as {role}" if there else f"no messages on topic {name}, named for {role}"
+        what = f"topic {name} cannot serve as {key}" if there else f"no messages on topic {name}, named for {key}"
         raise RecordingError(what, where=self._where, cure=f"topics that could be: {listed}")
 
+
+class CameraPlanner:
+    """Fills the roles of one camera one after the other; later ones look at earlier ones.
+
+    `own` are the topics that may be its, `topics` all there are (any of them may be named); `lidar_stands_in` says that
+    it may go without depth images.
+    """
+
+    def __init__(
+        self,
+        own: Sequence[Topic],
+        topics: Sequence[Topic],
+        named: Mapping[str, str],
+        where: str,
+        *,
+        lidar_stands_in: bool,
+        camera_id: str = MAIN_CAMERA,
+    ) -> None:
+        self._own = own
+        self._topics = topics
+        self._named = named
+        self._where = where
+        self._lidar_stands_in = lidar_stands_in
+        self._camera_id = camera_id
+        self._choices = _Choices(topics, named, where, camera_id)
+        self._problems: list[RecordingError] = []
+
+    def plan(self) -> CameraPlan:
+        """The camera's topics. Raises `RecordingError` if the user named what is not there."""
+        choices = self._choices
+        choices.choose("detections", self._of("detections"), lambda topic: (topic.channel.count,))
+        choices.choose("masks", self._mask_candidates(), self._mask_rank)
+        choices.choose("color", self._color_candidates(), self._color_rank)
+        self._prefer_own_detections()
+        choices.choose("depth", self._depth_candidates(), self._depth_rank)
+        self._choose_camera_info("camera_info", "color")
+        self._choose_camera_info("depth_camera_info", "depth")
+        self._note_missing()
+        self._problems += faults(choices.chosen.values(), self._where)
+        return CameraPlan(self._camera_id, dict(choices.chosen), tuple(self._problems), bool(self._named))
+
+    def _of(self, kind: Kind) -> list[Topic]:
+        return _of(self._own, kind)
+
+    def _prefer_own_detections(self) -> None:
+        """Of several detection topics the one of the colour camera; which images are masks does not change by it."""
+        color = self._choices.topic("color")
+        if color is None or len(self._of("detections")) < 2:
+            return
+        self._choices.choose(
+            "detections",
+            self._of("detections"),
+            lambda topic: (not self._is_of_other_camera(topic, color), topic.channel.count),
+        )
+        self._choices.choose("masks", self._mask_candidates(), self._mask_rank)
+
+    def _is_of_other_camera(self, topic: Topic, color: Topic) -> bool:
+        """Whether name and frame say that a topic belongs to another colour topic than the chosen one."""
+        device = device_of(topic.name)
+        others = {device_of(candidate.name) for candidate in self._color_candidates()} - {device_of(color.name)}
+        return device in others and topic.frame_id != color.frame_id
+
     def _mask_candidates(self) -> list[Topic]:
-        detections = self._chosen("detections")
+        detections = self._choices.topic("detections")
         if detections is None:
             return []
         return [
@@ -151,141 +169,166 @@ class _Planner:
             for topic in self._of("image")
             if topic.image is not None
             and topic.image.encoding.partition(";")[0].strip() in {"16UC1", "mono16", "mono8", "8UC1", "png"}
-            and (_has(topic, _MASK_WORDS) or namespace_of(topic.name) == namespace_of(detections.name) != "")
+            and (has_word(topic, MASK_WORDS) or namespace_of(topic.name) == namespace_of(detections.name) != "")
         ]
 
     def _mask_rank(self, topic: Topic) -> tuple[float, ...]:
-        detections = self._chosen("detections")
-        near = _common_prefix(topic.name, detections.name) if detections else 0
-        return (near, _has(topic, _MASK_WORDS), topic.channel.count)
+        detections = self._choices.topic("detections")
+        near = common_parts(topic.name, detections.name) if detections else 0
+        return (near, has_word(topic, MASK_WORDS), topic.channel.count)
 
     def _is_mask(self, topic: Topic) -> bool:
-        return topic is self._chosen("masks") or _has(topic, _MASK_WORDS)
-
-    def _is_depth(self, topic: Topic) -> bool:
-        """By its encoding; 16-bit grey and plain PNG only if the name says so too."""
-        image = topic.image
-        if image is None or self._is_mask(topic):
-            return False
-        return is_depth_encoding(image) or (_has(topic, ("depth",)) and _can_be_depth(image))
+        return topic is self._choices.topic("masks") or has_word(topic, MASK_WORDS)
 
     def _color_candidates(self) -> list[Topic]:
-        return [
-            each for each in self._of("image") if each.image and not self._is_depth(each) and not self._is_mask(each)
-        ]
+        return [topic for topic in self._of("image") if is_color(topic) and not self._is_mask(topic)]
 
     def _color_rank(self, topic: Topic) -> tuple[float, ...]:
         encoding = topic.image.encoding if topic.image else ""
         has_info = any(namespace_of(info.name) == namespace_of(topic.name) for info in self._of("camera_info"))
         return (
             topic.fault is None,
-            not _has(topic, _NO_COLOR),
+            not has_word(topic, NOT_COLOR_WORDS),
             has_info,
-            _has(topic, ("color", "rgb")),
+            has_word(topic, ("color", "rgb")),
             "mono" not in encoding and "8UC1" not in encoding,
-            not _has(topic, ("right",)),
+            not has_word(topic, ("right",)),
             topic.channel.count,
         )
 
     def _depth_candidates(self) -> list[Topic]:
-        return [topic for topic in self._of("image") if self._is_depth(topic) and topic is not self._chosen("color")]
+        color = self._choices.topic("color")
+        return [
+            topic for topic in self._of("image") if is_depth(topic) and not self._is_mask(topic) and topic is not color
+        ]
 
     def _depth_rank(self, topic: Topic) -> tuple[float, ...]:
-        color = self._chosen("color")
+        color = self._choices.topic("color")
         same_frame = color is not None and topic.frame_id == color.frame_id
         same_size = color is not None and topic.size == color.size
-        near = 0 if color is None else _common_prefix(namespace_of(topic.name), namespace_of(color.name))
+        near = 0 if color is None else common_parts(namespace_of(topic.name), namespace_of(color.name))
         return (
             topic.fault is None,
-            not _has(topic, ("infra", "/ir", "confidence", "disparity")),
-            _has(topic, ("aligned", "registered")),
+            color is None or not self._is_of_other_camera(topic, color),
+            not has_word(topic, ("infra", "/ir", "confidence", "disparity")),
+            has_word(topic, ("aligned", "registered")),
             same_frame and same_size,
             same_frame,
             near,
-            _has(topic, ("depth",)),
+            has_word(topic, ("depth",)),
             topic.channel.count,
         )
 
     def _choose_camera_info(self, role: str, image_role: str) -> None:
-        image = self._chosen(image_role)
-        if image is None and role not in self._named:
+        image = self._choices.topic(image_role)
+        if image is None and not self._choices.is_named(role):
             return
-        candidates = [] if image is None else [info for info in self._of("camera_info") if _belongs(info, image)]
-        if not candidates and len(self._of("camera_info")) == 1:
-            candidates = self._of("camera_info")
-        self._choose(role, candidates, lambda info: _belonging(info, image) if image else (0,))
-
-    def _lidar_rank(self, topic: Topic) -> tuple[float, ...]:
-        cameras = {each.frame_id for each in self._of("image")}
-        return (
-            topic.frame_id not in {"map", "odom", "world"} and topic.frame_id not in cameras,
-            not _has(topic, _NO_SCAN),
-            topic.channel.count,
-        )
-
-    def _odometry_candidates(self) -> list[Topic]:
-        return [topic for topic in self._of("pose") if topic.channel.msgtype.endswith("Odometry")]
-
-    def _odometry_rank(self, topic: Topic) -> tuple[float, ...]:
-        return (
-            _GROUND_TRUTH.search(topic.name.lower()) is None,
-            not _has(topic, ("wheel", "raw", "target", "goal")),
-            _has(topic, ("filtered", "fused")),
-            topic.name in {"/odom", "/odometry"},
-            topic.channel.count,
-        )
-
-    def _chosen(self, role: str) -> Topic | None:
-        choice = self._choices.get(role)
-        return choice.topic if choice else None
+        infos = self._of("camera_info")
+        candidates = [] if image is None else [info for info in infos if _belongs(info, image)]
+        if not candidates and len(infos) == 1:
+            candidates = infos
+        self._choices.choose(role, candidates, lambda info: _belonging(info, image) if image else (0,))
 
     def _note_missing(self) -> None:
-        if "color" not in self._choices:
+        color, depth = self._choices.topic("color"), self._choices.topic("depth")
+        if color is None:
             self._miss(
                 "no camera images",
-                "record a sensor_msgs Image or CompressedImage topic, or name it: --topic color=/...",
+                "record a sensor_msgs Image or CompressedImage topic, or name it: "
+                f"--topic {role_name('color', self._camera_id)}=/...",
             )
-        elif "depth" not in self._choices and "lidar" not in self._choices:
+        elif depth is None and not self._lidar_stands_in:
             self._miss_depth()
-        for choice in self._choices.values():
-            if choice.role == "depth" and choice.topic.image and not _can_be_depth(choice.topic.image):
-                self._problems.append(_unsupported_depth(choice.topic, choice.topic.image, self._where))
-            elif (fault := choice.topic.fault) is not None:
-                place = fault.where or f"{self._where}, {choice.topic.name}"
-                self._problems.append(RecordingError(fault.what, where=place, cure=fault.cure))
+        if depth is not None and depth.image and not _can_be_depth(depth.image):
+            self._problems.append(self._unsupported_depth(depth, depth.image))
 
     def _miss_depth(self) -> None:
-        """No depth: because of an encoding that nobody here reads, or because there is none."""
+        """No depth: because of an encoding that is not supported, or because there is none."""
         unsupported = [
-            _unsupported_depth(topic, topic.image, self._where)
+            self._unsupported_depth(topic, topic.image)
             for topic in self._of("image")
-            if topic.image and (_has(topic, ("depth",)) or topic.fault)
-            if topic is not self._chosen("color") and not self._is_mask(topic) and not _can_be_depth(topic.image)
+            if topic.image and (has_word(topic, ("depth",)) or topic.fault)
+            if topic is not self._choices.topic("color") and not self._is_mask(topic) and not _can_be_depth(topic.image)
         ]
         self._problems.extend(unsupported)
         if not unsupported:
-            self._miss(
-                "no depth images and no LiDAR",
-                "record an aligned depth topic or a PointCloud2, or name one: --topic depth=/... or --topic lidar=/...",
-            )
+            if self._camera_id == MAIN_CAMERA:
+                self._miss(
+                    "no depth images and no LiDAR",
+                    "record an aligned depth topic or a PointCloud2, or name one: --topic depth=/... or "
+                    "--topic lidar=/...",
+                )
+            else:
+                self._miss(
+                    f"no depth images of the camera {self._camera_id!r}",
+                    f"record its aligned depth, or name it: --topic depth.{self._camera_id}=/...",
+                )
 
     def _miss(self, what: str, cure: str) -> None:
         known = ", ".join(topic.name for topic in self._topics) or "none of a known type"
         self._problems.append(RecordingError(f"{what} among its topics ({known})", where=self._where, cure=cure))
 
+    def _unsupported_depth(self, topic: Topic, image: ImageMessage) -> RecordingError:
+        return RecordingError(
+            f"depth images with the encoding {image.encoding!r}, which is not supported",
+            where=f"{self._where}, {topic.name}",
+            cure=f"record them as one of {', '.join(DEPTH_ENCODINGS)}, or name another topic: "
+            f"--topic {role_name('depth', self._camera_id)}=/... or --topic lidar=/...",
+        )
+
+
+def has_word(topic: Topic, words: Iterable[str]) -> bool:
+    """Whether a topic's name holds one of the words, in any case."""
+    name = topic.name.lower()
+    return any(word in name for word in words)
+
+
+def is_depth(topic: Topic) -> bool:
+    """Whether an image topic shows depth: by its encoding; 16-bit grey and plain PNG only if the name says so too."""
+    image = topic.image
+    return image is not None and (is_depth_encoding(image) or (has_word(topic, ("depth",)) and _can_be_depth(image)))
+
+
+def is_color(topic: Topic) -> bool:
+    """Whether an image topic shows what a camera sees (or instance masks, which only its name tells apart)."""
+    return topic.image is not None and not is_depth(topic)
+
+
+def _of(topics: Iterable[Topic], kind: Kind) -> list[Topic]:
+    return [topic for topic in topics if topic.kind == kind]
+
+
+def _lidar_rank(topic: Topic, image_frames: set[str]) -> tuple[float, ...]:
+    return (
+        topic.frame_id not in {"map", "odom", "world"} and topic.frame_id not in image_frames,
+        not has_word(topic, _NOT_SCAN_WORDS),
+        topic.channel.count,
+    )
+
+
+def _odometry_rank(topic: Topic) -> tuple[float, ...]:
+    return (
+        _GROUND_TRUTH.search(topic.name.lower()) is None,
+        not has_word(topic, ("wheel", "raw", "target", "goal")),
+        has_word(topic, ("filtered", "fused")),
+        topic.name in {"/odom", "/odometry"},
+        topic.channel.count,
+    )
+
+
+def faults(choices: Iterable[TopicChoice], where: str) -> tuple[RecordingError, ...]:
+    """Why topics that were chosen cannot be read; not for depth of an unsupported encoding, which is reported before."""
+    return tuple(
+        RecordingError(fault.what, where=fault.where or f"{where}, {choice.topic.name}", cure=fault.cure)
+        for choice in choices
+        if (fault := choice.topic.fault) is not None
+        and not (choice.role == "depth" and choice.topic.image and not _can_be_depth(choice.topic.image))
+    )
+
 
 def _can_be_depth(image: ImageMessage) -> bool:
     """By its encoding: 16-bit grey and plain PNG may be depth or not."""
     return is_depth_encoding(image) or image.encoding.partition(";")[0].strip() in {"mono16", "png"}
-
-
-def _unsupported_depth(topic: Topic, image: ImageMessage, where: str) -> RecordingError:
-    return RecordingError(
-        f"depth images with the encoding {image.encoding!r}, which is not supported",
-        where=f"{where}, {topic.name}",
-        cure=f"record them as one of {', '.join(DEPTH_ENCODINGS)}, or name another topic: --topic depth=/... or "
-        f"--topic lidar=/...",
-    )
 
 
 def _belongs(info: Topic, image: Topic) -> bool:
@@ -300,6 +343,6 @@ def _belonging(info: Topic, image: Topic) -> tuple[float, ...]:
     return (
         namespace_of(info.name) == namespace_of(image.name),
         same_size,
-        _common_prefix(info.name, image.name),
+        common_parts(info.name, image.name),
         info.channel.count,
     )

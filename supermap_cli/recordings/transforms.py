@@ -14,10 +14,15 @@ from supermap_cli.geometry.se3 import interpolate_transform, inverse
 from supermap_cli.recordings.messages import PoseMessage
 
 HOLD_NS = 500_000_000
-"""How far a moving transform may be carried beyond its last (or before its first) sample."""
+"""ns by which a moving transform may be carried beyond its last (or before its first) sample; tf2 would refuse, but the
+ends of a recording are seldom cut cleanly.
+"""
 
 _KEEP_NS = 3_000_000_000
+"""ns of samples kept behind the stamp that was last looked up, for stamps that come out of order."""
+
 _LOOK_AHEAD_NS = 1_000_000_000
+"""ns of samples read beyond a stamp before it is looked up, for transforms that come late."""
 
 
 @dataclass
@@ -169,8 +174,8 @@ class MovingTransforms:
 
     def __init__(self, statics: Iterable[PoseMessage], moving: Callable[[], Iterator[tuple[int, PoseMessage]]]) -> None:
         self.tree = TransformTree()
-        for each in statics:
-            self.tree.add(each, static=True)
+        for transform in statics:
+            self.tree.add(transform, static=True)
         self._moving = moving()
         self._read_until_ns: int | None = None
 

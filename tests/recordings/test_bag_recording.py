@@ -56,7 +56,7 @@ def test_the_window_is_half_open_and_poses_reach_beyond_it(tmp_path):
     assert (first.start_ns, second.start_ns) == (bags.stamp(0), bags.stamp(30))
     assert len(list(first.frames())) == 30
     assert next(second.poses()).stamp_ns == bags.stamp(10)
-    assert [each.stamp_ns for each in first.detections()] == [bags.stamp(i) for i in range(30)]
+    assert [found.stamp_ns for found in first.detections()] == [bags.stamp(i) for i in range(30)]
     assert len({open_(path).fingerprint(), first.fingerprint(), second.fingerprint()}) == 3
     assert first.fingerprint() == open_(path, end_s=3.0).fingerprint()
 
@@ -316,4 +316,4 @@ def test_a_cut_recording_is_read_up_to_the_cut(tmp_path):
 def test_definitions_may_be_missing_from_the_recording(tmp_path):
     recording = open_(bags.write_recording(tmp_path / "run.mcap", definitions=False))
     assert len(list(recording.frames())) == 5
-    assert [each.labels for each in recording.detections()] == [("box",)] * 5
+    assert [found.labels for found in recording.detections()] == [("box",)] * 5

@@ -14,7 +14,7 @@ from supermap_cli.errors import RecordingError
 from supermap_cli.hookspecs import RecordingRequest
 from supermap_cli.recordings import open_bag_recording
 from supermap_cli.recordings.bag_recording import BagRecording
-from supermap_cli.recordings.clock_faults import AWAY_NS, StepForward, step_back, step_forward, strays
+from supermap_cli.recordings.clock_faults import LONGEST_PAUSE_NS, StepForward, outliers, step_back, step_forward
 from support import bags
 
 FRAME = "camera_optical_frame"
@@ -58,8 +58,8 @@ def set_back(at: int, by_s: float) -> Callable[[int], int]:
 
 def images_with_their_poses(recording: BagRecording) -> list[tuple[int, float]]:
     """The number of each image, by its colour, and how far the robot had gone then by the pose of its stamp."""
-    way = {each.stamp_ns: each.T_odom_base[0, 3] for each in recording.poses()}
-    return [(int(each.rgb[0, 0, 0]), way.get(each.stamp_ns, np.nan)) for each in recording.frames()]
+    way = {pose.stamp_ns: pose.T_odom_base[0, 3] for pose in recording.poses()}
+    return [(int(frame.rgb[0, 0, 0]), way.get(frame.stamp_ns, np.nan)) for frame in recording.frames()]
 
 
 @pytest.mark.parametrize("name", ["run.mcap", "run.bag"])
@@ -69,8 +69,8 @@ def test_images_with_a_stamp_far_off_all_others_are_left_out_with_a_warning(tmp_
     recording = opened(record(tmp_path / name, astray(*which, by_ns=by_ns)))
     found = images_with_their_poses(recording)
     assert found == [(i, pytest.approx(i / 10)) for i in range(COUNT) if i not in which]
-    (said,) = [each for each in recording.warnings if "color" in each and "far off all others" in each]
-    assert f"{len(which)} of {COUNT} images" in said
+    (warning,) = [line for line in recording.warnings if "color" in line and "far off all others" in line]
+    assert f"{len(which)} of {COUNT} images" in warning
     assert (recording.start_ns, recording.end_ns) == (bags.stamp(0), bags.stamp(COUNT - 1))
 
 
@@ -92,13 +92,13 @@ def test_an_odometry_that_was_set_back_is_left_out_and_that_is_said(tmp_path):
     recording = opened(record(tmp_path / "run.mcap", odometry=set_back(30, 2.0)))
     found = dict(images_with_their_poses(recording))
     assert [found[index] for index in range(29)] == pytest.approx([index / 10 for index in range(29)])
-    assert any("poses" in each and "left out" in each for each in recording.warnings)
+    assert any("poses" in line and "left out" in line for line in recording.warnings)
 
 
 def test_an_odometry_stamp_far_off_moves_nothing(tmp_path):
     recording = opened(record(tmp_path / "run.mcap", odometry=astray(5, 20, by_ns=-10 * S)))
-    poses = [(each.stamp_ns, each.T_odom_base[0, 3]) for each in recording.poses()]
-    assert [each for each in poses if each[0] >= bags.START_NS] == [
+    poses = [(pose.stamp_ns, pose.T_odom_base[0, 3]) for pose in recording.poses()]
+    assert [pose for pose in poses if pose[0] >= bags.START_NS] == [
         (bags.stamp(i), pytest.approx(i / 10)) for i in range(COUNT) if i not in {5, 20}
     ]
 
@@ -119,24 +119,24 @@ def test_clocks_that_start_near_zero_differ_or_drift_are_no_fault(tmp_path):
     ):
         recording = opened(record(tmp_path / f"{number}.mcap", clock, clock))
         assert recording.frame_stamps_ns().tolist() == [clock(i) for i in range(COUNT)]
-        assert not [each for each in recording.warnings if "far off" in each]
+        assert not [line for line in recording.warnings if "far off" in line]
 
 
 @given(st.lists(st.integers(0, 400_000_000), min_size=1, max_size=50))
 def test_lateness_within_the_tolerance_is_no_step(late_ns: Sequence[int]) -> None:
     stamps_ns = np.arange(len(late_ns), dtype=np.int64) * S // 10 + bags.START_NS - np.array(late_ns)
     assert step_back(np.sort(stamps_ns)) is None
-    assert not strays(stamps_ns, np.arange(len(late_ns), dtype=np.int64) * S // 10 + bags.START_NS).any()
+    assert not outliers(stamps_ns, np.arange(len(late_ns), dtype=np.int64) * S // 10 + bags.START_NS).any()
 
 
 def test_a_stream_of_one_or_none_has_no_faults() -> None:
     for stamps_ns in (np.zeros(0, np.int64), np.array([5 * S])):
         assert step_back(stamps_ns) is None
         assert step_forward(stamps_ns, stamps_ns) is None
-        assert not strays(stamps_ns, np.zeros_like(stamps_ns)).any()
+        assert not outliers(stamps_ns, np.zeros_like(stamps_ns)).any()
 
 
-@given(st.integers(1, 59), st.integers(1_100_000_000, AWAY_NS // 2))
+@given(st.integers(1, 59), st.integers(1_100_000_000, LONGEST_PAUSE_NS // 2))
 def test_a_step_forward_is_found_where_it_is(at: int, by_ns: int) -> None:
     log_ns = bags.START_NS + np.arange(60, dtype=np.int64) * S // 10
     stamps_ns = log_ns + np.where(np.arange(60) >= at, by_ns, 0)
@@ -155,8 +155,8 @@ def test_images_that_are_written_late_are_no_step_forward(late_ns: Sequence[int]
 
 def test_a_step_of_days_is_one_by_either_clock() -> None:
     log_ns = bags.START_NS + np.arange(60, dtype=np.int64) * S // 10
-    jump_ns = np.where(np.arange(60) >= 20, 2 * AWAY_NS, 0)
-    by_ns = 2 * AWAY_NS + S // 10
+    jump_ns = np.where(np.arange(60) >= 20, 2 * LONGEST_PAUSE_NS, 0)
+    by_ns = 2 * LONGEST_PAUSE_NS + S // 10
     assert step_forward(log_ns + jump_ns, log_ns + jump_ns) == StepForward(20, by_ns, too_far=True, log_too=True)
     assert step_forward(log_ns + jump_ns, log_ns) == StepForward(20, by_ns, too_far=True)
     assert step_forward(log_ns, log_ns + jump_ns) == StepForward(20, by_ns, too_far=True)

@@ -53,7 +53,10 @@ def test_boxes_and_all_hypotheses_are_read(tmp_path, options):
     )
     (found,) = recording.detections()
     assert found.labels == ("7", "5")
-    assert [(each.label, round(each.score, 3)) for each in found.hypotheses[0]] == [("7", 0.7), ("3", 0.2)]
+    assert [(hypothesis.label, round(hypothesis.score, 3)) for hypothesis in found.hypotheses[0]] == [
+        ("7", 0.7),
+        ("3", 0.2),
+    ]
     assert np.allclose(found.boxes_xyxy, [[10, 20, 30, 44], [0, 0, 4, 4]])
     assert np.allclose(found.scores, [0.7, 0.5])
 
@@ -104,7 +107,7 @@ def test_either_may_arrive_first_and_order_is_by_stamp(mask_first):
     later = DetectionArrival(2 * SECOND, 2 * SECOND + 1, detections=no_detections(2 * SECOND))
     arrivals = [later, mask, array] if mask_first else [later, array, mask]
     found = list(join_masks(iter(arrivals), 5 * SECOND))
-    assert [each.stamp_ns for each in found] == [SECOND, 2 * SECOND]
+    assert [detections.stamp_ns for detections in found] == [SECOND, 2 * SECOND]
     assert found[0].masks[0] is not None
 
 
@@ -115,4 +118,4 @@ def test_what_waits_is_bounded_and_what_is_too_late_is_dropped():
         yield DetectionArrival(SECOND, 20 * SECOND, detections=one(SECOND))
 
     found = join_masks(arrivals(), 3 * SECOND)
-    assert [each.stamp_ns // SECOND for each in found] == list(range(20))
+    assert [detections.stamp_ns // SECOND for detections in found] == list(range(20))

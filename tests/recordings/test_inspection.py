@@ -25,12 +25,12 @@ def test_a_whole_recording_can_be_built(tmp_path):
     assert report.base_frame == "base_link"
     assert report.poses == "/odom (odom -> base_link)"
     assert report.camera == "pinhole 64 x 48, 60 px a radian, depth aligned"
-    assert {(each.parent, each.child, each.static) for each in report.transforms} == {
+    assert {(edge.parent, edge.child, edge.static) for edge in report.transforms} == {
         ("odom", "base_link", False),
         ("base_link", "camera_optical_frame", True),
         ("base_link", "lidar", True),
     }
-    color = next(each for each in report.topics if each.role == "color")
+    color = next(topic for topic in report.topics if topic.role == "color")
     assert (color.count, color.rate_hz, color.frame_id) == (10, 10.0, "camera_optical_frame")
     assert not color.has_gap
 
@@ -74,7 +74,7 @@ def test_lidar_stands_in_for_depth_and_for_motion(tmp_path):
 
 def test_poses_that_are_never_finite_are_a_problem(tmp_path):
     report = inspect(bags.write_recording(tmp_path / "run.mcap", broken_poses=range(5)))
-    assert ["no usable poses" in each.what for each in report.problems] == [True]
+    assert ["no usable poses" in problem.what for problem in report.problems] == [True]
 
 
 @pytest.mark.parametrize("name", ["run.mcap", "run.db3", "run.bag"])
@@ -89,11 +89,51 @@ def test_gaps_are_found_in_every_format(tmp_path, name):
     assert topic.rate_hz == pytest.approx(10)
 
 
+def test_several_cameras_are_listed_each_with_its_topics_and_frames(tmp_path):
+    report = inspect(bags.write_rig(tmp_path / "run.mcap", ("/cam_front", "/cam_left")))
+    assert report.can_build
+    assert [(camera.camera_id, camera.topic, camera.usable_frames) for camera in report.cameras] == [
+        ("front", "/cam_front/color/image_raw", 5),
+        ("left", "/cam_left/color/image_raw", 5),
+    ]
+    assert report.usable_frames == 10
+    assert report.cameras[1].model == report.camera == "pinhole 64 x 48, 60 px a radian, depth aligned"
+    depths = {(role.camera, role.topic) for role in report.roles if role.role == "depth"}
+    assert depths == {(name, f"/cam_{name}/aligned_depth_to_color/image_raw") for name in ("front", "left")}
+    roles = {topic.topic: topic.role for topic in report.topics}
+    assert roles["/cam_left/detections"] == "detections.left"
+    assert roles["/odom"] == "odometry"
+
+
+def test_a_lone_camera_is_listed_too_and_its_roles_name_no_camera(tmp_path):
+    report = inspect(bags.write_recording(tmp_path / "run.mcap"))
+    assert [(camera.camera_id, camera.frame_id) for camera in report.cameras] == [("camera", "camera_optical_frame")]
+    assert {role.camera for role in report.roles} == {None}
+
+
+def test_each_camera_that_cannot_be_read_is_a_problem(tmp_path):
+    with bags.BagWriter(tmp_path / "run.mcap") as bag:
+        bag.odometry("/odom", bags.START_NS, np.eye(4), child_frame_id="eye")
+        for prefix in ("/a", "/b"):
+            K = (60.0, 60.0, 31.5, 23.5)
+            bag.camera_info(f"{prefix}/color/camera_info", bags.START_NS, "eye", (64, 48), K)
+            bag.image(f"{prefix}/color/image_raw", bags.START_NS, "eye", bags.color_image(0), "rgb8")
+            bag.image(f"{prefix}/depth/image_raw", bags.START_NS + 10**9, "eye", bags.depth_image(), "16UC1")
+    report = inspect(tmp_path / "run.mcap", topics={f"color.{name}": f"/{name}/color/image_raw" for name in "ab"})
+    assert [problem.what for problem in report.problems] == [
+        "no depth image within 0.02 s of a colour image, the nearest is 1.000 s off"
+    ] * 2
+    assert [problem.where for problem in report.problems] == [
+        f"{tmp_path / 'run.mcap'}, /{name}/depth/image_raw" for name in "ab"
+    ]
+    assert [(camera.camera_id, camera.usable_frames) for camera in report.cameras] == [("a", 0), ("b", 0)]
+
+
 def test_the_window_counts(tmp_path):
     path = bags.write_recording(tmp_path / "run.mcap", frames=30)
     report = inspect(path, start_s=1.0, end_s=2.0)
     assert report.usable_frames == 10
-    assert {each.count for each in report.topics if each.role in {"color", "depth"}} == {10}
+    assert {topic.count for topic in report.topics if topic.role in {"color", "depth"}} == {10}
 
 
 def test_a_frame_with_two_parents_is_warned_of(tmp_path):
@@ -110,6 +150,18 @@ def test_the_command_prints_tables_and_exits_0(tmp_path, monkeypatch):
     assert result.exit_code == 0, result.output
     assert "A build can work." in result.output
     assert "camera_optical_frame" in result.output
+
+
+def test_the_command_lists_several_cameras(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    path = bags.write_rig(tmp_path / "run.mcap", ("/cam_front", "/cam_left"))
+    result = CliRunner().invoke(make_app(), ["inspect", str(path)], env={"COLUMNS": "200"})
+    assert result.exit_code == 0, result.output
+    assert "Cameras" in result.output
+    assert "color.left" in result.output
+    named = ["--topic", "color.front=/cam_front/color/image_raw", "--topic", "depth.frnt=/x"]
+    result = CliRunner().invoke(make_app(), ["inspect", str(path), *named])
+    assert "no color topic is named for the camera 'frnt'" in str(result.exception)
 
 
 def test_without_recorded_detections_the_command_says_that_a_model_is_needed(tmp_path, monkeypatch):

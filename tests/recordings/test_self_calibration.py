@@ -55,7 +55,7 @@ def apart(focal_px: float, apart_m: float) -> Images:
             depth_m[v0:v1, u0:u1] = z
             shift = np.array([focal_px * apart_m / z, 0])
             (a0, b0), (a1, b1) = (
-                ((each - CENTRE) * scale + CENTRE + shift).round().astype(int) for each in (corner, far_corner)
+                ((pixel - CENTRE) * scale + CENTRE + shift).round().astype(int) for pixel in (corner, far_corner)
             )
             rgb[max(b0, 0) : max(b1, 0), max(a0, 0) : max(a1, 0)] = rng.integers(0, 255, 3)
         images.append((rgb, depth_m))

@@ -45,19 +45,19 @@ def test_parts_are_opened_only_when_their_time_has_come():
     merged = merge_lazily([part(10, 11), part(1, 4), part(3, 12)])
     assert next(merged).log_ns == 1
     assert opened == [(1, 4)]
-    assert [each.log_ns for each in merged] == [3, 4, 10, 11, 12]
+    assert [message.log_ns for message in merged] == [3, 4, 10, 11, 12]
 
 
 @pytest.mark.parametrize("name", FORMATS)
 def test_every_format_gives_the_same_messages(tmp_path, name):
     storage = open_storage(write_imu(tmp_path / name, [bags.stamp(i) for i in range(6)]), Notes())
-    assert [(each.topic, each.msgtype, each.count) for each in storage.channels] == [
+    assert [(channel.topic, channel.msgtype, channel.count) for channel in storage.channels] == [
         ("/imu0", "sensor_msgs/msg/Imu", 3),
         ("/imu1", "sensor_msgs/msg/Imu", 3),
     ]
     assert (storage.start_ns, storage.end_ns) == (bags.stamp(0), bags.stamp(5))
     found = list(storage.messages(["/imu1"], bags.stamp(2), bags.stamp(5)))
-    assert [each.log_ns for each in found] == [bags.stamp(3)]
+    assert [message.log_ns for message in found] == [bags.stamp(3)]
     assert list(storage.messages(["/none"])) == []
     assert sorted(storage.log_times(["/imu0"])) == [("/imu0", bags.stamp(i)) for i in (0, 2, 4)]
 
@@ -73,7 +73,7 @@ def test_two_readers_do_not_disturb_one_another(tmp_path, name):
 def test_chunks_that_overlap_in_time_are_merged(tmp_path):
     stamps = [bags.stamp(i) for i in (0, 5, 1, 6, 2, 7, 3, 4)]
     storage = open_storage(write_imu(tmp_path / "run.mcap", stamps, chunk_size=600), Notes())
-    times = [each.log_ns for each in storage.messages(["/imu0", "/imu1"])]
+    times = [message.log_ns for message in storage.messages(["/imu0", "/imu1"])]
     assert times == sorted(stamps)
 
 
@@ -84,10 +84,10 @@ def test_a_cut_mcap_is_read_up_to_the_cut(tmp_path, compression):
     )
     notes = Notes()
     storage = open_storage(bags.cut_file(whole, tmp_path / "cut.mcap", 0.6), notes)
-    times = [each.log_ns for each in storage.messages(["/imu0", "/imu1"])]
+    times = [message.log_ns for message in storage.messages(["/imu0", "/imu1"])]
     assert 40 < len(times) < 200
     assert times == [bags.stamp(i) for i in range(len(times))]
-    assert sum(each.count for each in storage.channels) == len(times)
+    assert sum(channel.count for channel in storage.channels) == len(times)
     assert ["cut off" in line for line in notes.lines] == [True]
 
 
@@ -107,8 +107,8 @@ def test_a_split_folder_is_one_recording(tmp_path):
     write_imu(folder / "split_1.mcap", [bags.stamp(i) for i in range(4, 9)])
     notes = Notes()
     storage = open_storage(folder, notes)
-    assert [each.log_ns for each in storage.messages(["/imu0"])] == [bags.stamp(i) for i in (0, 2, 4, 6, 8)]
-    assert sum(each.count for each in storage.channels) == 9
+    assert [message.log_ns for message in storage.messages(["/imu0"])] == [bags.stamp(i) for i in (0, 2, 4, 6, 8)]
+    assert sum(channel.count for channel in storage.channels) == 9
     assert "metadata.yaml" in notes.lines[0]
 
 
@@ -116,7 +116,7 @@ def test_a_folder_with_metadata_leaves_other_files_alone(tmp_path):
     folder = write_imu(tmp_path / "run", [bags.stamp(i) for i in range(4)])
     write_imu(tmp_path / "other.db3", [bags.stamp(i) for i in range(50)])
     shutil.move(tmp_path / "other.db3", folder / "other.db3")
-    assert sum(each.count for each in open_storage(folder, Notes()).channels) == 4
+    assert sum(channel.count for channel in open_storage(folder, Notes()).channels) == 4
 
 
 @pytest.mark.parametrize(

@@ -3,12 +3,13 @@
 import numpy as np
 import pytest
 
-from supermap_cli.errors import ConfigError, RecordingError
+from supermap_cli.errors import RecordingError
 from supermap_cli.recordings.containers import open_storage
 from supermap_cli.recordings.decoding import Decoder
 from supermap_cli.recordings.notes import Notes
 from supermap_cli.recordings.probing import probe_topics
-from supermap_cli.recordings.topics import is_rectified, namespace_of, plan_topics
+from supermap_cli.recordings.roles import parse_named_topics
+from supermap_cli.recordings.topics import plan_topics
 from support import bags
 
 SIZE, K = (8, 6), (8.0, 8.0, 3.5, 2.5)
@@ -17,7 +18,7 @@ RGB, DEPTH = np.zeros((6, 8, 3), np.uint8), np.ones((6, 8), np.uint16)
 
 def plan_of(path, named=None):
     storage = open_storage(path, Notes())
-    return plan_topics(probe_topics(storage, Decoder("run")), named or {}, "run")
+    return plan_topics(probe_topics(storage, Decoder("run")), parse_named_topics(named or {}), "run")
 
 
 def chosen(plan):
@@ -92,12 +93,6 @@ def test_a_name_that_is_not_there_is_an_error_that_lists_what_is(tmp_path, named
         plan_of(tmp_path / "a.mcap", named)
 
 
-def test_an_unknown_role_is_an_error_that_lists_the_roles(tmp_path):
-    write_realsense(tmp_path / "a.mcap")
-    with pytest.raises(ConfigError, match=r"'colour'.*color, depth"):
-        plan_of(tmp_path / "a.mcap", {"colour": "/camera/color/image_raw"})
-
-
 def test_of_several_clouds_the_raw_scan_is_the_lidar(tmp_path):
     records = np.ones(3, np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4")]))
     with bags.BagWriter(tmp_path / "a.mcap") as bag:
@@ -106,16 +101,16 @@ def test_of_several_clouds_the_raw_scan_is_the_lidar(tmp_path):
     assert chosen(plan_of(tmp_path / "a.mcap"))["lidar"] == "/velodyne_points"
 
 
-@pytest.mark.parametrize(
-    ("topic", "namespace", "rectified"),
-    [
-        ("/camera/color/image_raw", "/camera/color", False),
-        ("/camera/color/image_raw/compressed", "/camera/color", False),
-        ("/camera/depth/image_rect/compressedDepth", "/camera/depth", True),
-        ("/direct/image", "/direct", False),
-        ("/image", "", False),
-    ],
-)
-def test_names_are_taken_apart(topic, namespace, rectified):
-    assert namespace_of(topic) == namespace
-    assert is_rectified(topic) == rectified
+def test_of_several_depths_and_detections_those_of_the_cameras_own_device_are_chosen(tmp_path):
+    with bags.BagWriter(tmp_path / "a.mcap") as bag:
+        for _ in range(2):
+            for prefix in ("/front", "/rear"):
+                bag.image(f"{prefix}/color/image_raw", bags.START_NS, f"{prefix}_color", RGB, "rgb8")
+                bag.detections(f"{prefix}/detections", bags.START_NS, f"{prefix}_color", [])
+        bag.image("/front/depth/image_raw", bags.START_NS, "front_depth", DEPTH, "16UC1")
+        bag.image("/rear/aligned_depth_to_color/image_raw", bags.START_NS, "rear_color", DEPTH, "16UC1")
+        bag.detections("/rear/detections", bags.START_NS, "rear_color", [])
+    front = chosen(plan_of(tmp_path / "a.mcap", {"color": "/front/color/image_raw"}))
+    assert (front["depth"], front["detections"]) == ("/front/depth/image_raw", "/front/detections")
+    rear = chosen(plan_of(tmp_path / "a.mcap", {"color": "/rear/color/image_raw"}))
+    assert (rear["depth"], rear["detections"]) == ("/rear/aligned_depth_to_color/image_raw", "/rear/detections")

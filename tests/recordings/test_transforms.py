@@ -20,8 +20,8 @@ def link(parent, child, x=0.0, yaw=0.0, at=0):
 
 def tree_of(*links, static=True):
     tree = TransformTree()
-    for each in links:
-        tree.add(each, static)
+    for link in links:
+        tree.add(link, static)
     return tree
 
 

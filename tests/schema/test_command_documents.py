@@ -38,6 +38,12 @@ def test_inspect_of_a_recording_that_can_be_built(tmp_path: Path, options: dict[
     assert report["topics"]
 
 
+def test_inspect_of_a_recording_with_several_cameras(tmp_path: Path) -> None:
+    report = document("inspect", "inspect", bags.write_rig(tmp_path / "run.mcap", ("/cam_front", "/cam_left")))
+    assert [camera["camera_id"] for camera in report["cameras"]] == ["front", "left"]
+    assert {role["camera"] for role in report["roles"]} == {"front", "left", None}
+
+
 @pytest.mark.parametrize("missing", ["color", "depth", "camera_info", "tf_static"])
 def test_inspect_of_a_recording_that_cannot_be_built(tmp_path: Path, missing: str) -> None:
     path = bags.write_recording(tmp_path / "run.mcap", without={missing})

@@ -10,7 +10,7 @@ message: `bag_writer.BagWriter`, which is `bags.BagWriter` too.
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Collection
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -102,6 +102,67 @@ def write_recording(
             if lidar:
                 bag.points("/points", at, "lidar", wall_points(index))
     return path
+
+
+def write_rig(
+    path: Path,
+    cameras: Mapping[str, float] | Sequence[str],
+    *,
+    frames: int = 5,
+    without: Collection[str] = (),
+    late_ns: Mapping[str, int] | None = None,
+    baseline_m: float = 0.0,
+    lidar: bool = False,
+    depth: str = "aligned_depth_to_color",
+) -> Path:
+    """A robot with several RGB-D cameras: `cameras` maps the prefix of each ("/camera_front") to its yaw in degrees, or
+    lists the prefixes, for yaws of 0, 60, 120... degrees.
+
+    Each has PREFIX/color/image_raw, PREFIX/color/camera_info, PREFIX/DEPTH/image_raw, PREFIX/detections and
+    PREFIX/masks in the frame `camera_frame(PREFIX)`; `without` names topics and frames that are left out; stamps of a
+    camera are `late_ns` later; neighbours stand `baseline_m` apart. The label of a detection is the prefix's.
+    """
+    size, K = (WIDTH, HEIGHT), (FOCAL, FOCAL, (WIDTH - 1) / 2, (HEIGHT - 1) / 2)
+    yaws = cameras if isinstance(cameras, Mapping) else {prefix: 60.0 * i for i, prefix in enumerate(cameras)}
+    numbers = np.zeros((HEIGHT, WIDTH), np.uint16)
+    numbers[16:32, 24:40] = 1
+    with BagWriter(path) as bag:
+        if lidar:
+            bag.transform(START_NS, "base_link", "lidar", make_transform(np.eye(3), [0, 0, 0.6]), static=True)
+        for place, (prefix, yaw_deg) in enumerate(yaws.items()):
+            if camera_frame(prefix) not in without:
+                c, s = np.cos(np.deg2rad(yaw_deg)), np.sin(np.deg2rad(yaw_deg))
+                turn = make_transform([[c, -s, 0], [s, c, 0], [0, 0, 1]], [0, place * baseline_m, 0])
+                bag.transform(START_NS, "base_link", camera_frame(prefix), turn @ T_BASE_OPTICAL, static=True)
+        for index in range(frames):
+            bag.odometry("/odom", stamp(index), pose_at(index))
+            if lidar:
+                bag.points("/points", stamp(index), "lidar", wall_points(index))
+            for prefix in yaws:
+                at, frame = stamp(index) + (late_ns or {}).get(prefix, 0), camera_frame(prefix)
+                if (topic := f"{prefix}/color/camera_info") not in without:
+                    bag.camera_info(topic, at, frame, size, K)
+                if (topic := f"{prefix}/color/image_raw") not in without:
+                    bag.image(topic, at, frame, rig_image(prefix, index), "rgb8")
+                if (topic := f"{prefix}/{depth}/image_raw") not in without:
+                    bag.image(topic, at, frame, depth_image(), "16UC1")
+                if (topic := f"{prefix}/detections") not in without:
+                    bag.detections(topic, at, frame, [([(prefix, 0.9)], (24, 16, 40, 32))])
+                if (topic := f"{prefix}/masks") not in without:
+                    bag.image(topic, at, frame, numbers, "16UC1")
+    return path
+
+
+def camera_frame(prefix: str) -> str:
+    """The optical frame of the camera of a rig whose topics start with `prefix`."""
+    return f"{prefix.strip('/').replace('/', '_')}_optical_frame"
+
+
+def rig_image(prefix: str, index: int) -> np.ndarray:
+    """Frame `index` of a rig's camera: `color_image` with a green that tells cameras apart."""
+    rgb = color_image(index)
+    rgb[..., 1] = sum(prefix.encode()) % 256
+    return rgb
 
 
 def wall_points(index: int) -> np.ndarray:
