@@ -37,7 +37,7 @@ from supermap_cli.commands.tables import print_table
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from supermap_cli.costs.job import Job, Measured
+    from supermap_cli.costs.job import Job, Measurement
     from supermap_cli.costs.report import Bench
 
 EXAMPLES = """
@@ -147,19 +147,19 @@ def bench(  # noqa: PLR0917 - a command line has many options
 
 def measure(job: Job, recordings: list[Path], objects: tuple[int, ...], folder: Path) -> Bench:
     """Run every measurement, one after the other."""
-    from supermap_cli.costs.children import run_apart  # noqa: PLC0415 - keeps start-up light
     from supermap_cli.costs.job import BuildRun, DecodeRun, StagesRun  # noqa: PLC0415
+    from supermap_cli.costs.processes import run_job  # noqa: PLC0415 - keeps start-up light
     from supermap_cli.costs.report import summarise  # noqa: PLC0415
 
-    def asked(what: Measured, told: str, wanted: int = 0) -> Job:
+    def asked(what: Measurement, told: str, wanted: int = 0) -> Job:
         err().print(f"measuring: {told}", markup=False)
         return job.model_copy(update={"what": what, "objects": wanted, "db": folder / f"{what}-{wanted}.db"})
 
-    build = run_apart(asked("build", "the build as it is"), BuildRun, folder)
-    stages = run_apart(asked("stages", "one stage at a time"), StagesRun, folder)
-    decode = run_apart(asked("decode", "decoding alone"), DecodeRun, folder)
+    build = run_job(asked("build", "the build as it is"), BuildRun, folder)
+    stages = run_job(asked("stages", "one stage at a time"), StagesRun, folder)
+    decode = run_job(asked("decode", "decoding alone"), DecodeRun, folder)
     growth = [
-        (wanted, run_apart(asked("growth", f"{wanted} objects in the map", wanted), StagesRun, folder))
+        (wanted, run_job(asked("growth", f"{wanted} objects in the map", wanted), StagesRun, folder))
         for wanted in objects
     ]
     return summarise(recordings, build, stages, decode, growth)

@@ -16,7 +16,7 @@ from supermap_cli.errors import ConfigError
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from supermap_cli.costs.memory.report import MadeUp, MemoryBench
+    from supermap_cli.costs.memory.report import MemoryBench, SyntheticMemory
 
 EXAMPLES = """
 Examples:
@@ -98,7 +98,7 @@ def print_memory_bench(console: Console, bench: MemoryBench) -> None:
     )
 
 
-def _made_row(name: str, made: MadeUp) -> tuple[str, ...]:
+def _made_row(name: str, made: SyntheticMemory) -> tuple[str, ...]:
     took = "was there" if made.made_s is None else f"{made.made_s:.0f} s"
     counts = (made.instances, made.observations, made.keyframes, made.traversals)
     return (name, *map(str, counts), f"{made.size_mb:.0f}", took)

@@ -27,7 +27,7 @@ Examples:
 """
 EXAMPLE = "\nExample:\n\n    supermap eval {} office.db office/truth.json{}\n"
 
-OFF_M = 0.5
+MAX_ALIGNMENT_RMSE_M = 0.5
 """Where the robot's way in the map is off its true way by more than this, the user is asked whether they belong
 together.
 """
@@ -109,7 +109,7 @@ def _evaluate(
         check_picture(plot)
     estimate, truth = read_map(db, truth_path)
     report = score(estimate, truth, sections)
-    _warn_if_off(report, truth_path)
+    _warn_if_misaligned(report, truth_path)
     if as_json:
         print_json(to_document(report))
     else:
@@ -118,9 +118,9 @@ def _evaluate(
         _draw(plot, estimate, truth, sections)
 
 
-def _warn_if_off(report: Report, truth_path: Path) -> None:
+def _warn_if_misaligned(report: Report, truth_path: Path) -> None:
     for traversal, rmse_m in report.alignment_rmse_m.items():
-        if rmse_m > OFF_M:
+        if rmse_m > MAX_ALIGNMENT_RMSE_M:
             err().print(
                 f"warning: the robot's way in {traversal} is {rmse_m:.1f} m off its true way: a lost odometry, "
                 f"or is {truth_path} the truth of other recordings?",

@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 from supermap_cli.costs.job import Job
-from supermap_cli.costs.measuring import measure
+from supermap_cli.costs.measurements import measure
 from supermap_cli.errors import SupermapError
 from supermap_cli.query.views import to_document
 

@@ -12,7 +12,7 @@ from supermap_cli.config import BuildConfig
 from supermap_cli.hookspecs import RecordingRequest
 from supermap_cli.timing import StageTiming
 
-Measured = Literal["build", "stages", "decode", "growth"]
+Measurement = Literal["build", "stages", "decode", "growth"]
 
 
 class Job(BaseModel):
@@ -25,7 +25,7 @@ class Job(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    what: Measured
+    what: Measurement
     recordings: tuple[Path, ...]
     config: BuildConfig
     wanted: RecordingRequest
@@ -68,7 +68,7 @@ class DecodeRun:
 
 
 Run = BuildRun | StagesRun | DecodeRun
-RESULTS: dict[Measured, type[BuildRun | StagesRun | DecodeRun]] = {
+RESULTS: dict[Measurement, type[BuildRun | StagesRun | DecodeRun]] = {
     "build": BuildRun,
     "stages": StagesRun,
     "decode": DecodeRun,

@@ -14,11 +14,11 @@ import numpy as np
 from supermap_cli.evaluation.shares import mean
 from supermap_cli.geometry.arrays import BoolArray, FloatArray, IntArray, check_shape
 
-OVERLAPS = (0.5, 0.55, 0.6, 0.65, 0.7, 0.75, 0.8, 0.85, 0.9)
+IOU_THRESHOLDS = (0.5, 0.55, 0.6, 0.65, 0.7, 0.75, 0.8, 0.85, 0.9)
 """What AP is the mean over: the script's np.arange(0.5, 0.95, 0.05), which ends at .90."""
 
-LOOSE_OVERLAP = 0.25
-SMALLEST = 100
+LOOSE_IOU_THRESHOLD = 0.25
+MIN_POINTS = 100
 """Points: smaller true instances are ignored, smaller predictions left out."""
 
 VOID = -1
@@ -38,7 +38,7 @@ class InstancePrediction:
 
 @dataclass(frozen=True)
 class ClassPrecision:
-    """The average precision of one class over its `instances` true instances (of `SMALLEST` points at least)."""
+    """The average precision of one class over its `instances` true instances (of `MIN_POINTS` points at least)."""
 
     label: int
     instances: int
@@ -62,7 +62,7 @@ def instance_average_precision(
     gt_instances: IntArray,
     predictions: Sequence[InstancePrediction],
     *,
-    smallest: int = SMALLEST,
+    min_points: int = MIN_POINTS,
 ) -> AveragePrecision:
     """AP (mean over IoU thresholds .50, .55, ..., .90), AP50 and AP25 of predicted instances on n points.
 
@@ -79,15 +79,17 @@ def instance_average_precision(
     """
     check_shape("gt_labels", gt_labels, (None,))
     check_shape("gt_instances", gt_instances, (len(gt_labels),))
-    judged = [prediction for prediction in predictions if len(prediction.points) >= max(smallest, 1)]
+    judged = [prediction for prediction in predictions if len(prediction.points) >= max(min_points, 1)]
     classes = []
     for label in np.unique(gt_labels[(gt_labels != VOID) & (gt_instances != NO_INSTANCE)]).tolist():
         overlaps = _overlaps(
             gt_labels, gt_instances, [prediction for prediction in judged if prediction.label == label], label
         )
-        large = overlaps.true_sizes >= smallest
+        large = overlaps.true_sizes >= min_points
         if large.any():
-            ap25, *rest = (_average_precision(overlaps, large, threshold) for threshold in (LOOSE_OVERLAP, *OVERLAPS))
+            ap25, *rest = (
+                _average_precision(overlaps, large, threshold) for threshold in (LOOSE_IOU_THRESHOLD, *IOU_THRESHOLDS)
+            )
             classes.append(ClassPrecision(label, int(large.sum()), sum(rest) / len(rest), rest[0], ap25))
     return AveragePrecision(
         mean(precision.ap for precision in classes),
@@ -134,7 +136,7 @@ def _overlaps(
 
 def _average_precision(overlaps: _Overlaps, large: BoolArray, threshold: float) -> float:
     """The area under the precision-recall curve of one class at one threshold."""
-    right, wrong = _verdicts(overlaps, large, threshold)
+    right, wrong = _classify_predictions(overlaps, large, threshold)
     confidences = np.array([*right, *wrong])
     is_right = np.arange(len(confidences)) < len(right)
     cuts = np.unique(confidences)[::-1]
@@ -145,7 +147,7 @@ def _average_precision(overlaps: _Overlaps, large: BoolArray, threshold: float) 
     return float((np.diff(recall) * (precision[1:] + precision[:-1]) / 2).sum())
 
 
-def _verdicts(overlaps: _Overlaps, large: BoolArray, threshold: float) -> tuple[list[float], list[float]]:
+def _classify_predictions(overlaps: _Overlaps, large: BoolArray, threshold: float) -> tuple[list[float], list[float]]:
     """The confidences of right and of wrong predictions.
 
     A prediction that could find two true instances (below IoU .5 only) finds the first.

@@ -9,7 +9,7 @@ import numpy as np
 
 from supermap_cli.evaluation.estimate import EstimatedMap
 from supermap_cli.evaluation.known_truth import KnownTruth, known_truth
-from supermap_cli.evaluation.matching import MATCH_DISTANCE_M, centroids, same_label
+from supermap_cli.evaluation.matching import MAX_MATCH_DISTANCE_M, centroids, same_label
 from supermap_cli.evaluation.shares import mean, share
 from supermap_cli.geometry.arrays import BoolArray, FloatArray
 from supermap_cli.types.truth import GroundTruth
@@ -80,8 +80,10 @@ class ChangeRecallScores:
 def score_change_recall(estimate: EstimatedMap, truth: GroundTruth) -> ChangeRecallScores:
     """Ask the map at every keyframe about every changed place."""
     known = known_truth(estimate, truth)
-    beliefs = Beliefs(estimate, known)
-    rows = tuple(_changed_place(place, changes, beliefs) for place, changes in changed_places(known, truth).items())
+    believed_positions = BelievedPositions(estimate, known)
+    rows = tuple(
+        _changed_place(place, changes, believed_positions) for place, changes in changed_places(known, truth).items()
+    )
     there_right = sum(row.there_right for row in rows)
     there_samples = sum(row.there_samples for row in rows)
     both_right = there_right + sum(row.left_right for row in rows)
@@ -118,7 +120,7 @@ def changed_places(known: KnownTruth, truth: GroundTruth) -> dict[int, tuple[str
     return happened
 
 
-class Beliefs:
+class BelievedPositions:
     """Where the map holds its instances to be, at every keyframe that the truth knows: (n, k, 3), NaN where nowhere."""
 
     def __init__(self, estimate: EstimatedMap, known: KnownTruth) -> None:
@@ -136,22 +138,22 @@ class Beliefs:
         alike = [row for row, label in enumerate(self.labels) if same_label(label, wanted.object.label)]
         believed = self.centroids[alike]
         distance_m = self._distances_m(believed, [place])[0]
-        rivals = self._rivals(place)
-        rival_m = self._distances_m(believed, rivals)
-        rival_m[~self._competes(place, rivals)[:, None, :].repeat(len(alike), axis=1)] = np.inf
-        nearest_rival_m = rival_m.min(axis=0, initial=np.inf)
-        there: BoolArray = ((distance_m < MATCH_DISTANCE_M) & (distance_m <= nearest_rival_m)).any(axis=0)
+        competing = self._competing_places(place)
+        competing_m = self._distances_m(believed, competing)
+        competing_m[~self._competing_at(place, competing)[:, None, :].repeat(len(alike), axis=1)] = np.inf
+        nearest_rival_m = competing_m.min(axis=0, initial=np.inf)
+        there: BoolArray = ((distance_m < MAX_MATCH_DISTANCE_M) & (distance_m <= nearest_rival_m)).any(axis=0)
         return there
 
-    def _rivals(self, place: int) -> list[int]:
+    def _competing_places(self, place: int) -> list[int]:
         """Other places of the object, and places of other things of its label."""
         label = self.known.places[place].object.label
         return [k for k, other in enumerate(self.known.places) if k != place and same_label(other.object.label, label)]
 
-    def _competes(self, place: int, rivals: Sequence[int]) -> BoolArray:
+    def _competing_at(self, place: int, competing: Sequence[int]) -> BoolArray:
         """(r, k): a place of the object always does, one of another thing while that stands there."""
-        own = [self.known.places[k].object.id == self.known.places[place].object.id for k in rivals]
-        competes: BoolArray = self.known.present[list(rivals)] | np.array(own, dtype=bool)[:, None]
+        own = [self.known.places[k].object.id == self.known.places[place].object.id for k in competing]
+        competes: BoolArray = self.known.present[list(competing)] | np.array(own, dtype=bool)[:, None]
         return competes
 
     def _distances_m(self, believed: FloatArray, places: Sequence[int]) -> FloatArray:
@@ -162,9 +164,9 @@ class Beliefs:
         return distances_m
 
 
-def _changed_place(place: int, changes: tuple[str, ...], beliefs: Beliefs) -> ChangedPlace:
-    known = beliefs.known
-    there = beliefs.there(place)
+def _changed_place(place: int, changes: tuple[str, ...], believed_positions: BelievedPositions) -> ChangedPlace:
+    known = believed_positions.known
+    there = believed_positions.there(place)
     asked_there, asked_left = known.in_view_with_object[place], known.in_view_left[place]
     asked_before = known.in_view_empty[place] & ~asked_left
     wrong = np.flatnonzero((asked_there & ~there) | (asked_left & there))

@@ -15,7 +15,7 @@ from supermap_cli.evaluation.shares import PrecisionRecall, precision_recall
 from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.types.truth import GroundTruth
 
-PLACE_M = 0.5
+MAX_CHANGE_OFFSET_M = 0.5
 """A change is reported in the right place if its centroids lie within this of the true ones."""
 
 
@@ -75,20 +75,20 @@ def score_changes(estimate: EstimatedMap, truth: GroundTruth) -> ChangeScores:
     if len(known.traversals) < 2:
         return ChangeScores(None, None, None, None, None, None, 0, (), (), ())
     changes = net_changes(known)
-    reports = [Report.of(change, estimate) for change in estimate.changes]
-    verdict = _judge(reports, changes)
-    false = _false_rows(verdict.false, _unchanged_instances(estimate, known, changes))
+    reports = [ReportedChange.of(change, estimate) for change in estimate.changes]
+    matching = _judge(reports, changes)
+    false = _false_rows(matching.false, _unchanged_instances(estimate, known, changes))
     return ChangeScores(
         between=(known.traversals[-2].name, known.traversals[-1].name),
-        overall=verdict.of_kinds("appeared", "disappeared", "moved"),
-        appeared=verdict.of_kinds("appeared"),
-        disappeared=verdict.of_kinds("disappeared"),
-        moved=verdict.of_kinds("moved"),
-        lenient=verdict.lenient(),
+        overall=matching.of_kinds("appeared", "disappeared", "moved"),
+        appeared=matching.of_kinds("appeared"),
+        disappeared=matching.of_kinds("disappeared"),
+        moved=matching.of_kinds("moved"),
+        lenient=matching.lenient(),
         static_reported=sum(row.unchanged_object is not None for row in false),
         missed=tuple(
-            MissedChange(change.kind, change.object_id, change.label, change in verdict.as_two)
-            for change in verdict.missed
+            MissedChange(change.kind, change.object_id, change.label, change in matching.split_moves)
+            for change in matching.missed
         ),
         false=false,
         unobservable=tuple(f"{change.object_id} {change.kind}" for change in changes.unobservable),
@@ -96,7 +96,7 @@ def score_changes(estimate: EstimatedMap, truth: GroundTruth) -> ChangeScores:
 
 
 @dataclass(frozen=True, eq=False)
-class Report:
+class ReportedChange:
     """A reported change with the ends (3,) that its kind has; what names no place lies where its instance lies."""
 
     change: EstimatedChange
@@ -104,7 +104,7 @@ class Report:
     after: FloatArray | None
 
     @classmethod
-    def of(cls, change: EstimatedChange, estimate: EstimatedMap) -> Report:
+    def of(cls, change: EstimatedChange, estimate: EstimatedMap) -> ReportedChange:
         """Complete a change by the map's instance."""
         own = next((instance.centroid for instance in estimate.objects if instance.id == change.object_id), None)
         before = change.position_before if change.position_before is not None else own
@@ -124,17 +124,19 @@ class Report:
     def touches_only(self, places: Iterable[Place]) -> bool:
         """Whether each of its ends lies in one of these places."""
         ends = [end for end in (self.before, self.after) if end is not None]
-        return bool(ends) and all(any(_distance_m(end, place) < PLACE_M for place in places) for end in ends)
+        return bool(ends) and all(
+            any(_distance_m(end, place) < MAX_CHANGE_OFFSET_M for place in places) for end in ends
+        )
 
 
 @dataclass(frozen=True)
-class Verdict:
+class ChangeMatching:
     """True changes found and missed, false reports, and those missed moves that were reported as two changes."""
 
     found: tuple[NetChange, ...]
     missed: tuple[NetChange, ...]
-    false: tuple[Report, ...]
-    as_two: tuple[NetChange, ...]
+    false: tuple[ReportedChange, ...]
+    split_moves: tuple[NetChange, ...]
 
     def of_kinds(self, *kinds: str) -> PrecisionRecall:
         """The strict counts of some kinds of change."""
@@ -146,14 +148,14 @@ class Verdict:
 
     def lenient(self) -> PrecisionRecall:
         """The counts if two halves of a move make a move."""
-        halved = len(self.as_two)
+        halved = len(self.split_moves)
         return precision_recall(len(self.found) + halved, len(self.false) - 2 * halved, len(self.missed) - halved)
 
 
-def _judge(reports: Sequence[Report], changes: NetChanges) -> Verdict:
+def _judge(reports: Sequence[ReportedChange], changes: NetChanges) -> ChangeMatching:
     offsets_m = np.array([[report.offset_m(change) for change in changes.judged] for report in reports])
     offsets_m = offsets_m.reshape(len(reports), len(changes.judged))
-    pairs = match_one_to_one(offsets_m < PLACE_M, 1 - np.minimum(offsets_m / PLACE_M, 1.0))
+    pairs = match_one_to_one(offsets_m < MAX_CHANGE_OFFSET_M, 1 - np.minimum(offsets_m / MAX_CHANGE_OFFSET_M, 1.0))
     right, found = {row for row, _ in pairs}, {column for _, column in pairs}
     missed = tuple(change for column, change in enumerate(changes.judged) if column not in found)
     false = tuple(
@@ -161,26 +163,30 @@ def _judge(reports: Sequence[Report], changes: NetChanges) -> Verdict:
         for row, report in enumerate(reports)
         if row not in right and not report.touches_only(changes.unjudged_places)
     )
-    return Verdict(
+    return ChangeMatching(
         found=tuple(change for column, change in enumerate(changes.judged) if column in found),
         missed=missed,
         false=false,
-        as_two=_moves_as_two(missed, false),
+        split_moves=_split_moves(missed, false),
     )
 
 
-def _moves_as_two(missed: Sequence[NetChange], false: Sequence[Report]) -> tuple[NetChange, ...]:
+def _split_moves(missed: Sequence[NetChange], false: Sequence[ReportedChange]) -> tuple[NetChange, ...]:
     """The missed moves whose old place was reported empty and whose new place filled, each report used once."""
     left = list(false)
-    as_two = []
+    split_moves = []
     for change in (move for move in missed if move.kind == "moved"):
-        gone = next((report for report in left if report.offset_m(NetChange(change.before, None)) < PLACE_M), None)
-        came = next((report for report in left if report.offset_m(NetChange(None, change.after)) < PLACE_M), None)
+        gone = next(
+            (report for report in left if report.offset_m(NetChange(change.before, None)) < MAX_CHANGE_OFFSET_M), None
+        )
+        came = next(
+            (report for report in left if report.offset_m(NetChange(None, change.after)) < MAX_CHANGE_OFFSET_M), None
+        )
         if gone is not None and came is not None:
-            as_two.append(change)
+            split_moves.append(change)
             left.remove(gone)
             left.remove(came)
-    return tuple(as_two)
+    return tuple(split_moves)
 
 
 def _unchanged_instances(estimate: EstimatedMap, known: KnownTruth, changes: NetChanges) -> dict[str, str]:
@@ -193,7 +199,7 @@ def _unchanged_instances(estimate: EstimatedMap, known: KnownTruth, changes: Net
     return of_instance
 
 
-def _false_rows(false: Iterable[Report], unchanged: dict[str, str]) -> tuple[FalseChange, ...]:
+def _false_rows(false: Iterable[ReportedChange], unchanged: dict[str, str]) -> tuple[FalseChange, ...]:
     changes = [report.change for report in false]
     return tuple(
         FalseChange(change.kind, change.object_id, change.label, unchanged.get(change.object_id)) for change in changes

@@ -9,10 +9,10 @@ import numpy as np
 
 from supermap_cli.evaluation.estimate import EstimatedMap, EstimatedObject
 from supermap_cli.evaluation.known_truth import KnownTruth, known_truth
-from supermap_cli.evaluation.matching import Identified, closeness, identify
+from supermap_cli.evaluation.matching import TrueIdentity, closeness, identify
 from supermap_cli.evaluation.passages import PassageScores, score_passages
 from supermap_cli.evaluation.shares import mean, share
-from supermap_cli.evaluation.switches import Switch, observers_of_static_objects, switches
+from supermap_cli.evaluation.switches import IdentitySwitch, observers_of_static_objects, switches
 from supermap_cli.evaluation.tracking import TrackingScores, score_tracking
 from supermap_cli.types.truth import GroundTruth
 
@@ -27,7 +27,7 @@ class ObjectInstances:
 
 
 @dataclass(frozen=True)
-class Relocated:
+class RelocatedObject:
     """An object that moved: which instances came to its new place, and the one that had stood at the old one."""
 
     object_id: str
@@ -38,7 +38,7 @@ class Relocated:
 
 
 @dataclass(frozen=True)
-class Stale:
+class StaleInstance:
     """A present instance in a place that its object has left; `seen_empty`: a keyframe afterwards had it in view."""
 
     instance_id: str
@@ -73,13 +73,13 @@ class IdentityScores:
     never_found: tuple[ObjectInstances, ...]
     switches: int
     static_objects: int
-    switched: tuple[Switch, ...]
+    switched: tuple[IdentitySwitch, ...]
     relocated_found: float | None
     relocated_kept: float | None
-    relocated: tuple[Relocated, ...]
+    relocated: tuple[RelocatedObject, ...]
     stale_share: float | None
     vacated_places: int
-    stale: tuple[Stale, ...]
+    stale: tuple[StaleInstance, ...]
     passages: PassageScores
     tracking: TrackingScores
 
@@ -114,7 +114,7 @@ def score_identity(estimate: EstimatedMap, truth: GroundTruth) -> IdentityScores
 
 
 def _instances_of_objects(
-    estimate: EstimatedMap, known: KnownTruth, identified: Sequence[Sequence[Identified | None]]
+    estimate: EstimatedMap, known: KnownTruth, identified: Sequence[Sequence[TrueIdentity | None]]
 ) -> list[ObjectInstances]:
     """Every countable object with all instances that are it at some time."""
     labels = {place.object.id: place.object.label for place in known.places if place.countable}
@@ -130,8 +130,8 @@ def _relocated(
     estimate: EstimatedMap,
     truth: GroundTruth,
     known: KnownTruth,
-    identified: Sequence[Sequence[Identified | None]],
-) -> tuple[Relocated, ...]:
+    identified: Sequence[Sequence[TrueIdentity | None]],
+) -> tuple[RelocatedObject, ...]:
     """Every true move between two places that images showed well."""
     mapped = {traversal.name for traversal in known.traversals}
     rows = []
@@ -143,29 +143,31 @@ def _relocated(
         if known.places[old].countable and known.places[new].countable:
             not_before_ns = int(known.stamps_ns[known.stamps_ns < change.stamp_ns].max(initial=0))
             there, both = [], []
-            for instance, what in zip(estimate.objects, identified, strict=True):
-                arrived = _states_in(new, instance, what, since_ns=not_before_ns)
+            for instance, identities in zip(estimate.objects, identified, strict=True):
+                arrived = _states_in(new, instance, identities, since_ns=not_before_ns)
                 if arrived:
                     there.append(instance.id)
-                if arrived and _states_in(old, instance, what) - arrived:
+                if arrived and _states_in(old, instance, identities) - arrived:
                     both.append(instance.id)
             label = known.places[new].object.label
-            rows.append(Relocated(change.object_id, label, change.distance_m, tuple(there), both[0] if both else None))
+            rows.append(
+                RelocatedObject(change.object_id, label, change.distance_m, tuple(there), both[0] if both else None)
+            )
     return tuple(rows)
 
 
 def _states_in(
-    place: int, instance: EstimatedObject, what: Sequence[Identified | None], *, since_ns: int = 0
+    place: int, instance: EstimatedObject, identities: Sequence[TrueIdentity | None], *, since_ns: int = 0
 ) -> set[int]:
     """Which states of an instance stand in a place, of those that begin at a time or later."""
     return {
         k
-        for k, (state, identified) in enumerate(zip(instance.states, what, strict=True))
+        for k, (state, identified) in enumerate(zip(instance.states, identities, strict=True))
         if identified is not None and place in identified.places and state.first_seen_ns >= since_ns
     }
 
 
-def _stale(estimate: EstimatedMap, known: KnownTruth) -> tuple[Stale, ...]:
+def _stale(estimate: EstimatedMap, known: KnownTruth) -> tuple[StaleInstance, ...]:
     present = [instance for instance in estimate.objects if instance.presence == "present"]
     near = closeness(present, known.places).near
     standing = np.isin(np.arange(len(known.places)), known.standing)
@@ -175,7 +177,7 @@ def _stale(estimate: EstimatedMap, known: KnownTruth) -> tuple[Stale, ...]:
         if len(left) and not (row & standing).any():
             newest = int(left[-1])
             place = known.places[newest]
-            rows.append(Stale(instance.id, instance.label, place.object.id, _seen_empty(newest, known)))
+            rows.append(StaleInstance(instance.id, instance.label, place.object.id, _seen_empty(newest, known)))
     return tuple(rows)
 
 

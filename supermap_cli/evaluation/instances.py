@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from supermap_cli.evaluation.average_precision import (
+    MIN_POINTS,
     NO_INSTANCE,
-    SMALLEST,
     VOID,
     AveragePrecision,
     InstancePrediction,
@@ -18,7 +18,7 @@ from supermap_cli.evaluation.average_precision import (
 from supermap_cli.evaluation.estimate import EstimatedMap, EstimatedObject
 from supermap_cli.evaluation.known_truth import known_truth
 from supermap_cli.evaluation.matching import same_label
-from supermap_cli.evaluation.surface import NOBODY, SeenSurface, nearest_instances, seen_surface
+from supermap_cli.evaluation.surface import UNASSIGNED, SeenSurface, nearest_instances, seen_surface
 from supermap_cli.geometry.arrays import IntArray
 from supermap_cli.types.truth import GroundTruth
 
@@ -102,7 +102,7 @@ def score_instances(estimate: EstimatedMap, truth: GroundTruth) -> InstanceScore
             for precision in by_label.classes
         ),
         objects=objects,
-        too_small=tuple(obj.object_id for obj in objects if obj.points < SMALLEST),
+        too_small=tuple(obj.object_id for obj in objects if obj.points < MIN_POINTS),
     )
 
 
@@ -129,12 +129,12 @@ def _precision(
 
 def _overlaps(surface: SeenSurface, present: Sequence[EstimatedObject], nearest: IntArray) -> tuple[ObjectOverlap, ...]:
     rows = []
-    sizes = np.bincount(nearest[nearest != NOBODY], minlength=len(present))
+    sizes = np.bincount(nearest[nearest != UNASSIGNED], minlength=len(present))
     for k, place in enumerate(surface.places):
         if not place.countable:
             continue
         own = nearest[surface.place == k]
-        shared = np.bincount(own[own != NOBODY], minlength=len(present))
+        shared = np.bincount(own[own != UNASSIGNED], minlength=len(present))
         iou = shared / np.maximum(sizes + len(own) - shared, 1)
         best = present[int(np.argmax(iou))] if shared.any() else None
         rows.append(

@@ -2,9 +2,9 @@
 
 A map is judged as it is at its end, the last mapped keyframe. Traversals with no keyframe in the map do not count. An
 object is *countable* in a place if some image, taken while it stood there and not after the end, showed at least
-`COUNTABLE_PIXELS` pixels of it and `COUNTABLE_VISIBLE` of its front; what no image showed so well is *ignored*: it need
+`MIN_COUNTABLE_PIXELS` pixels of it and `MIN_COUNTABLE_SHARE` of its front; what no image showed so well is *ignored*: it need
 not be found, and finding it is no error (as COCO's crowds and ScanNet's void points). Only images near a mapped
-keyframe count, within `NEAR_KEYFRAME_NS`: a map cannot know what the others showed.
+keyframe count, within `MAX_KEYFRAME_OFFSET_NS`: a map cannot know what the others showed.
 """
 
 from __future__ import annotations
@@ -19,18 +19,18 @@ from supermap_cli.geometry.arrays import BoolArray, Float32Array, FloatArray, In
 from supermap_cli.geometry.boxes import Box3D
 from supermap_cli.types.truth import GroundTruth, TrueObject, TrueSightings, TrueState, TrueTraversal
 
-COUNTABLE_PIXELS = 100
-COUNTABLE_VISIBLE = 0.2
-IN_VIEW = 0.3
+MIN_COUNTABLE_PIXELS = 100
+MIN_COUNTABLE_SHARE = 0.2
+MIN_IN_VIEW_SHARE = 0.3
 """A place is in view of a keyframe that shows at least this share of its front side."""
 
-SAME_IMAGE_NS = 50_000_000
+IMAGE_TOLERANCE_NS = 50_000_000
 """A keyframe is the truth's image whose stamp is nearest, if not farther than this."""
 
-NEAR_KEYFRAME_NS = 250_000_000
+MAX_KEYFRAME_OFFSET_NS = 250_000_000
 """An image shows the map something only if a keyframe was taken within this time of it."""
 
-MARGIN_NS = 2_000_000_000
+MAX_UNMAPPED_MARGIN_NS = 2_000_000_000
 """A traversal is mapped in part if its first or last keyframe lies farther than this from its first or last image."""
 
 
@@ -130,8 +130,8 @@ class KnownTruth:
 
     @cached_property
     def in_view(self) -> BoolArray:
-        """(p, k): at least `IN_VIEW` of the place's front side is to be seen."""
-        view: BoolArray = self.visible >= IN_VIEW
+        """(p, k): at least `MIN_IN_VIEW_SHARE` of the place's front side is to be seen."""
+        view: BoolArray = self.visible >= MIN_IN_VIEW_SHARE
         return view
 
     @cached_property
@@ -183,7 +183,7 @@ def known_truth(estimate: EstimatedMap, truth: GroundTruth) -> KnownTruth:
         _visible(traversal.sightings, frames, row_of) for traversal, (frames, _) in zip(mapped, images, strict=True)
     ]
     stamps_ns = np.concatenate([np.zeros(0, np.int64), *(stamps for _, stamps in images)])
-    well_seen = _well_seen(mapped, keyframes_ns)
+    well_seen = _first_well_seen_ns(mapped, keyframes_ns)
     places = tuple(Place(truth.objects[number], index, well_seen.get((number, index))) for number, index in stays)
     return KnownTruth(
         traversals=mapped,
@@ -206,7 +206,9 @@ def _is_partly_mapped(traversal: TrueTraversal, keyframes_ns: IntArray) -> bool:
     """Whether keyframes are missing at a mapped traversal's beginning or end."""
     own_ns = _keyframes_in(traversal, keyframes_ns)
     images_ns = traversal.stamps_ns if len(traversal.stamps_ns) else np.array([traversal.start_ns, traversal.end_ns])
-    return bool(own_ns[0] - images_ns[0] > MARGIN_NS or images_ns[-1] - own_ns[-1] > MARGIN_NS)
+    return bool(
+        own_ns[0] - images_ns[0] > MAX_UNMAPPED_MARGIN_NS or images_ns[-1] - own_ns[-1] > MAX_UNMAPPED_MARGIN_NS
+    )
 
 
 def images_of(traversal: TrueTraversal, keyframes_ns: IntArray) -> tuple[IntArray, IntArray]:
@@ -215,7 +217,7 @@ def images_of(traversal: TrueTraversal, keyframes_ns: IntArray) -> tuple[IntArra
     if not len(traversal.stamps_ns):
         return np.zeros(0, np.int64), np.zeros(0, np.int64)
     nearest = _nearest(stamps_ns, traversal.stamps_ns)
-    close = np.abs(traversal.stamps_ns[nearest] - stamps_ns) <= SAME_IMAGE_NS
+    close = np.abs(traversal.stamps_ns[nearest] - stamps_ns) <= IMAGE_TOLERANCE_NS
     return nearest[close], stamps_ns[close]
 
 
@@ -237,15 +239,15 @@ def _visible(sightings: TrueSightings, frames: IntArray, row_of: dict[tuple[int,
     return visible[:, frames]
 
 
-def _well_seen(traversals: tuple[TrueTraversal, ...], keyframes_ns: IntArray) -> dict[tuple[int, int], int]:
+def _first_well_seen_ns(traversals: tuple[TrueTraversal, ...], keyframes_ns: IntArray) -> dict[tuple[int, int], int]:
     """When each stay (object, state) was first shown well, where it was, by an image near a keyframe."""
     first: dict[tuple[int, int], int] = {}
     for traversal in traversals:
         seen = traversal.sightings
         stamps_ns = traversal.stamps_ns[seen.frame]
-        well = seen.present & (seen.pixels >= COUNTABLE_PIXELS) & (seen.visible >= COUNTABLE_VISIBLE)
+        well = seen.present & (seen.pixels >= MIN_COUNTABLE_PIXELS) & (seen.visible >= MIN_COUNTABLE_SHARE)
         nearest_ns = keyframes_ns[_nearest(stamps_ns, keyframes_ns)]
-        well &= (seen.state >= 0) & (np.abs(nearest_ns - stamps_ns) <= NEAR_KEYFRAME_NS)
+        well &= (seen.state >= 0) & (np.abs(nearest_ns - stamps_ns) <= MAX_KEYFRAME_OFFSET_NS)
         well &= stamps_ns <= keyframes_ns[-1]
         for number, index, stamp_ns in zip(
             seen.object[well].tolist(), seen.state[well].tolist(), stamps_ns[well].tolist(), strict=True

@@ -13,11 +13,11 @@ from supermap_cli.evaluation.known_truth import KnownTruth
 from supermap_cli.geometry.arrays import BoolArray, FloatArray
 from supermap_cli.geometry.boxes import Box3D, box_iou
 
-MATCH_IOU = 0.1
-MATCH_DISTANCE_M = 0.3
+MIN_MATCH_IOU = 0.1
+MAX_MATCH_DISTANCE_M = 0.3
 
 
-class Placed(Protocol):
+class Locatable(Protocol):
     """Whatever stands somewhere: an instance, one of its states, a true place."""
 
     @property
@@ -33,7 +33,7 @@ class Placed(Protocol):
 class Closeness:
     """How n estimated things lie to m true ones: `iou` (n, m) of their boxes, `distance_m` (n, m) of their centroids.
 
-    `near` (n, m) is the gate that all matching shares: IoU > `MATCH_IOU` and distance < `MATCH_DISTANCE_M`.
+    `near` (n, m) is the gate that all matching shares: IoU > `MIN_MATCH_IOU` and distance < `MAX_MATCH_DISTANCE_M`.
     """
 
     iou: FloatArray
@@ -42,11 +42,11 @@ class Closeness:
     @property
     def near(self) -> BoolArray:
         """(n, m): close enough to be the same thing in the same place."""
-        gate: BoolArray = (self.iou > MATCH_IOU) & (self.distance_m < MATCH_DISTANCE_M)
+        gate: BoolArray = (self.iou > MIN_MATCH_IOU) & (self.distance_m < MAX_MATCH_DISTANCE_M)
         return gate
 
 
-def closeness(estimated: Sequence[Placed], true: Sequence[Placed]) -> Closeness:
+def closeness(estimated: Sequence[Locatable], true: Sequence[Locatable]) -> Closeness:
     """Compare all pairs."""
     iou = np.array([[box_iou(one.box, other.box) for other in true] for one in estimated], np.float64)
     offsets = centroids(estimated)[:, None, :] - centroids(true)[None, :, :]
@@ -54,7 +54,7 @@ def closeness(estimated: Sequence[Placed], true: Sequence[Placed]) -> Closeness:
     return Closeness(rounded_off, np.linalg.norm(offsets, axis=2))
 
 
-def centroids(things: Sequence[Placed]) -> FloatArray:
+def centroids(things: Sequence[Locatable]) -> FloatArray:
     """The centroids (n, 3) of n things."""
     return np.array([thing.centroid for thing in things], np.float64).reshape(-1, 3)
 
@@ -85,14 +85,14 @@ def match_one_to_one(allowed: BoolArray, preference: FloatArray) -> tuple[tuple[
 
 
 @dataclass(frozen=True)
-class Identified:
+class TrueIdentity:
     """What one state of an instance is: a true object, in one or more of its places (positions in `places`)."""
 
     object_id: str
     places: frozenset[int]
 
 
-def identify(estimate: EstimatedMap, known: KnownTruth) -> tuple[tuple[Identified | None, ...], ...]:
+def identify(estimate: EstimatedMap, known: KnownTruth) -> tuple[tuple[TrueIdentity | None, ...], ...]:
     """For every instance, what each of its states is; `None` where nothing true stood there then.
 
     A state is the object whose place it is near (`Closeness.near`, whatever the label) and that stood there at some
@@ -102,7 +102,7 @@ def identify(estimate: EstimatedMap, known: KnownTruth) -> tuple[tuple[Identifie
     return tuple(_identify(instance.states, known) for instance in estimate.objects)
 
 
-def _identify(states: Sequence[EstimatedState], known: KnownTruth) -> tuple[Identified | None, ...]:
+def _identify(states: Sequence[EstimatedState], known: KnownTruth) -> tuple[TrueIdentity | None, ...]:
     close = closeness(states, known.places)
     near = close.near
     for row, state in enumerate(states):
@@ -111,9 +111,9 @@ def _identify(states: Sequence[EstimatedState], known: KnownTruth) -> tuple[Iden
     return tuple(_identified(near[row], close.iou[row], known) for row in range(len(states)))
 
 
-def _identified(near: BoolArray, iou: FloatArray, known: KnownTruth) -> Identified | None:
+def _identified(near: BoolArray, iou: FloatArray, known: KnownTruth) -> TrueIdentity | None:
     if not near.any():
         return None
     best = known.places[int(np.argmax(np.where(near, iou, -1.0)))].object.id
     places = frozenset(int(k) for k in np.flatnonzero(near) if known.places[k].object.id == best)
-    return Identified(best, places)
+    return TrueIdentity(best, places)

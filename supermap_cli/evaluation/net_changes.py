@@ -10,7 +10,7 @@ import numpy as np
 from supermap_cli.evaluation.known_truth import KnownTruth, Place
 from supermap_cli.types.truth import TrueChangeKind
 
-MOVED_M = 0.1
+MIN_MOVE_M = 0.1
 """Two places of an object whose centroids lie nearer than this are one place."""
 
 
@@ -65,7 +65,7 @@ def net_changes(known: KnownTruth) -> NetChanges:
         if before is None and after is None:
             continue
         change = NetChange(before, after)
-        if change.kind == "moved" and _distance_m(change) < MOVED_M:
+        if change.kind == "moved" and _distance_m(change) < MIN_MOVE_M:
             unchanged.add(object_id)
         elif _observable(change, known, before_ns):
             judged.append(change)

@@ -10,7 +10,7 @@ import numpy as np
 from supermap_cli.evaluation.estimate import EstimatedMap, EstimatedObject
 from supermap_cli.evaluation.known_truth import KnownTruth, Place, known_truth
 from supermap_cli.evaluation.matching import (
-    MATCH_DISTANCE_M,
+    MAX_MATCH_DISTANCE_M,
     Closeness,
     closeness,
     label_agreement,
@@ -77,7 +77,7 @@ class ObjectScores:
 def score_objects(estimate: EstimatedMap, truth: GroundTruth) -> ObjectScores:
     """Judge what the map holds to be there at its end."""
     known = known_truth(estimate, truth)
-    comparison = EndOfMap(estimate, known)
+    comparison = FinalMapComparison(estimate, known)
     labelled, unlabelled = comparison.match(with_label=True), comparison.match(with_label=False)
     matched = tuple(comparison.matched(pair) for pair in labelled)
     labels_right = sum(bool(comparison.agrees[pair]) for pair in unlabelled)
@@ -98,7 +98,7 @@ def score_objects(estimate: EstimatedMap, truth: GroundTruth) -> ObjectScores:
     )
 
 
-class EndOfMap:
+class FinalMapComparison:
     """Present instances (n) beside the countable objects (m) that stand at the end, all pairs compared."""
 
     def __init__(self, estimate: EstimatedMap, known: KnownTruth) -> None:
@@ -195,4 +195,4 @@ def _nearest_within(place: Place, instances: Sequence[EstimatedObject]) -> Estim
     offsets = [(float(np.linalg.norm(instance.centroid - place.centroid)), k) for k, instance in enumerate(instances)]
     alike = [offset for offset in offsets if same_label(instances[offset[1]].label, place.object.label)]
     distance_m, k = min(alike, default=(np.inf, -1))
-    return instances[k] if distance_m < MATCH_DISTANCE_M else None
+    return instances[k] if distance_m < MAX_MATCH_DISTANCE_M else None

@@ -9,35 +9,35 @@ from dataclasses import dataclass
 import numpy as np
 
 from supermap_cli.evaluation.estimate import EstimatedMap, EstimatedObject
-from supermap_cli.evaluation.known_truth import COUNTABLE_PIXELS, COUNTABLE_VISIBLE, images_of
+from supermap_cli.evaluation.known_truth import MIN_COUNTABLE_PIXELS, MIN_COUNTABLE_SHARE, images_of
 from supermap_cli.evaluation.matching import same_label
 from supermap_cli.evaluation.objects import PERSON
 from supermap_cli.evaluation.shares import share
 from supermap_cli.geometry.arrays import FloatArray, IntArray
 from supermap_cli.types.truth import GroundTruth, TrueMotion, TrueObject, TrueTraversal
 
-PASSAGE_GAP_NS = 3_000_000_000
+MAX_PASSAGE_GAP_NS = 3_000_000_000
 """Who is out of sight no longer than this still passes: a pillar or the image's edge hides for so long."""
 
-REACH_M = 0.8
+MAX_OBSERVATION_OFFSET_M = 0.8
 """An observation is of a person whose middle was within this of it, on the floor plane: half a stride and a shoulder
 (0.4 m), what is seen of the near side only, and the odometry's error.
 """
 
-BODY_M = 0.4
+AMBIGUITY_RADIUS_M = 0.4
 """Of two people whose middles are nearer to one another than a body is wide, nobody can tell who was observed: such
 observations count for neither.
 """
 
-LEAST_OBSERVATIONS = 3
+MIN_OBSERVATIONS = 3
 """A passage of which the map has fewer observations says nothing of who was followed."""
 
-FOLLOWED_SHARE = 0.9
+MIN_FOLLOWED_SHARE = 0.9
 """A passage is followed as one if one instance has at least this share of its observations."""
 
 
 @dataclass(frozen=True)
-class Passage:
+class ObservedPassage:
     """One passage of a person: in how many `keyframes`, from `first_ns` to `last_ns`, it is well visible, in how many
     of those the map observed the person (`observed`), and by which `instances`, most observations first.
     """
@@ -53,12 +53,12 @@ class Passage:
     @property
     def judged(self) -> bool:
         """Whether the map has observed enough of it."""
-        return self.observed >= LEAST_OBSERVATIONS
+        return self.observed >= MIN_OBSERVATIONS
 
     @property
     def followed(self) -> bool:
         """Whether it is one instance's."""
-        return self.followed_share is not None and self.followed_share >= FOLLOWED_SHARE
+        return self.followed_share is not None and self.followed_share >= MIN_FOLLOWED_SHARE
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ class PassageScores:
     followed: float | None
     passages: int
     judged: int
-    broken: tuple[Passage, ...]
+    broken: tuple[ObservedPassage, ...]
 
 
 def score_passages(estimate: EstimatedMap, truth: GroundTruth) -> PassageScores:
@@ -88,21 +88,21 @@ def score_passages(estimate: EstimatedMap, truth: GroundTruth) -> PassageScores:
     return PassageScores(share(len(judged) - len(broken), len(judged)), len(found), len(judged), broken)
 
 
-def _passages(estimate: EstimatedMap, truth: GroundTruth) -> Iterator[Passage]:
+def _passages(estimate: EstimatedMap, truth: GroundTruth) -> Iterator[ObservedPassage]:
     keyframes_ns = np.sort(estimate.keyframes_ns)
     observers = _observers(estimate, [obj for obj in truth.objects if obj.kind == "person"])
     for traversal in truth.traversals:
         for number, person in enumerate(truth.objects):
             if person.kind == "person":
-                for run in runs(_well_visible(traversal, number, keyframes_ns)):
+                for run in split_at_gaps(_well_visible(traversal, number, keyframes_ns)):
                     yield _passage(person.id, run, observers)
 
 
-def runs(stamps_ns: IntArray) -> list[IntArray]:
-    """Stamps (n,), ascending, parted wherever two of them are farther apart than `PASSAGE_GAP_NS`."""
+def split_at_gaps(stamps_ns: IntArray) -> list[IntArray]:
+    """Stamps (n,), ascending, parted wherever two of them are farther apart than `MAX_PASSAGE_GAP_NS`."""
     if not len(stamps_ns):
         return []
-    return np.split(stamps_ns, np.flatnonzero(np.diff(stamps_ns) > PASSAGE_GAP_NS) + 1)
+    return np.split(stamps_ns, np.flatnonzero(np.diff(stamps_ns) > MAX_PASSAGE_GAP_NS) + 1)
 
 
 def _well_visible(traversal: TrueTraversal, number: int, keyframes_ns: IntArray) -> IntArray:
@@ -110,14 +110,14 @@ def _well_visible(traversal: TrueTraversal, number: int, keyframes_ns: IntArray)
     frames, stamps_ns = images_of(traversal, keyframes_ns)
     seen = traversal.sightings
     moving = (seen.object == number) & (seen.state < 0) & seen.present
-    well = moving & (seen.pixels >= COUNTABLE_PIXELS) & (seen.visible >= COUNTABLE_VISIBLE)
+    well = moving & (seen.pixels >= MIN_COUNTABLE_PIXELS) & (seen.visible >= MIN_COUNTABLE_SHARE)
     return stamps_ns[np.isin(frames, seen.frame[well])]
 
 
-def _passage(object_id: str, run: IntArray, observers: dict[tuple[str, int], str]) -> Passage:
+def _passage(object_id: str, run: IntArray, observers: dict[tuple[str, int], str]) -> ObservedPassage:
     seen = [observers[object_id, stamp] for stamp in run.tolist() if (object_id, stamp) in observers]
     counts = Counter(seen).most_common()
-    return Passage(
+    return ObservedPassage(
         object_id=object_id,
         first_ns=int(run[0]),
         last_ns=int(run[-1]),
@@ -134,7 +134,7 @@ def _observers(estimate: EstimatedMap, people: Sequence[TrueObject]) -> dict[tup
     for instance in (*estimate.objects, *estimate.doubted):
         if same_label(instance.label, PERSON):
             for person, stamp_ns, distance_m in _sightings(instance, people):
-                known = nearest.get((person, stamp_ns), (REACH_M, ""))
+                known = nearest.get((person, stamp_ns), (MAX_OBSERVATION_OFFSET_M, ""))
                 nearest[person, stamp_ns] = min(known, (distance_m, instance.id))
     return {key: instance_id for key, (_, instance_id) in nearest.items()}
 
@@ -142,20 +142,25 @@ def _observers(estimate: EstimatedMap, people: Sequence[TrueObject]) -> dict[tup
 def _sightings(instance: EstimatedObject, people: Sequence[TrueObject]) -> Iterator[tuple[str, int, float]]:
     """(person, keyframe, distance) of those observations of an instance that are of some person in motion."""
     for observation in instance.observations:
-        here = [(person.id, place_at(person.motions, observation.stamp_ns)) for person in people]
-        moving = {who: at[:2] for who, at in here if at is not None}
-        away = [(float(np.linalg.norm(observation.centroid[:2] - at)), who) for who, at in moving.items()]
-        distance_m, who = min(away, default=(np.inf, ""))
-        if distance_m < REACH_M and not _entangled(who, moving):
-            yield who, observation.stamp_ns, distance_m
+        positions = [(person.id, position_in_motion(person.motions, observation.stamp_ns)) for person in people]
+        moving = {person_id: at[:2] for person_id, at in positions if at is not None}
+        offsets = [
+            (float(np.linalg.norm(observation.centroid[:2] - at)), person_id) for person_id, at in moving.items()
+        ]
+        distance_m, person_id = min(offsets, default=(np.inf, ""))
+        if distance_m < MAX_OBSERVATION_OFFSET_M and not _is_ambiguous(person_id, moving):
+            yield person_id, observation.stamp_ns, distance_m
 
 
-def _entangled(who: str, moving: Mapping[str, FloatArray]) -> bool:
+def _is_ambiguous(person_id: str, moving: Mapping[str, FloatArray]) -> bool:
     """Whether somebody else is where a person is."""
-    return any(other != who and float(np.linalg.norm(at - moving[who])) < BODY_M for other, at in moving.items())
+    return any(
+        other != person_id and float(np.linalg.norm(at - moving[person_id])) < AMBIGUITY_RADIUS_M
+        for other, at in moving.items()
+    )
 
 
-def place_at(motions: Sequence[TrueMotion], stamp_ns: int) -> FloatArray | None:
+def position_in_motion(motions: Sequence[TrueMotion], stamp_ns: int) -> FloatArray | None:
     """Where (3,) a thing in motion is at a time; `None` outside its motions."""
     for motion in motions:
         if motion.stamps_ns[0] <= stamp_ns <= motion.stamps_ns[-1]:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from supermap_cli.errors import EvaluationError
-from supermap_cli.evaluation.change_recall import Beliefs, changed_places
+from supermap_cli.evaluation.change_recall import BelievedPositions, changed_places
 from supermap_cli.evaluation.estimate import EstimatedMap
 from supermap_cli.evaluation.known_truth import KnownTruth, Place, known_truth
 from supermap_cli.evaluation.objects import ObjectScores
@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 GOOD, MISSED, FALSE, IGNORED = "#1a7f4b", "#d97706", "#c1121f", "#8a8a8a"
-WAY, WALL = "#7aa6d8", "#b8b8b8"
-ROW_IN = 0.26
+TRAJECTORY, WALL = "#7aa6d8", "#b8b8b8"
+ROW_HEIGHT_IN = 0.26
 SUFFIXES = (".png", ".svg", ".pdf")
 
 
@@ -40,7 +40,7 @@ def draw(path: Path, estimate: EstimatedMap, truth: GroundTruth, scores: ObjectS
     changed = list(changed_places(known, truth))
     if not changed and "map" in what:
         what = ["map"]
-    heights = {"map": 7.0, "change": 1.2 + ROW_IN * max(len(changed), 1)}
+    heights = {"map": 7.0, "change": 1.2 + ROW_HEIGHT_IN * max(len(changed), 1)}
     figure = _figure((10.0, sum(heights[name] for name in what)))
     panels = figure.subplots(len(what), squeeze=False, height_ratios=[heights[panel_name] for panel_name in what])[:, 0]
     for panel, panel_name in zip(panels, what, strict=True):
@@ -85,7 +85,7 @@ def _draw_map(panel: Axes, estimate: EstimatedMap, truth: GroundTruth, scores: O
         x, y = np.concatenate(walls).T
         panel.scatter(x, y, s=0.3, color=WALL, linewidths=0, rasterized=True)
     for traversal in truth.traversals:
-        panel.plot(*traversal.T_world_base[:, :2, 3].T, color=WAY, lw=0.8, zorder=1)
+        panel.plot(*traversal.T_world_base[:, :2, 3].T, color=TRAJECTORY, lw=0.8, zorder=1)
     right = {match.object_id for match in scores.matched}
     missed = {obj.id for obj in scores.missed}
     for true in truth.objects:
@@ -100,7 +100,7 @@ def _draw_map(panel: Axes, estimate: EstimatedMap, truth: GroundTruth, scores: O
             colour = GOOD if instance.id in right else FALSE if instance.id in false else IGNORED
             _outline(panel, instance.box, colour, style="-", text=instance.id, filled=True)
     kinds = [("right", GOOD, "-"), ("its true box", GOOD, "--"), ("missed", MISSED, "--"), ("false", FALSE, "-")]
-    _explain(panel, [*kinds, ("hardly shown: not judged", IGNORED, "--"), ("the robot's true way", WAY, "-")])
+    _add_legend(panel, [*kinds, ("hardly shown: not judged", IGNORED, "--"), ("the robot's true way", TRAJECTORY, "-")])
     panel.set(aspect="equal", xlabel="x (m)", ylabel="y (m)", title=f"The map over the truth: {truth.scenario}")
 
 
@@ -152,12 +152,12 @@ def _draw_changes(panel: Axes, estimate: EstimatedMap, known: KnownTruth, change
     that had the place in view while the thing stood there or after it had left, which is what `change_recall` rests
     on: green where the map is right, red where not.
     """
-    axis, beliefs = TimeAxis(known.traversals), Beliefs(estimate, known)
+    axis, believed_positions = TimeAxis(known.traversals), BelievedPositions(estimate, known)
     seconds = axis.at(known.stamps_ns)
     for row, k in enumerate(changed):
-        place, believed = known.places[k], beliefs.there(k)
+        place, believed = known.places[k], believed_positions.there(k)
         panel.broken_barh(axis.bars(place.state.since_ns, place.state.until_ns), (row - 0.4, 0.35), color=GOOD)
-        panel.plot(seconds[believed], np.full(believed.sum(), row + 0.15), "s", ms=1.5, color=WAY)
+        panel.plot(seconds[believed], np.full(believed.sum(), row + 0.15), "s", ms=1.5, color=TRAJECTORY)
         there, left = known.in_view_with_object[k], known.in_view_left[k]
         right, wrong = (there & believed) | (left & ~believed), (there & ~believed) | (left & believed)
         for asked, colour in ((right, GOOD), (wrong, FALSE)):
@@ -168,8 +168,8 @@ def _draw_changes(panel: Axes, estimate: EstimatedMap, known: KnownTruth, change
     panel.set_yticks(range(len(changed)), [_row_name(known.places[k]) for k in changed], fontsize=7)
     panel.set(ylim=(max(len(changed), 1) - 0.4, -1.3), xlabel="time within the traversals (s)")
     panel.set_title("What changed: when it stood where, and what the map holds")
-    kinds = [("stands there", GOOD, "-"), ("the map holds it to be there", WAY, "s")]
-    _explain(panel, [*kinds, ("in view: the map is right", GOOD, "|"), ("in view: the map is wrong", FALSE, "|")])
+    kinds = [("stands there", GOOD, "-"), ("the map holds it to be there", TRAJECTORY, "s")]
+    _add_legend(panel, [*kinds, ("in view: the map is right", GOOD, "|"), ("in view: the map is wrong", FALSE, "|")])
 
 
 def _row_name(place: Place) -> str:
@@ -177,7 +177,7 @@ def _row_name(place: Place) -> str:
     return place.object.id + (f", place {place.index + 1}" if len(place.object.states) > 1 else "")
 
 
-def _explain(panel: Axes, entries: Sequence[tuple[str, str, str]]) -> None:
+def _add_legend(panel: Axes, entries: Sequence[tuple[str, str, str]]) -> None:
     """A legend of (text, colour, style) beside the panel; the style is that of a line, or a marker."""
     handles = [panel.plot([], [], style, color=colour, label=text)[0] for text, colour, style in entries]
     panel.legend(handles=handles, fontsize=7, loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False)

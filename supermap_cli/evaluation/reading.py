@@ -19,7 +19,7 @@ from supermap_cli.evaluation.estimate import (
     EstimatedObservation,
     EstimatedState,
 )
-from supermap_cli.evaluation.overlay import lay_over_truth
+from supermap_cli.evaluation.truth_alignment import align_to_truth
 from supermap_cli.geometry.arrays import FloatArray, IntArray
 from supermap_cli.geometry.boxes import Box3D
 from supermap_cli.geometry.se3 import transform_points
@@ -36,7 +36,7 @@ from supermap_cli.truth_file import read_truth
 from supermap_cli.types.memory import StateRecord
 from supermap_cli.types.truth import GroundTruth
 
-CHANGES = ("appeared", "disappeared", "moved")
+CHANGE_KINDS = ("appeared", "disappeared", "moved")
 """What of a diff says that the world changed; the rest is what stayed, or what nobody can tell."""
 
 
@@ -56,22 +56,22 @@ def read_estimate(reader: MapReader, truth: GroundTruth) -> EstimatedMap:
 
     Raises `EvaluationError` where map and truth do not belong together.
     """
-    overlay = lay_over_truth(reader, truth)
-    to_world = ToWorld(overlay.T_world_map, _in_recorded_order(reader))
+    alignment = align_to_truth(reader, truth)
+    to_world = WorldTransform(alignment.T_world_map, _stretches_in_recorded_order(reader))
     return EstimatedMap(
         objects=tuple(_object(reader, instance, to_world) for instance in reader.believed),
         changes=_changes(reader, to_world),
         answers=tuple(_answer(reader, question.text) for question in truth.questions),
         keyframes_ns=_keyframes_ns(reader),
-        T_world_map=overlay.T_world_map,
-        alignment_rmse_m=overlay.rmse_m,
+        T_world_map=alignment.T_world_map,
+        alignment_rmse_m=alignment.rmse_m,
         doubted=tuple(
             _object(reader, instance, to_world) for instance in reader.instances if instance.presence == "doubted"
         ),
     )
 
 
-def _in_recorded_order(reader: MapReader) -> tuple[Stretch, ...]:
+def _stretches_in_recorded_order(reader: MapReader) -> tuple[Stretch, ...]:
     """The map's traversals, whose times are those of the truth but for shifted clocks.
 
     Raises `EvaluationError` where they were built in another order than recorded: what appeared in the one order
@@ -89,7 +89,7 @@ def _in_recorded_order(reader: MapReader) -> tuple[Stretch, ...]:
 
 
 @dataclass(frozen=True)
-class ToWorld:
+class WorldTransform:
     """Brings what stands in the map frame into the world, and what has the map's time into the recordings'.
 
     The frames differ by a turn about z and a translation.
@@ -120,7 +120,7 @@ class ToWorld:
         return Box3D(self.point(box_map.center), box_map.size, box_map.yaw + turn)
 
 
-def _object(reader: MapReader, instance: StoredInstance, to_world: ToWorld) -> EstimatedObject:
+def _object(reader: MapReader, instance: StoredInstance, to_world: WorldTransform) -> EstimatedObject:
     return EstimatedObject(
         id=instance.id,
         label=instance.label,
@@ -150,7 +150,7 @@ def _solid_points(reader: MapReader, instance: StoredInstance) -> FloatArray:
     return voxels.centers()[solid] if solid.any() else voxels.centers()
 
 
-def _state(state: StateRecord, label: str, to_world: ToWorld) -> EstimatedState:
+def _state(state: StateRecord, label: str, to_world: WorldTransform) -> EstimatedState:
     gone_ns, empty_before_ns = to_world.times(state.gone_ns, state.empty_before_ns)
     return EstimatedState(
         first_seen_ns=to_world.time(state.first_seen_ns),
@@ -163,7 +163,7 @@ def _state(state: StateRecord, label: str, to_world: ToWorld) -> EstimatedState:
     )
 
 
-def _changes(reader: MapReader, to_world: ToWorld) -> tuple[EstimatedChange, ...]:
+def _changes(reader: MapReader, to_world: WorldTransform) -> tuple[EstimatedChange, ...]:
     """What the map says of the change between its last two traversals."""
     if len(reader.traversals) < 2:
         return ()
@@ -181,7 +181,7 @@ def _changes(reader: MapReader, to_world: ToWorld) -> tuple[EstimatedChange, ...
             distance_m=change.distance_m if change.kind == "moved" else None,
         )
         for change in diff(reader).changes
-        if change.kind in CHANGES
+        if change.kind in CHANGE_KINDS
     )
 
 

@@ -28,7 +28,7 @@ OTHER = 1
 """Every label that the truth does not have: always wrong. The truth's labels follow."""
 
 BACKGROUND_NAME = "background"
-MOST_CONFUSED = 10
+MAX_CONFUSIONS = 10
 
 
 @dataclass(frozen=True)
@@ -192,4 +192,4 @@ def _true_labels(surface: SeenSurface, names: list[str]) -> IntArray:
 def _confusions(true: IntArray, predicted: IntArray, names: list[str]) -> tuple[Confusion, ...]:
     wrong = (true != VOID) & (true != predicted)
     counts = Counter(zip(true[wrong].tolist(), predicted[wrong].tolist(), strict=True))
-    return tuple(Confusion(names[a], names[b], voxels) for (a, b), voxels in counts.most_common(MOST_CONFUSED))
+    return tuple(Confusion(names[a], names[b], voxels) for (a, b), voxels in counts.most_common(MAX_CONFUSIONS))

@@ -12,10 +12,10 @@ from supermap_cli.evaluation.known_truth import KnownTruth
 from supermap_cli.evaluation.matching import Closeness, closeness
 from supermap_cli.geometry.arrays import BoolArray, FloatArray, IntArray
 
-NEIGHBOUR_M = 1.0
+MAX_NEIGHBOUR_DISTANCE_M = 1.0
 """Where nothing true stands or stood, an instance is in view if the nearest true place within this is."""
 
-MISSING = 'IDF1 and HOTA need the package trackeval: pip install "supermap-cli[eval]"'
+MISSING_TRACKEVAL = 'IDF1 and HOTA need the package trackeval: pip install "supermap-cli[eval]"'
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ def score_tracking(estimate: EstimatedMap, known: KnownTruth) -> TrackingScores:
     try:
         from trackeval.metrics import HOTA, Identity  # noqa: PLC0415 - optional, heavy
     except ImportError:
-        return TrackingScores(None, None, None, None, *counts, note=MISSING)
+        return TrackingScores(None, None, None, None, *counts, note=MISSING_TRACKEVAL)
     identity = Identity({"PRINT_CONFIG": False}).eval_sequence(data)
     hota = HOTA().eval_sequence(data)
     hota_mean, det_a, ass_a = (float(np.mean(hota[name])) for name in ("HOTA", "DetA", "AssA"))
@@ -100,7 +100,7 @@ def _in_view(known: KnownTruth, tracks: list[Track], close: Closeness) -> BoolAr
             continue
         counts[row] = track.observed
         nearest = int(np.argmin(close.distance_m[row])) if len(known.places) else None
-        if nearest is not None and close.distance_m[row, nearest] < NEIGHBOUR_M:
+        if nearest is not None and close.distance_m[row, nearest] < MAX_NEIGHBOUR_DISTANCE_M:
             counts[row] |= track.believed & known.in_view[nearest]
     return counts
 
@@ -119,8 +119,8 @@ def _sequence(known: KnownTruth, tracks: list[Track], iou: FloatArray, in_view: 
         (np.flatnonzero(places), np.flatnonzero(shown))
         for places, shown in zip(known.in_view_with_object.T, in_view.T, strict=True)
     ]
-    n_true, true_ids = _without_gaps([[names.index(names[k]) for k in places] for places, _ in steps])
-    n_tracked, tracked_ids = _without_gaps([[tracks[row].instance for row in shown] for _, shown in steps])
+    n_true, true_ids = _contiguous_ids([[names.index(names[k]) for k in places] for places, _ in steps])
+    n_tracked, tracked_ids = _contiguous_ids([[tracks[row].instance for row in shown] for _, shown in steps])
     return {
         "num_timesteps": len(steps),
         "num_gt_ids": n_true,
@@ -133,7 +133,7 @@ def _sequence(known: KnownTruth, tracks: list[Track], iou: FloatArray, in_view: 
     }
 
 
-def _without_gaps(steps: list[list[int]]) -> tuple[int, list[IntArray]]:
+def _contiguous_ids(steps: list[list[int]]) -> tuple[int, list[IntArray]]:
     """How many different ids there are, and each step's with the smallest as 0, the next as 1, ..."""
     ids = sorted({id_ for step in steps for id_ in step})
     number = {id_: k for k, id_ in enumerate(ids)}

@@ -6,7 +6,7 @@ import json
 import sys
 from pathlib import Path
 
-from supermap_cli.costs.memory.asking import MemoryJob, ask
+from supermap_cli.costs.memory.question_cost import QuestionJob, ask
 from supermap_cli.errors import SupermapError
 from supermap_cli.query.views import to_document
 
@@ -14,7 +14,7 @@ from supermap_cli.query.views import to_document
 def main(job: Path, result: Path) -> None:
     """What the user can mend is handed back like a result."""
     try:
-        found = {"run": to_document(ask(MemoryJob.model_validate_json(job.read_text(encoding="utf-8"))))}
+        found = {"run": to_document(ask(QuestionJob.model_validate_json(job.read_text(encoding="utf-8"))))}
     except SupermapError as error:
         found = {"error": {"what": error.what, "where": error.where, "cure": error.cure}}
     result.write_text(json.dumps(found), encoding="utf-8")

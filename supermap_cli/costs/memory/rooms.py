@@ -46,15 +46,15 @@ SIZES: dict[str, Point] = {
 }
 """How large a thing of a class is, in metres."""
 
-RARE = ("piano", "aquarium", "globe", "vase")
-"""Classes of which a building has `RARE_OF_EACH`, however large it is."""
-RARE_OF_EACH = 4
+RARE_CLASSES = ("piano", "aquarium", "globe", "vase")
+"""Classes of which a building has `OBJECTS_PER_RARE_CLASS`, however large it is."""
+OBJECTS_PER_RARE_CLASS = 4
 
-Spot = tuple[str, float, float, float]
+Placement = tuple[str, float, float, float]
 """A class, and where its box's middle lies on the floor and how high its underside, in a room."""
 
 
-def _office(x: float, y: float) -> tuple[Spot, ...]:
+def _desk_group(x: float, y: float) -> tuple[Placement, ...]:
     """A desk with what belongs to it."""
     on_top = SIZES["desk"][2]
     return (
@@ -66,35 +66,35 @@ def _office(x: float, y: float) -> tuple[Spot, ...]:
     )
 
 
-def _around(x: float, y: float) -> tuple[Spot, ...]:
+def _dining_group(x: float, y: float) -> tuple[Placement, ...]:
     """A table with six chairs."""
     sides = [(dx, dy) for dx in (-0.6, 0.0, 0.6) for dy in (-0.8, 0.8)]
     return (("dining table", x, y, 0.0), *(("chair", x + dx, y + dy, 0.0) for dx, dy in sides))
 
 
-PLANS: tuple[tuple[Spot, ...], ...] = (
+PLANS: tuple[tuple[Placement, ...], ...] = (
     (
-        *(*_office(1.3, 1.6), *_office(4.5, 1.6), *_office(1.3, 4.6)),
+        *(*_desk_group(1.3, 1.6), *_desk_group(4.5, 1.6), *_desk_group(1.3, 4.6)),
         ("cabinet", 5.4, 5.6, 0.0),
         ("potted plant", 4.0, 5.0, 0.0),
         ("lamp", 1.9, 4.7, SIZES["desk"][2]),
     ),
     (
-        *(*_around(1.8, 1.8), *_around(4.2, 4.2)),
+        *(*_dining_group(1.8, 1.8), *_dining_group(4.2, 4.2)),
         ("tv", 3.0, 5.9, 1.0),
         ("whiteboard", 5.0, 5.9, 0.8),
         ("laptop", 4.2, 4.2, SIZES["dining table"][2]),
         ("potted plant", 0.5, 5.4, 0.0),
     ),
     (
-        *_around(2.0, 2.0),
+        *_dining_group(2.0, 2.0),
         *(("bottle", 1.6, 2.0, 0.75), ("cup", 2.0, 2.2, 0.75), ("cup", 2.4, 1.9, 0.75)),
         *(("refrigerator", 5.5, 0.6, 0.0), ("cabinet", 5.5, 1.6, 0.0), ("microwave", 5.5, 1.6, 1.8)),
         *(("sink", 5.5, 2.6, 0.8), ("trash can", 5.6, 3.4, 0.0), ("couch", 2.0, 5.2, 0.0)),
         *(("potted plant", 3.6, 5.2, 0.0), ("clock", 3.0, 5.95, 2.0)),
     ),
     (
-        *_office(1.3, 1.6),
+        *_desk_group(1.3, 1.6),
         *(("bookshelf", 0.7 + 1.1 * i, 5.7, 0.0) for i in range(4)),
         *(("book", 0.7 + 1.1 * i, 5.6, 2.0) for i in range(4)),
         *(("printer", 4.5, 2.0, 0.0), ("trash can", 4.5, 2.6, 0.0), ("backpack", 1.9, 2.3, 0.0)),
@@ -103,11 +103,11 @@ PLANS: tuple[tuple[Spot, ...], ...] = (
 )
 """Offices, a meeting room, a kitchen, a library: 18 things each."""
 
-IN_A_ROOM = len(PLANS[0])
+OBJECTS_PER_ROOM = len(PLANS[0])
 
 
 @dataclass(frozen=True)
-class Thing:
+class SyntheticObject:
     """A thing where it stands at first; `room` counts the rooms from 0."""
 
     number: int
@@ -116,34 +116,36 @@ class Thing:
     box: Box3D
 
 
-def rooms_for(things: int) -> int:
+def room_count(objects: int) -> int:
     """How many rooms so many things need."""
-    return max(math.ceil(things / IN_A_ROOM), 1)
+    return max(math.ceil(objects / OBJECTS_PER_ROOM), 1)
 
 
-def furnish(things: int, rng: np.random.Generator) -> Iterator[Thing]:
+def furnish(objects: int, rng: np.random.Generator) -> Iterator[SyntheticObject]:
     """That many things, room by room."""
-    rooms = rooms_for(things)
+    rooms = room_count(objects)
     columns = math.ceil(math.sqrt(rooms))
     rare = _rare_rooms(rooms)
     for room in range(rooms):
         corner = ROOM_M * np.array([room % columns, room // columns, 0.0])
-        spots = _with_rare(_plan_of(room), rare.get(room, ()))
-        for place in range(min(IN_A_ROOM, things - room * IN_A_ROOM)):
+        spots = _place_rare(_plan_of(room), rare.get(room, ()))
+        for place in range(min(OBJECTS_PER_ROOM, objects - room * OBJECTS_PER_ROOM)):
             label, x, y, bottom = spots[place]
             size = np.array(SIZES[label]) * rng.uniform(0.95, 1.05)
             shift = (*rng.uniform(-0.04, 0.04, 2), size[2] / 2)
             center = corner + np.array([x, y, bottom]) + shift
-            yield Thing(room * IN_A_ROOM + place + 1, label, room, Box3D(center, size, float(rng.uniform(-0.1, 0.1))))
+            yield SyntheticObject(
+                room * OBJECTS_PER_ROOM + place + 1, label, room, Box3D(center, size, float(rng.uniform(-0.1, 0.1)))
+            )
 
 
-def moved(thing: Thing, box: Box3D, rng: np.random.Generator) -> Thing:
+def moved(obj: SyntheticObject, box: Box3D, rng: np.random.Generator) -> SyntheticObject:
     """A thing that was put somewhere else in its room."""
     step = np.array([*rng.uniform(0.3, 1.2, 2) * rng.choice([-1, 1], 2), 0.0])
-    return replace(thing, box=Box3D(box.center + step, box.size, float(rng.uniform(-np.pi, np.pi))))
+    return replace(obj, box=Box3D(box.center + step, box.size, float(rng.uniform(-np.pi, np.pi))))
 
 
-def _plan_of(room: int) -> tuple[Spot, ...]:
+def _plan_of(room: int) -> tuple[Placement, ...]:
     return PLANS[room % len(PLANS)]
 
 
@@ -151,14 +153,18 @@ def _rare_rooms(rooms: int) -> dict[int, tuple[str, ...]]:
     """The rooms that hold a rare thing: offices, spread over the building."""
     offices = [room for room in range(rooms) if room % len(PLANS) == 0]
     chosen: dict[int, tuple[str, ...]] = {}
-    for at, label in enumerate(RARE):
-        for i in range(RARE_OF_EACH):
-            room = offices[(len(offices) * (i * len(RARE) + at)) // (RARE_OF_EACH * len(RARE)) % len(offices)]
+    for at, label in enumerate(RARE_CLASSES):
+        for i in range(OBJECTS_PER_RARE_CLASS):
+            room = offices[
+                (len(offices) * (i * len(RARE_CLASSES) + at))
+                // (OBJECTS_PER_RARE_CLASS * len(RARE_CLASSES))
+                % len(offices)
+            ]
             chosen[room] = (*chosen.get(room, ()), label)
     return chosen
 
 
-def _with_rare(spots: tuple[Spot, ...], rare: tuple[str, ...]) -> tuple[Spot, ...]:
+def _place_rare(spots: tuple[Placement, ...], rare: tuple[str, ...]) -> tuple[Placement, ...]:
     """Rare things take the places of others: small ones a cup's, large ones the plant's or the cabinet's."""
     free = {"cup": [at for at, spot in enumerate(spots) if spot[0] == "cup"], "potted plant": [16, 15]}
     changed = list(spots)

@@ -25,19 +25,19 @@ from supermap_cli.types.truth import GroundTruth, TrueTraversal
 MAX_GAP_S = 1.0
 """Between true poses farther apart than this nothing is interpolated."""
 
-LEVER_M = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
+LEVER_POINTS_M = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
 """Points of the base that are fitted: its origin, one ahead, one to the left."""
 
 
 @dataclass(frozen=True)
-class Overlay:
+class TruthAlignment:
     """`T_world_map` (4, 4), and by traversal the root mean square distance of its keyframes from their true places."""
 
     T_world_map: FloatArray
     rmse_m: dict[str, float]
 
 
-def lay_over_truth(reader: MapReader, truth: GroundTruth) -> Overlay:
+def align_to_truth(reader: MapReader, truth: GroundTruth) -> TruthAlignment:
     """Fit the keyframes of all traversals to the true poses at their stamps; those outside the truth's time are left
     out.
 
@@ -45,23 +45,25 @@ def lay_over_truth(reader: MapReader, truth: GroundTruth) -> Overlay:
     keyframe lies in its time.
     """
     pairs = pair_traversals(reader, truth)
-    ways = {
-        traversal.name: way
+    matched_poses = {
+        traversal.name: matched
         for traversal in reader.traversals
-        if (way := _true_and_mapped(reader, traversal, pairs[traversal.id]))
+        if (matched := _matched_poses(reader, traversal, pairs[traversal.id]))
     }
-    if not ways:
+    if not matched_poses:
         raise EvaluationError(
             "no keyframe of the map lies in the time of this truth",
             where=reader.where,
             cure="build the map of all of the recording, or give the truth of the part that is mapped",
         )
-    T_world_base, T_map_base = (np.concatenate(poses) for poses in zip(*ways.values(), strict=True))
-    T_world_map = fit_level(_levers(T_map_base), _levers(T_world_base))
-    return Overlay(T_world_map, {name: _rmse_m(T_world_map, *way) for name, way in ways.items()})
+    T_world_base, T_map_base = (np.concatenate(poses) for poses in zip(*matched_poses.values(), strict=True))
+    T_world_map = fit_level_transform(_lever_points(T_map_base), _lever_points(T_world_base))
+    return TruthAlignment(
+        T_world_map, {name: _rmse_m(T_world_map, *matched) for name, matched in matched_poses.items()}
+    )
 
 
-def fit_level(source: FloatArray, target: FloatArray) -> FloatArray:
+def fit_level_transform(source: FloatArray, target: FloatArray) -> FloatArray:
     """`T_target_source` (4, 4), a turn about z and a shift, that brings points (n, 3) nearest to others (n, 3)."""
     low, high = source.mean(axis=0), target.mean(axis=0)
     (x, y), (u, v) = (source - low)[:, :2].T, (target - high)[:, :2].T
@@ -70,7 +72,7 @@ def fit_level(source: FloatArray, target: FloatArray) -> FloatArray:
     return make_transform(R, high - R @ low)
 
 
-def _true_and_mapped(
+def _matched_poses(
     reader: MapReader, traversal: StoredTraversal, true: Sequence[TrueTraversal]
 ) -> tuple[FloatArray, FloatArray] | None:
     """True (n, 4, 4) and mapped (n, 4, 4) poses of those keyframes of a traversal at which the truth has poses."""
@@ -78,7 +80,7 @@ def _true_and_mapped(
     found = [
         (T_world_base[known], T_map_base[known])
         for true_traversal in true
-        for T_world_base, known in [_true_way(true_traversal).at_many(stamps_ns - traversal.clock_shift_ns)]
+        for T_world_base, known in [_true_trajectory(true_traversal).at_many(stamps_ns - traversal.clock_shift_ns)]
         if known.any()
     ]
     if not found:
@@ -87,7 +89,7 @@ def _true_and_mapped(
     return np.concatenate(world), np.concatenate(mapped)
 
 
-def _true_way(traversal: TrueTraversal) -> Trajectory:
+def _true_trajectory(traversal: TrueTraversal) -> Trajectory:
     def poses() -> Iterator[StampedPose]:
         for stamp_ns, T_world_base in zip(traversal.stamps_ns.tolist(), traversal.T_world_base, strict=True):
             yield StampedPose(stamp_ns, T_world_base)
@@ -95,9 +97,9 @@ def _true_way(traversal: TrueTraversal) -> Trajectory:
     return Trajectory(poses(), max_gap_s=MAX_GAP_S, hold_s=0.0)
 
 
-def _levers(T: FloatArray) -> FloatArray:
+def _lever_points(T: FloatArray) -> FloatArray:
     """The points of the base that are fitted, (3 n, 3), for poses (n, 4, 4)."""
-    points: FloatArray = np.einsum("nij,kj->nki", T[:, :3, :3], LEVER_M) + T[:, None, :3, 3]
+    points: FloatArray = np.einsum("nij,kj->nki", T[:, :3, :3], LEVER_POINTS_M) + T[:, None, :3, 3]
     return points.reshape(-1, 3)
 
 

@@ -17,7 +17,7 @@ R = TypeVar("R")
 K = TypeVar("K", bound=Run)
 
 
-def run_apart(job: Job, kind: type[K], folder: Path) -> K:
+def run_job(job: Job, kind: type[K], folder: Path) -> K:
     """What a job's process found. Raises the `SupermapError` that ended it, and one if it was killed."""
     return run_process("supermap_cli.costs", job, kind, folder / job.db.stem)
 

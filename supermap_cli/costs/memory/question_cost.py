@@ -27,12 +27,12 @@ from supermap_cli.query.overview import Overview, overview, overview_at
 from supermap_cli.query.resolution import Answer, answer
 from supermap_cli.query.views import to_document
 
-REPEATS = 5
-ENOUGH_S = 5.0
+MAX_REPEATS = 5
+REPEAT_BUDGET_S = 5.0
 """After so long nothing is asked once more."""
 
 
-class MemoryJob(BaseModel):
+class QuestionJob(BaseModel):
     """A question to the memory at `db`."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -43,7 +43,7 @@ class MemoryJob(BaseModel):
 
 
 @dataclass(frozen=True)
-class AskedRun:
+class QuestionCost:
     """What a question took, from opening the database to the finished document; the program was loaded before.
 
     `first_ms`: for the first time in the process, nothing of the file being in the system's memory where that can be
@@ -57,18 +57,18 @@ class AskedRun:
     listed: int
 
 
-def ask(job: MemoryJob) -> AskedRun:
+def ask(job: QuestionJob) -> QuestionCost:
     """Ask, and ask again."""
     before_mb = memory_mb()
-    _forget(job.db)
+    _drop_from_page_cache(job.db)
     first_ms, listed = _timed(job)
     times_ms = [_timed(job)[0]]
-    while len(times_ms) < REPEATS and sum(times_ms) < 1000 * ENOUGH_S:
+    while len(times_ms) < MAX_REPEATS and sum(times_ms) < 1000 * REPEAT_BUDGET_S:
         times_ms.append(_timed(job)[0])
-    return AskedRun(first_ms, median(times_ms), max(peak_memory_mb() - before_mb, 0.0), listed)
+    return QuestionCost(first_ms, median(times_ms), max(peak_memory_mb() - before_mb, 0.0), listed)
 
 
-def _timed(job: MemoryJob) -> tuple[float, int]:
+def _timed(job: QuestionJob) -> tuple[float, int]:
     began = time.perf_counter()
     if job.command == "db sql":
         with read_sql(str(job.db), job.arguments[0]) as found:
@@ -81,7 +81,7 @@ def _timed(job: MemoryJob) -> tuple[float, int]:
     return 1000 * (time.perf_counter() - began), listed
 
 
-def _forget(db: Path) -> None:
+def _drop_from_page_cache(db: Path) -> None:
     """Ask the system to drop the file from its memory; where it cannot, the first answer is as fast as it comes."""
     if hasattr(os, "posix_fadvise"):
         with db.open("rb") as file:

@@ -1,0 +1,239 @@
+"""Makes a building up and writes its memory: everything follows from the seed."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from supermap_cli.costs.memory.histories import CANDIDATE, DOUBTED, MERGED, ObjectHistory, link, live, merge
+from supermap_cli.costs.memory.relations import edges_of_room
+from supermap_cli.costs.memory.rooms import SyntheticObject, furnish, room_count
+from supermap_cli.costs.memory.traversals import KEYFRAMES_PER_ROOM, SyntheticTraversal, plan_traversals, visits_by_room
+from supermap_cli.memory import rows
+from supermap_cli.memory.bulk import BulkWriter
+from supermap_cli.memory.values import TraversalStart
+from supermap_cli.types.engine_state import EngineState
+from supermap_cli.types.memory import InstanceRecord, KeyframeRecord, VoxelCloud
+
+Progress = Callable[[str], None]
+
+_OBSERVED = (
+    *("keyframe_id", "instance_number", "track_id", "label", "score", "u_min", "v_min", "u_max", "v_max"),
+    *("x", "y", "z", "evidence_for", "evidence_against", "hypotheses", "crop_jpeg"),
+)
+_CAMERA = '{"model":"pinhole","width":640,"height":480,"fx":465.0,"fy":465.0,"cx":319.5,"cy":239.5,"distortion":[]}'
+_VOXELS = 200
+"""Of an instance: a tenth of what a build keeps, so that a large memory fits a disk."""
+
+
+@dataclass(frozen=True)
+class WrittenCounts:
+    """How much of what a made-up memory holds."""
+
+    instances: int
+    observations: int
+    keyframes: int
+    traversals: int
+
+
+def make_memory(path: Path, objects: int, traversals: int, seed: int, progress: Progress) -> WrittenCounts:
+    """Write the memory of a building with that many things into a new file."""
+    rng = np.random.default_rng(seed)
+    planned = plan_traversals(traversals, room_count(objects))
+    visits = visits_by_room(planned)
+    writer = BulkWriter(path)
+    histories = [live(obj, visits[obj.room], rng) for obj in furnish(objects, rng) if obj.room in visits]
+    _add_merges_and_doubts(histories, rng)
+    progress(f"{len(histories)} instances live through {traversals} traversals")
+    seen_in: dict[int, list[ObjectHistory]] = defaultdict(list)
+    for history in histories:
+        for visit in history.seen:
+            seen_in[visit.traversal.number].append(history)
+    writer.add("traversal", (_traversal(traversal, len(seen_in[traversal.number])) for traversal in planned))
+    _write_lives(writer, histories, rng)
+    observations, keyframes = 0, 0
+    depth_png, crop_jpeg = _sample_images(rng)
+    for traversal in planned:
+        writer.add("keyframe", _keyframes(traversal, keyframes, depth_png))
+        observations += _observe(writer, traversal, seen_in[traversal.number], (keyframes, crop_jpeg), rng)
+        keyframes += len(traversal.rooms) * KEYFRAMES_PER_ROOM
+        progress(f"{traversal.name}: {observations} observations")
+    progress("making indices")
+    writer.finish()
+    return WrittenCounts(len(histories), observations, keyframes, traversals)
+
+
+def _add_merges_and_doubts(histories: Sequence[ObjectHistory], rng: np.random.Generator) -> None:
+    """Some are parts of their neighbours, some were perhaps never there, some may be one with another."""
+    chances = rng.random(len(histories))
+    for at, (history, other) in enumerate(pairwise(histories)):
+        if other.merged_into is not None or history.merged_into is not None:
+            continue
+        if chances[at] < MERGED and other.obj.room == history.obj.room:
+            merge(other, history)
+        elif chances[at] < MERGED + DOUBTED:
+            history.presence = "doubted"
+        elif chances[at] < MERGED + DOUBTED + CANDIDATE and other.obj.label == history.obj.label:
+            link(history, other)
+
+
+def _write_lives(writer: BulkWriter, histories: Sequence[ObjectHistory], rng: np.random.Generator) -> None:
+    counters: dict[str, int] = defaultdict(int)
+
+    def named(label: str) -> str:
+        counters[label] += 1
+        return f"{label.replace(' ', '-')}-{counters[label]}"
+
+    looks = _observation_counts(histories)
+    clouds = [_cloud(rng) for _ in range(32)]
+    for start in range(0, len(histories), 5000):
+        part = histories[start : start + 5000]
+        writer.add(
+            "instance",
+            (_instance(history, named(history.obj.label), looks[history.obj.number], clouds) for history in part),
+        )
+        states = [(state, at) for history in part for state, at in zip(history.states, history.written_by, strict=True)]
+        writer.add("state", (rows.state_values(state, at) for state, at in states))
+        writer.add("visit", (rows.visit_values(visit, at) for history in part for at, visit in history.visits))
+    for history in histories:
+        writer.add("temporal_edge", (rows.temporal_edge_values(edge, at) for at, edge in history.events))
+    rooms: dict[int, list[ObjectHistory]] = defaultdict(list)
+    for history in histories:
+        if history.merged_into is None:
+            rooms[history.obj.room].append(history)
+    for inside in rooms.values():
+        writer.add("spatial_edge", (rows.spatial_edge_values(edge, at) for edge, at in edges_of_room(inside)))
+
+
+def _traversal(traversal: SyntheticTraversal, seen: int) -> dict[str, object]:
+    start = TraversalStart(
+        f"{traversal.name}.mcap", f"made-up-{traversal.number}", traversal.start_ns, traversal.end_ns, np.eye(4)
+    )
+    known = {"id": traversal.number, "mapped_ns": traversal.end_ns, "status": "complete", "timings": '{"total":1.0}'}
+    counts = {"keyframes": len(traversal.rooms) * KEYFRAMES_PER_ROOM, "observations": seen * KEYFRAMES_PER_ROOM}
+    return rows.traversal_values(start, traversal.number, traversal.name) | known | counts
+
+
+def _observation_counts(histories: Sequence[ObjectHistory]) -> dict[int, int]:
+    """How often each was observed, with what is a part of it."""
+    looks = {history.obj.number: len(history.seen) * KEYFRAMES_PER_ROOM for history in histories}
+    for history in histories:
+        if history.merged_into is not None:
+            looks[history.merged_into] += len(history.seen) * KEYFRAMES_PER_ROOM
+    return looks
+
+
+def _instance(history: ObjectHistory, text_id: str, looks: int, clouds: Sequence[VoxelCloud]) -> dict[str, object]:
+    obj, newest = history.obj, history.states[-1] if history.states else None
+    other = "stool" if obj.label == "chair" else "box"
+    belief = {obj.label: 0.93, other: 0.05, "bucket": 0.02}
+    state = EngineState(
+        label_logs={obj.label: -0.1, other: -3.0, "bucket": -4.0},
+        unseen_log=-60.0,
+        looks=20.0,
+        viewpoints={f"{i},1,1": (4, 4, 4.0) for i in range(6)},
+        state_index=max(len(history.states) - 1, 0),
+        state_first_seen_ns=history.seen[0].first_ns if newest is None else newest.first_seen_ns,
+        state_empty_before_ns=None if newest is None else newest.empty_before_ns,
+        gone_ns=None if newest is None else newest.gone_ns,
+        best_crop=50.0,
+    )
+    record = InstanceRecord(
+        number=obj.number,
+        label=obj.label,
+        label_belief=belief,
+        existence_log_odds=3.0 if history.presence == "present" else -3.0,
+        presence=history.presence,
+        first_seen_ns=history.seen[0].first_ns,
+        last_seen_ns=history.seen[-1].last_ns,
+        centroid_map=obj.box.center,
+        box=obj.box,
+        voxels=_placed(clouds[obj.number % len(clouds)], obj),
+        observations=looks,
+        merged_into=history.merged_into,
+        engine_state=state.to_document(),
+    )
+    return rows.instance_values(record, history.seen[0].traversal.number, text_id)
+
+
+def _keyframes(traversal: SyntheticTraversal, before: int, depth_png: bytes) -> Iterator[dict[str, object]]:
+    for at in range(len(traversal.rooms) * KEYFRAMES_PER_ROOM):
+        T_map_base = np.eye(4)
+        T_map_base[:2, 3] = float(traversal.rooms[at // KEYFRAMES_PER_ROOM]), float(at % KEYFRAMES_PER_ROOM)
+        keyframe = KeyframeRecord(
+            traversal.stamp_ns(at), T_map_base, T_map_base, _CAMERA, depth_png, 16, None, detected=True
+        )
+        yield rows.keyframe_values(keyframe, traversal.number) | {"id": before + at + 1}
+
+
+def _observe(
+    writer: BulkWriter,
+    traversal: SyntheticTraversal,
+    seen: Sequence[ObjectHistory],
+    given: tuple[int, bytes],
+    rng: np.random.Generator,
+) -> int:
+    """All observations of a traversal, in the order of its keyframes; given how many there are before, and a crop."""
+    before, crop_jpeg = given
+    if not seen:
+        return 0
+    order = {room: at for at, room in enumerate(traversal.rooms)}
+    ranks = np.repeat([order[history.obj.room] for history in seen], KEYFRAMES_PER_ROOM)
+    looks = np.tile(np.arange(KEYFRAMES_PER_ROOM), len(seen))
+    which = np.repeat(np.arange(len(seen)), KEYFRAMES_PER_ROOM)
+    sequence = np.lexsort((which, looks, ranks))
+    keyframe_ids = (before + 1 + ranks * KEYFRAMES_PER_ROOM + looks)[sequence].tolist()
+    who = [seen[at] for at in which[sequence].tolist()]
+    n = len(who)
+    scores = np.round(rng.uniform(0.35, 0.98, n), 4).tolist()
+    corners = np.round(rng.uniform(0, 600, (n, 2)), 2)
+    boxes = np.hstack((corners, corners + 40)).tolist()
+    centers = np.array([history.obj.box.center for history in seen])[which[sequence]]
+    places = np.round(centers + rng.normal(0, 0.01, (n, 3)), 4).tolist()
+    crops = [
+        None if look % 101 else crop_jpeg for look in (which[sequence] * KEYFRAMES_PER_ROOM + looks[sequence]).tolist()
+    ]
+    writer.add_values(
+        "observation",
+        _OBSERVED,
+        (
+            (frame, history.obj.number, history.obj.number, history.obj.label, score, *box, *place, 400, 3, said, crop)
+            for frame, history, score, box, place, said, crop in zip(
+                keyframe_ids, who, scores, boxes, places, _hypotheses_json(who, scores), crops, strict=True
+            )
+        ),
+    )
+    return n
+
+
+def _hypotheses_json(who: Sequence[ObjectHistory], scores: Sequence[float]) -> Iterator[str]:
+    for history, score in zip(who, scores, strict=True):
+        yield f'[["{history.obj.label}",{score}],["bucket",{round((1 - score) / 2, 4)}],["box",0.01]]'
+
+
+def _cloud(rng: np.random.Generator) -> VoxelCloud:
+    keys = np.unique(rng.integers(-8, 8, (_VOXELS, 3)), axis=0).astype(np.int32)
+    n = len(keys)
+    reals = [np.round(rng.uniform(0.5, 4, n), 1).astype(np.float32) for _ in range(3)]
+    return VoxelCloud(0.02, keys, reals[0], reals[1], reals[2], rng.integers(0, 255, (n, 3)).astype(np.uint8))
+
+
+def _placed(cloud: VoxelCloud, obj: SyntheticObject) -> VoxelCloud:
+    steps = np.rint(obj.box.center / cloud.voxel_m).astype(np.int32)
+    return VoxelCloud(cloud.voxel_m, cloud.keys + steps, cloud.log_odds, cloud.inside, cloud.outside, cloud.rgb)
+
+
+def _sample_images(rng: np.random.Generator) -> tuple[bytes, bytes]:
+    """40 x 30 pixels of a depth image as PNG, and a crop as JPEG of 2 kB: a build keeps the best ones of an instance,
+    and here one of a hundred.
+    """
+    import cv2  # noqa: PLC0415 - keeps start-up light
+
+    depth_mm = (2000 + 20 * rng.standard_normal((30, 40))).astype(np.uint16)
+    crop = rng.integers(0, 255, (48, 48, 3)).astype(np.uint8)
+    return cv2.imencode(".png", depth_mm)[1].tobytes(), cv2.imencode(".jpg", crop)[1].tobytes()
