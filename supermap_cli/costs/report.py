@@ -19,17 +19,19 @@ from supermap_cli.version import __version__
 StageKind = Literal["once", "perception", "mapping"]
 
 ONE_TIME_STAGES = ("place", "restore")
+"""Stages that run once a traversal, not for every keyframe."""
 MAPPING_STAGES = ("segment", "visibility", "track", "map", "graph", "record", "write")
-"""All that is done for a keyframe but decoding, odometry and neural inference."""
+"""All stages of a keyframe but decoding, odometry and neural inference."""
 
 PAPER_HZ = {"pose": 10.0, "map": 3.0, "segmentation": 1.0, "graph": 5.0}
+"""Module -> updates a second on the robot, as the paper SuperMap states them."""
 STAGES_OF_MODULE = {
     "pose": ("odometry", "depth", "drift"),
     "map": ("visibility", "track", "map", "record", "write"),
     "segmentation": ("detect", "segment"),
     "graph": ("graph",),
 }
-"""The modules whose rates the paper names, and the stages that do their work here."""
+"""Module of the paper -> the stages that do its work here."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +49,7 @@ class StageCost:
 
 @dataclass(frozen=True)
 class ModuleRate:
-    """How often a second a module could run if it had a core to itself, and how often the paper's does."""
+    """Updates a second of a module with a core to itself, beside the paper's; `ms` is its time for a keyframe."""
 
     module: str
     stages: tuple[str, ...]
@@ -74,7 +76,7 @@ class BuildCost:
 
 @dataclass(frozen=True)
 class DecodingBaseline:
-    """What decoding the same keyframes and recorded detections takes: `ratio` is mapping in units of it.
+    """Cost of decoding the same keyframes and recorded detections; `ratio` is mapping in units of it.
 
     Milliseconds for a keyframe. `decode_ms` was measured in a process that did nothing else.
     """
@@ -87,7 +89,7 @@ class DecodingBaseline:
 
 @dataclass(frozen=True)
 class MappingGrowth:
-    """Mapping time for a keyframe with at least so many objects in the map; `objects` stood in it at the end."""
+    """Mapping time for a keyframe with at least `wanted` objects in the map; `objects` is the count at the end."""
 
     wanted: int
     objects: int
@@ -97,7 +99,7 @@ class MappingGrowth:
 
 @dataclass(frozen=True)
 class FigureChange:
-    """A figure then and now; `ratio` is then / now."""
+    """A figure of both documents; `ratio` is then / now."""
 
     figure: str
     then: float
@@ -107,7 +109,7 @@ class FigureChange:
 
 @dataclass(frozen=True)
 class BenchComparison:
-    """Against an earlier document."""
+    """All figures compared with an earlier document."""
 
     document: str
     changes: tuple[FigureChange, ...]
@@ -115,7 +117,7 @@ class BenchComparison:
 
 @dataclass(frozen=True)
 class Machine:
-    """What it was measured with."""
+    """Cores, operating system and versions of a measurement."""
 
     cpus: int
     system: str
@@ -148,7 +150,7 @@ def summarise(
     decode: DecodeRun,
     growth: Sequence[tuple[int, StagesRun]],
 ) -> Bench:
-    """The document of what the processes found."""
+    """The document made of the results of all measurements."""
     return Bench(
         recordings=tuple(map(str, recordings)),
         machine=this_machine(),
@@ -156,10 +158,10 @@ def summarise(
         keyframes=build.keyframes,
         detections=build.detections,
         objects=build.objects,
-        build=_whole(build),
-        stages=tuple(_costs(stages.timings)),
-        rates=tuple(_rates(stages)),
-        floor=_floor(stages, decode),
+        build=_build_cost(build),
+        stages=tuple(_stage_costs(stages.timings)),
+        rates=tuple(_module_rates(stages)),
+        floor=_decoding_baseline(stages, decode),
         growth=tuple(
             MappingGrowth(wanted, stages_run.objects, stages_run.keyframes, mapping_ms(stages_run))
             for wanted, stages_run in growth
@@ -168,7 +170,7 @@ def summarise(
 
 
 def this_machine() -> Machine:
-    """Cores that this process may use, system and versions."""
+    """The machine this process runs on; only cores that it may use are counted."""
     cpus = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     return Machine(cpus, f"{platform.system()} {platform.machine()}", platform.python_version(), __version__)
 
@@ -182,7 +184,7 @@ def _per_keyframe_ms(stages: StagesRun, names: Sequence[str]) -> float:
     return 1000 * sum(timing.total_s for timing in stages.timings if timing.stage in names) / max(stages.keyframes, 1)
 
 
-def _whole(build: BuildRun) -> BuildCost:
+def _build_cost(build: BuildRun) -> BuildCost:
     return BuildCost(
         recorded_s=build.recorded_s,
         total_s=build.total_s,
@@ -194,7 +196,7 @@ def _whole(build: BuildRun) -> BuildCost:
     )
 
 
-def _costs(timings: Sequence[StageTiming]) -> Iterator[StageCost]:
+def _stage_costs(timings: Sequence[StageTiming]) -> Iterator[StageCost]:
     everything_s = sum(timing.total_s for timing in timings)
     for timing in timings:
         kind: StageKind = (
@@ -204,7 +206,7 @@ def _costs(timings: Sequence[StageTiming]) -> Iterator[StageCost]:
         yield StageCost(timing.stage, kind, timing.runs, timing.total_s, timing.mean_ms, timing.p95_ms, share)
 
 
-def _rates(stages: StagesRun) -> Iterator[ModuleRate]:
+def _module_rates(stages: StagesRun) -> Iterator[ModuleRate]:
     ran = {timing.stage for timing in stages.timings}
     for module, names in STAGES_OF_MODULE.items():
         ms = _per_keyframe_ms(stages, names)
@@ -213,14 +215,14 @@ def _rates(stages: StagesRun) -> Iterator[ModuleRate]:
             yield ModuleRate(module, present, ms, 1000 / ms, PAPER_HZ[module])
 
 
-def _floor(stages: StagesRun, decode: DecodeRun) -> DecodingBaseline:
+def _decoding_baseline(stages: StagesRun, decode: DecodeRun) -> DecodingBaseline:
     decode_ms = 1000 * decode.total_s / max(decode.keyframes, 1)
     mapping = mapping_ms(stages)
     return DecodingBaseline(decode_ms, mapping, mapping / max(decode_ms, 1e-9), decode.peak_memory_mb)
 
 
 def compare(now: Bench, then: Bench, document: Path) -> BenchComparison:
-    """Every figure that both documents have."""
+    """Compare every figure that both documents have."""
     before = dict(_figures(then))
     changes = [
         FigureChange(name, before[name], value, before[name] / value if value > 0 else None)

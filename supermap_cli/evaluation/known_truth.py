@@ -1,10 +1,10 @@
-"""What of the truth a map can be held to: the mapped traversals, where things stood, and what the images showed of it.
+"""The part of the ground truth that a map can be scored against: mapped traversals, object places, their visibility.
 
-A map is judged as it is at its end, the last mapped keyframe. Traversals with no keyframe in the map do not count. An
-object is *countable* in a place if some image, taken while it stood there and not after the end, showed at least
-`MIN_COUNTABLE_PIXELS` pixels of it and `MIN_COUNTABLE_SHARE` of its front; what no image showed so well is *ignored*: it need
-not be found, and finding it is no error (as COCO's crowds and ScanNet's void points). Only images near a mapped
-keyframe count, within `MAX_KEYFRAME_OFFSET_NS`: a map cannot know what the others showed.
+A map is scored at its end, the last mapped keyframe. Traversals without a keyframe in the map do not count. An object
+is *countable* in a place if some image, taken while it stood there and not after the end, showed at least
+`MIN_COUNTABLE_PIXELS` pixels and `MIN_COUNTABLE_SHARE` of its front; an object that no image showed so well is
+*ignored*: it need not be found, and finding it is no error (as COCO's crowds and ScanNet's void points). Only images
+within `MAX_KEYFRAME_OFFSET_NS` of a mapped keyframe count.
 """
 
 from __future__ import annotations

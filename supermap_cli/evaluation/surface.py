@@ -37,8 +37,8 @@ class SeenSurface:
 def seen_surface(truth: GroundTruth, known: KnownTruth) -> SeenSurface:
     """All seen samples of standing objects and of the building.
 
-    Samples of the building within `MAX_SURFACE_DISTANCE_M` of an object's surface are left out: so near, the nearest point of the map
-    does not tell the one from the other.
+    Samples of the building within `MAX_SURFACE_DISTANCE_M` of an object's surface are left out: there the nearest point
+    of the map does not separate the two.
     """
     places = tuple(known.places[k] for k in known.standing)
     of_objects = [place.object.surface_world(place.state) for place in places]
@@ -60,7 +60,7 @@ def seen_surface(truth: GroundTruth, known: KnownTruth) -> SeenSurface:
 
 
 def nearest_instances(points: FloatArray, instances: Sequence[EstimatedObject]) -> IntArray:
-    """(n,): the position of the instance that has the nearest point, `UNASSIGNED` where none lies within `MAX_SURFACE_DISTANCE_M`."""
+    """(n,): index of the instance that has the nearest point; `UNASSIGNED` beyond `MAX_SURFACE_DISTANCE_M`."""
     cloud = np.concatenate([np.zeros((0, 3)), *(instance.points for instance in instances)])
     nearest = _nearest(points, cloud)
     owner = np.append(_repeat_per_part(range(len(instances)), [instance.points for instance in instances]), UNASSIGNED)

@@ -11,9 +11,9 @@ import pytest
 
 from supermap_cli.commands.bench_memory import parse_two
 from supermap_cli.costs.memory import report
-from supermap_cli.costs.memory.question_cost import QuestionJob, ask
+from supermap_cli.costs.memory.question_cost import QuestionJob, measure_question
 from supermap_cli.costs.memory.questions import questions
-from supermap_cli.costs.memory.rooms import OBJECTS_PER_RARE_CLASS, RARE_CLASSES, room_count
+from supermap_cli.costs.memory.rooms import INSTANCES_PER_RARE_CLASS, RARE_CLASSES, room_count
 from supermap_cli.costs.memory.synthetic_memory import WrittenCounts, make_memory
 from supermap_cli.costs.memory.traversals import KEYFRAMES_PER_ROOM, ROOMS_OF_SHORT_TRAVERSAL, plan_traversals
 from supermap_cli.errors import ConfigError, EvaluationError
@@ -21,10 +21,10 @@ from supermap_cli.memory import open_store
 from supermap_cli.memory.checking import check
 from support.cli import document, supermap
 
-THINGS, TRAVERSALS = 400, 24
+OBJECTS, TRAVERSALS = 400, 24
 
 
-def make(path: Path, seed: int = 2, objects: int = THINGS) -> WrittenCounts:
+def make(path: Path, seed: int = 2, objects: int = OBJECTS) -> WrittenCounts:
     return make_memory(path, objects, TRAVERSALS, seed, progress=lambda _: None)
 
 
@@ -58,12 +58,14 @@ def test_it_has_everything_that_a_memory_can_have(memory):
 
 
 def test_common_things_grow_with_it_and_rare_ones_do_not(memory, tmp_path):
-    make(tmp_path / "larger.db", objects=3 * THINGS)
+    make(tmp_path / "larger.db", objects=3 * OBJECTS)
     few, many = (
         Counter(dict(rows(path, "SELECT label, count(*) FROM instance GROUP BY label")))
         for path in (memory, tmp_path / "larger.db")
     )
-    assert {few[label] for label in RARE_CLASSES} == {many[label] for label in RARE_CLASSES} == {OBJECTS_PER_RARE_CLASS}
+    assert (
+        {few[label] for label in RARE_CLASSES} == {many[label] for label in RARE_CLASSES} == {INSTANCES_PER_RARE_CLASS}
+    )
     assert many["chair"] == pytest.approx(3 * few["chair"], rel=0.1)
     (small,), (large,) = (
         rows(path, "SELECT (max(x) - min(x)) * (max(y) - min(y)) FROM instance")
@@ -85,26 +87,26 @@ def test_the_first_and_the_last_traversals_are_short_and_all_rooms_are_seen():
     lengths = [len(traversal.rooms) for traversal in planned]
     assert lengths[:2] == lengths[-2:] == [ROOMS_OF_SHORT_TRAVERSAL] * 2
     assert min(lengths[2:-2]) > ROOMS_OF_SHORT_TRAVERSAL
-    looks = Counter(room for traversal in planned for room in traversal.rooms)
-    assert len(looks) == room_count(20_000)
-    assert sum(looks.values()) / len(looks) * KEYFRAMES_PER_ROOM == pytest.approx(100, rel=0.05)
+    visits = Counter(room for traversal in planned for room in traversal.rooms)
+    assert len(visits) == room_count(20_000)
+    assert sum(visits.values()) / len(visits) * KEYFRAMES_PER_ROOM == pytest.approx(100, rel=0.05)
 
 
 @pytest.mark.parametrize(
-    "asked", questions(plan_traversals(TRAVERSALS, room_count(THINGS))), ids=lambda asked: asked.text
+    "question", questions(plan_traversals(TRAVERSALS, room_count(OBJECTS))), ids=lambda question: question.text
 )
-def test_every_question_can_be_asked(memory, monkeypatch, asked):
-    monkeypatch.setattr("supermap_cli.costs.memory.question_cost.REPEATS", 1)
-    run = ask(QuestionJob(db=memory, command=asked.command, arguments=asked.arguments))
+def test_every_question_can_be_asked(memory, monkeypatch, question):
+    monkeypatch.setattr("supermap_cli.costs.memory.question_cost.MAX_REPEATS", 1)
+    run = measure_question(QuestionJob(db=memory, command=question.command, arguments=question.arguments))
     assert min(run.first_ms, run.again_ms) > 0
-    assert run.listed > 0 or asked.kind in {"no such label", "inside", "attached", "beside"}
+    assert run.listed > 0 or question.kind in {"no such label", "inside", "attached", "beside"}
 
 
 def test_every_kind_of_command_is_asked():
-    asked = questions(plan_traversals(100, 56))
-    assert {question.command for question in asked} == {"query", "show", "history", "diff", "db info", "db sql"}
-    assert {question.bound for question in asked} == {"fixed", "listed", "grows"}
-    assert len({question.text for question in asked}) == len(asked)
+    planned = questions(plan_traversals(100, 56))
+    assert {question.command for question in planned} == {"query", "show", "history", "diff", "db info", "db sql"}
+    assert {question.bound for question in planned} == {"fixed", "listed", "grows"}
+    assert len({question.text for question in planned}) == len(planned)
 
 
 def test_both_memories_are_made_asked_and_kept(tmp_path, monkeypatch):

@@ -1,4 +1,4 @@
-"""What is asked of a made-up memory: every command that reads, and every kind of question."""
+"""Questions to a synthetic memory: every command that reads, and every kind of query."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from supermap_cli.costs.memory.traversals import SyntheticTraversal
 
 Command = Literal["query", "show", "history", "diff", "db info", "db sql"]
 AnswerGrowth = Literal["fixed", "listed", "grows"]
-"""How an answer grows with the memory: not at all; it does, but only the first of it are listed; all of it is told."""
+"""How an answer grows with the memory: not at all; it grows, but only its first rows are listed; as a whole."""
 
 
 @dataclass(frozen=True)
 class BenchQuestion:
-    """One question: the command's name and arguments, what kind of question it is, and how its answer grows."""
+    """One question: the command with its arguments, the kind of question, and how its answer grows."""
 
     command: Command
     arguments: tuple[str, ...]
@@ -34,7 +34,7 @@ def _queries(bound: AnswerGrowth, **texts: str) -> tuple[BenchQuestion, ...]:
 
 
 def questions(planned: Sequence[SyntheticTraversal]) -> tuple[BenchQuestion, ...]:
-    """All of them, to a memory of these traversals."""
+    """All questions to a memory of these traversals."""
     half, at = len(planned) // 2, _time_of_day(planned[len(planned) // 3])
     return (
         *_about_few(at, planned[0]),
@@ -120,5 +120,5 @@ def _commands(at: str, one: SyntheticTraversal, other: SyntheticTraversal) -> tu
 
 
 def _time_of_day(traversal: SyntheticTraversal) -> str:
-    """An hour after a traversal's start, as a question says it."""
+    """An hour after a traversal's start, as queries write times."""
     return f"{datetime.fromtimestamp(traversal.start_ns // 10**9 + 3600, UTC):%Y-%m-%dT%H:%M:%SZ}"

@@ -19,14 +19,14 @@ from supermap_cli.errors import EvaluationError
 from supermap_cli.memory import open_store
 
 BYTES_PER_INSTANCE = 45_000
-"""On the disk, with its hundred observations and its share of the keyframes."""
+"""Bytes on disk of an instance with its hundred observations and its part of the keyframes: 40 kB, rounded up."""
 
 Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True)
 class SyntheticMemory:
-    """One made-up memory; sizes in 10^6 bytes. `made_s` is `None` where it was there already."""
+    """One synthetic memory; sizes in 10^6 bytes. `made_s` is `None` where it existed already."""
 
     instances: int
     observations: int
@@ -38,7 +38,7 @@ class SyntheticMemory:
 
 @dataclass(frozen=True)
 class MemoryRow:
-    """One question to the smaller and the larger memory; ratios are larger / smaller, of the times when asked again."""
+    """One question to both memories; `ratio` (of the repeats) and `ratio_first` are large / small."""
 
     question: str
     kind: str
@@ -51,7 +51,7 @@ class MemoryRow:
 
 @dataclass(frozen=True)
 class MemoryBench:
-    """All figures: `worst_ratio` is of the questions whose answers do not grow, or are listed in part."""
+    """All figures; `worst_ratio` and `worst_over_mb` leave out the questions whose answers are listed as a whole."""
 
     machine: Machine
     seed: int
@@ -65,15 +65,15 @@ class MemoryBench:
 def measure_memories(
     instances: tuple[int, int], traversals: int, seed: int, folder: Path, progress: Progress
 ) -> MemoryBench:
-    """Make up two memories, unless they are in the folder, and ask both everything."""
+    """Generate two memories, unless they are in the folder, and measure every question on both."""
     paths = [folder / f"memory-{count}-{traversals}-{seed}.db" for count in instances]
     check_disk_space(folder, [count for count, path in zip(instances, paths, strict=True) if not path.exists()])
     small, large = (
         _make_or_reuse(path, count, traversals, seed, progress) for path, count in zip(paths, instances, strict=True)
     )
     rows = []
-    for asked in questions(plan_traversals(traversals, room_count(instances[0]))):
-        row = _row(asked, *(_ask(asked, path, folder) for path in paths))
+    for question in questions(plan_traversals(traversals, room_count(instances[0]))):
+        row = _row(question, *(_measure(question, path, folder) for path in paths))
         progress(f"{row.question}: {row.small.again_ms:.0f} and {row.large.again_ms:.0f} ms")
         rows.append(row)
     bounded = [row for row in rows if row.bound != "grows"]
@@ -120,11 +120,11 @@ def _make_or_reuse(path: Path, instances: int, traversals: int, seed: int, progr
     )
 
 
-def _ask(asked: BenchQuestion, path: Path, folder: Path) -> QuestionCost:
-    job = QuestionJob(db=path, command=asked.command, arguments=asked.arguments)
+def _measure(question: BenchQuestion, path: Path, folder: Path) -> QuestionCost:
+    job = QuestionJob(db=path, command=question.command, arguments=question.arguments)
     return run_process("supermap_cli.costs.memory", job, QuestionCost, folder / "question")
 
 
-def _row(asked: BenchQuestion, small: QuestionCost, large: QuestionCost) -> MemoryRow:
+def _row(question: BenchQuestion, small: QuestionCost, large: QuestionCost) -> MemoryRow:
     ratio, first = large.again_ms / small.again_ms, large.first_ms / small.first_ms
-    return MemoryRow(asked.text, asked.kind, asked.bound, small, large, ratio, first)
+    return MemoryRow(question.text, question.kind, question.bound, small, large, ratio, first)

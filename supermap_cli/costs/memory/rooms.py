@@ -1,4 +1,4 @@
-"""A building of any size: rooms in rows, each furnished by a plan, so that things stand as densely in all of them."""
+"""A synthetic building of any size: rooms in rows, furnished by plans of equal density."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from supermap_cli.geometry.boxes import Box3D
 
 ROOM_M = 6.0
-"""A room's edge: 18 things on 36 square metres, one for every two."""
+"""Edge of a square room in metres: 18 objects on 36 m2. Chosen."""
 
 Point = tuple[float, float, float]
 
@@ -44,18 +44,18 @@ SIZES: dict[str, Point] = {
     "piano": (1.5, 0.6, 1.2),
     "aquarium": (1.2, 0.5, 0.6),
 }
-"""How large a thing of a class is, in metres."""
+"""Class -> extent (x, y, z) in metres: usual sizes of furniture and household objects. Chosen."""
 
 RARE_CLASSES = ("piano", "aquarium", "globe", "vase")
-"""Classes of which a building has `OBJECTS_PER_RARE_CLASS`, however large it is."""
-OBJECTS_PER_RARE_CLASS = 4
+"""Classes with `INSTANCES_PER_RARE_CLASS` instances, however large the building is."""
+INSTANCES_PER_RARE_CLASS = 4
 
 Placement = tuple[str, float, float, float]
-"""A class, and where its box's middle lies on the floor and how high its underside, in a room."""
+"""(class, x, y, z): the box's centre on the floor and the height of its lower face, in metres in the room."""
 
 
 def _desk_group(x: float, y: float) -> tuple[Placement, ...]:
-    """A desk with what belongs to it."""
+    """A desk with a chair, a monitor, a keyboard and a cup."""
     on_top = SIZES["desk"][2]
     return (
         ("desk", x, y, 0.0),
@@ -101,14 +101,14 @@ PLANS: tuple[tuple[Placement, ...], ...] = (
         *(("lamp", 1.9, 1.9, 0.75), ("potted plant", 5.4, 5.4, 0.0)),
     ),
 )
-"""Offices, a meeting room, a kitchen, a library: 18 things each."""
+"""An office, a meeting room, a kitchen, a library: 18 objects each."""
 
 OBJECTS_PER_ROOM = len(PLANS[0])
 
 
 @dataclass(frozen=True)
 class SyntheticObject:
-    """A thing where it stands at first; `room` counts the rooms from 0."""
+    """An object at its first place; `room` counts the rooms from 0."""
 
     number: int
     label: str
@@ -117,30 +117,30 @@ class SyntheticObject:
 
 
 def room_count(objects: int) -> int:
-    """How many rooms so many things need."""
+    """How many rooms so many objects need."""
     return max(math.ceil(objects / OBJECTS_PER_ROOM), 1)
 
 
 def furnish(objects: int, rng: np.random.Generator) -> Iterator[SyntheticObject]:
-    """That many things, room by room."""
+    """Generate that many objects, room by room."""
     rooms = room_count(objects)
     columns = math.ceil(math.sqrt(rooms))
     rare = _rare_rooms(rooms)
     for room in range(rooms):
         corner = ROOM_M * np.array([room % columns, room // columns, 0.0])
         spots = _place_rare(_plan_of(room), rare.get(room, ()))
-        for place in range(min(OBJECTS_PER_ROOM, objects - room * OBJECTS_PER_ROOM)):
-            label, x, y, bottom = spots[place]
+        for index in range(min(OBJECTS_PER_ROOM, objects - room * OBJECTS_PER_ROOM)):
+            label, x, y, bottom = spots[index]
             size = np.array(SIZES[label]) * rng.uniform(0.95, 1.05)
             shift = (*rng.uniform(-0.04, 0.04, 2), size[2] / 2)
             center = corner + np.array([x, y, bottom]) + shift
             yield SyntheticObject(
-                room * OBJECTS_PER_ROOM + place + 1, label, room, Box3D(center, size, float(rng.uniform(-0.1, 0.1)))
+                room * OBJECTS_PER_ROOM + index + 1, label, room, Box3D(center, size, float(rng.uniform(-0.1, 0.1)))
             )
 
 
-def moved(obj: SyntheticObject, box: Box3D, rng: np.random.Generator) -> SyntheticObject:
-    """A thing that was put somewhere else in its room."""
+def move_in_room(obj: SyntheticObject, box: Box3D, rng: np.random.Generator) -> SyntheticObject:
+    """The object at another place in its room: 0.3 to 1.2 m away along x and along y, at any yaw."""
     step = np.array([*rng.uniform(0.3, 1.2, 2) * rng.choice([-1, 1], 2), 0.0])
     return replace(obj, box=Box3D(box.center + step, box.size, float(rng.uniform(-np.pi, np.pi))))
 
@@ -150,14 +150,14 @@ def _plan_of(room: int) -> tuple[Placement, ...]:
 
 
 def _rare_rooms(rooms: int) -> dict[int, tuple[str, ...]]:
-    """The rooms that hold a rare thing: offices, spread over the building."""
+    """Room -> rare classes in it: offices, spread over the building."""
     offices = [room for room in range(rooms) if room % len(PLANS) == 0]
     chosen: dict[int, tuple[str, ...]] = {}
     for at, label in enumerate(RARE_CLASSES):
-        for i in range(OBJECTS_PER_RARE_CLASS):
+        for i in range(INSTANCES_PER_RARE_CLASS):
             room = offices[
                 (len(offices) * (i * len(RARE_CLASSES) + at))
-                // (OBJECTS_PER_RARE_CLASS * len(RARE_CLASSES))
+                // (INSTANCES_PER_RARE_CLASS * len(RARE_CLASSES))
                 % len(offices)
             ]
             chosen[room] = (*chosen.get(room, ()), label)
@@ -165,12 +165,12 @@ def _rare_rooms(rooms: int) -> dict[int, tuple[str, ...]]:
 
 
 def _place_rare(spots: tuple[Placement, ...], rare: tuple[str, ...]) -> tuple[Placement, ...]:
-    """Rare things take the places of others: small ones a cup's, large ones the plant's or the cabinet's."""
+    """Replace common objects by rare ones: a cup by small ones, a plant or cabinet by large ones."""
     free = {"cup": [at for at, spot in enumerate(spots) if spot[0] == "cup"], "potted plant": [16, 15]}
     changed = list(spots)
     for label in rare:
-        place = "cup" if SIZES[label][0] < 0.5 else "potted plant"
-        if free[place]:
-            at = free[place].pop(0)
+        index = "cup" if SIZES[label][0] < 0.5 else "potted plant"
+        if free[index]:
+            at = free[index].pop(0)
             changed[at] = (label, *spots[at][1:])
     return tuple(changed)

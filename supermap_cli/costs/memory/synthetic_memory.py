@@ -1,4 +1,4 @@
-"""Makes a building up and writes its memory: everything follows from the seed."""
+"""Generates a synthetic building and writes its memory; deterministic in the seed."""
 
 from __future__ import annotations
 
@@ -10,7 +10,15 @@ from pathlib import Path
 
 import numpy as np
 
-from supermap_cli.costs.memory.histories import CANDIDATE, DOUBTED, MERGED, ObjectHistory, link, live, merge
+from supermap_cli.costs.memory.histories import (
+    CANDIDATE_SHARE,
+    DOUBTED_SHARE,
+    MERGED_SHARE,
+    ObjectHistory,
+    link_candidates,
+    merge,
+    simulate_history,
+)
 from supermap_cli.costs.memory.relations import edges_of_room
 from supermap_cli.costs.memory.rooms import SyntheticObject, furnish, room_count
 from supermap_cli.costs.memory.traversals import KEYFRAMES_PER_ROOM, SyntheticTraversal, plan_traversals, visits_by_room
@@ -22,18 +30,24 @@ from supermap_cli.types.memory import InstanceRecord, KeyframeRecord, VoxelCloud
 
 Progress = Callable[[str], None]
 
-_OBSERVED = (
+_OBSERVATION_COLUMNS = (
     *("keyframe_id", "instance_number", "track_id", "label", "score", "u_min", "v_min", "u_max", "v_max"),
     *("x", "y", "z", "evidence_for", "evidence_against", "hypotheses", "crop_jpeg"),
 )
 _CAMERA = '{"model":"pinhole","width":640,"height":480,"fx":465.0,"fy":465.0,"cx":319.5,"cy":239.5,"distortion":[]}'
-_VOXELS = 200
-"""Of an instance: a tenth of what a build keeps, so that a large memory fits a disk."""
+_SAMPLES_PER_CLOUD = 200
+"""Voxels drawn for each cloud: about a tenth of what a build keeps, so that a large memory fits on a disk."""
+_OBSERVATIONS_PER_CROP = 101
+"""One of so many observations keeps an image crop; a prime, so that all keyframes of a visit get crops."""
+_CLOUDS = 32
+"""Different clouds, shared by all instances."""
+_BATCH = 5000
+"""Instances written at a time."""
 
 
 @dataclass(frozen=True)
 class WrittenCounts:
-    """How much of what a made-up memory holds."""
+    """How many rows of each kind were written."""
 
     instances: int
     observations: int
@@ -42,12 +56,12 @@ class WrittenCounts:
 
 
 def make_memory(path: Path, objects: int, traversals: int, seed: int, progress: Progress) -> WrittenCounts:
-    """Write the memory of a building with that many things into a new file."""
+    """Write the memory of a building with that many objects into a new file."""
     rng = np.random.default_rng(seed)
     planned = plan_traversals(traversals, room_count(objects))
     visits = visits_by_room(planned)
     writer = BulkWriter(path)
-    histories = [live(obj, visits[obj.room], rng) for obj in furnish(objects, rng) if obj.room in visits]
+    histories = [simulate_history(obj, visits[obj.room], rng) for obj in furnish(objects, rng) if obj.room in visits]
     _add_merges_and_doubts(histories, rng)
     progress(f"{len(histories)} instances live through {traversals} traversals")
     seen_in: dict[int, list[ObjectHistory]] = defaultdict(list)
@@ -55,12 +69,12 @@ def make_memory(path: Path, objects: int, traversals: int, seed: int, progress: 
         for visit in history.seen:
             seen_in[visit.traversal.number].append(history)
     writer.add("traversal", (_traversal(traversal, len(seen_in[traversal.number])) for traversal in planned))
-    _write_lives(writer, histories, rng)
+    _write_histories(writer, histories, rng)
     observations, keyframes = 0, 0
     depth_png, crop_jpeg = _sample_images(rng)
     for traversal in planned:
         writer.add("keyframe", _keyframes(traversal, keyframes, depth_png))
-        observations += _observe(writer, traversal, seen_in[traversal.number], (keyframes, crop_jpeg), rng)
+        observations += _write_observations(writer, traversal, seen_in[traversal.number], (keyframes, crop_jpeg), rng)
         keyframes += len(traversal.rooms) * KEYFRAMES_PER_ROOM
         progress(f"{traversal.name}: {observations} observations")
     progress("making indices")
@@ -69,33 +83,36 @@ def make_memory(path: Path, objects: int, traversals: int, seed: int, progress: 
 
 
 def _add_merges_and_doubts(histories: Sequence[ObjectHistory], rng: np.random.Generator) -> None:
-    """Some are parts of their neighbours, some were perhaps never there, some may be one with another."""
-    chances = rng.random(len(histories))
+    """Mark shares of the instances as merged, doubted and identity candidates."""
+    draws = rng.random(len(histories))
     for at, (history, other) in enumerate(pairwise(histories)):
         if other.merged_into is not None or history.merged_into is not None:
             continue
-        if chances[at] < MERGED and other.obj.room == history.obj.room:
+        if draws[at] < MERGED_SHARE and other.obj.room == history.obj.room:
             merge(other, history)
-        elif chances[at] < MERGED + DOUBTED:
+        elif draws[at] < MERGED_SHARE + DOUBTED_SHARE:
             history.presence = "doubted"
-        elif chances[at] < MERGED + DOUBTED + CANDIDATE and other.obj.label == history.obj.label:
-            link(history, other)
+        elif draws[at] < MERGED_SHARE + DOUBTED_SHARE + CANDIDATE_SHARE and other.obj.label == history.obj.label:
+            link_candidates(history, other)
 
 
-def _write_lives(writer: BulkWriter, histories: Sequence[ObjectHistory], rng: np.random.Generator) -> None:
+def _write_histories(writer: BulkWriter, histories: Sequence[ObjectHistory], rng: np.random.Generator) -> None:
     counters: dict[str, int] = defaultdict(int)
 
-    def named(label: str) -> str:
+    def next_text_id(label: str) -> str:
         counters[label] += 1
         return f"{label.replace(' ', '-')}-{counters[label]}"
 
-    looks = _observation_counts(histories)
-    clouds = [_cloud(rng) for _ in range(32)]
-    for start in range(0, len(histories), 5000):
-        part = histories[start : start + 5000]
+    observation_counts = _observation_counts(histories)
+    clouds = [_cloud(rng) for _ in range(_CLOUDS)]
+    for start in range(0, len(histories), _BATCH):
+        part = histories[start : start + _BATCH]
         writer.add(
             "instance",
-            (_instance(history, named(history.obj.label), looks[history.obj.number], clouds) for history in part),
+            (
+                _instance(history, next_text_id(history.obj.label), observation_counts[history.obj.number], clouds)
+                for history in part
+            ),
         )
         states = [(state, at) for history in part for state, at in zip(history.states, history.written_by, strict=True)]
         writer.add("state", (rows.state_values(state, at) for state, at in states))
@@ -120,15 +137,17 @@ def _traversal(traversal: SyntheticTraversal, seen: int) -> dict[str, object]:
 
 
 def _observation_counts(histories: Sequence[ObjectHistory]) -> dict[int, int]:
-    """How often each was observed, with what is a part of it."""
-    looks = {history.obj.number: len(history.seen) * KEYFRAMES_PER_ROOM for history in histories}
+    """Instance number -> observations, those of merged parts included."""
+    counts = {history.obj.number: len(history.seen) * KEYFRAMES_PER_ROOM for history in histories}
     for history in histories:
         if history.merged_into is not None:
-            looks[history.merged_into] += len(history.seen) * KEYFRAMES_PER_ROOM
-    return looks
+            counts[history.merged_into] += len(history.seen) * KEYFRAMES_PER_ROOM
+    return counts
 
 
-def _instance(history: ObjectHistory, text_id: str, looks: int, clouds: Sequence[VoxelCloud]) -> dict[str, object]:
+def _instance(
+    history: ObjectHistory, text_id: str, observations: int, clouds: Sequence[VoxelCloud]
+) -> dict[str, object]:
     obj, newest = history.obj, history.states[-1] if history.states else None
     other = "stool" if obj.label == "chair" else "box"
     belief = {obj.label: 0.93, other: 0.05, "bucket": 0.02}
@@ -153,8 +172,8 @@ def _instance(history: ObjectHistory, text_id: str, looks: int, clouds: Sequence
         last_seen_ns=history.seen[-1].last_ns,
         centroid_map=obj.box.center,
         box=obj.box,
-        voxels=_placed(clouds[obj.number % len(clouds)], obj),
-        observations=looks,
+        voxels=_placed_cloud(clouds[obj.number % len(clouds)], obj),
+        observations=observations,
         merged_into=history.merged_into,
         engine_state=state.to_document(),
     )
@@ -171,67 +190,81 @@ def _keyframes(traversal: SyntheticTraversal, before: int, depth_png: bytes) -> 
         yield rows.keyframe_values(keyframe, traversal.number) | {"id": before + at + 1}
 
 
-def _observe(
+def _write_observations(
     writer: BulkWriter,
     traversal: SyntheticTraversal,
     seen: Sequence[ObjectHistory],
-    given: tuple[int, bytes],
+    numbering_and_crop: tuple[int, bytes],
     rng: np.random.Generator,
 ) -> int:
-    """All observations of a traversal, in the order of its keyframes; given how many there are before, and a crop."""
-    before, crop_jpeg = given
+    """Write all observations of a traversal in the order of its keyframes, and return how many.
+
+    `numbering_and_crop`: the number of keyframes before this traversal, and a crop as JPEG.
+    """
+    before, crop_jpeg = numbering_and_crop
     if not seen:
         return 0
     order = {room: at for at, room in enumerate(traversal.rooms)}
     ranks = np.repeat([order[history.obj.room] for history in seen], KEYFRAMES_PER_ROOM)
-    looks = np.tile(np.arange(KEYFRAMES_PER_ROOM), len(seen))
+    keyframes = np.tile(np.arange(KEYFRAMES_PER_ROOM), len(seen))
     which = np.repeat(np.arange(len(seen)), KEYFRAMES_PER_ROOM)
-    sequence = np.lexsort((which, looks, ranks))
-    keyframe_ids = (before + 1 + ranks * KEYFRAMES_PER_ROOM + looks)[sequence].tolist()
-    who = [seen[at] for at in which[sequence].tolist()]
-    n = len(who)
+    sequence = np.lexsort((which, keyframes, ranks))
+    keyframe_ids = (before + 1 + ranks * KEYFRAMES_PER_ROOM + keyframes)[sequence].tolist()
+    observed = [seen[at] for at in which[sequence].tolist()]
+    n = len(observed)
     scores = np.round(rng.uniform(0.35, 0.98, n), 4).tolist()
     corners = np.round(rng.uniform(0, 600, (n, 2)), 2)
     boxes = np.hstack((corners, corners + 40)).tolist()
     centers = np.array([history.obj.box.center for history in seen])[which[sequence]]
     places = np.round(centers + rng.normal(0, 0.01, (n, 3)), 4).tolist()
     crops = [
-        None if look % 101 else crop_jpeg for look in (which[sequence] * KEYFRAMES_PER_ROOM + looks[sequence]).tolist()
+        None if index % _OBSERVATIONS_PER_CROP else crop_jpeg
+        for index in (which[sequence] * KEYFRAMES_PER_ROOM + keyframes[sequence]).tolist()
     ]
     writer.add_values(
         "observation",
-        _OBSERVED,
+        _OBSERVATION_COLUMNS,
         (
-            (frame, history.obj.number, history.obj.number, history.obj.label, score, *box, *place, 400, 3, said, crop)
-            for frame, history, score, box, place, said, crop in zip(
-                keyframe_ids, who, scores, boxes, places, _hypotheses_json(who, scores), crops, strict=True
+            (
+                frame,
+                history.obj.number,
+                history.obj.number,
+                history.obj.label,
+                score,
+                *box,
+                *place,
+                400,
+                3,
+                hypotheses,
+                crop,
+            )
+            for frame, history, score, box, place, hypotheses, crop in zip(
+                keyframe_ids, observed, scores, boxes, places, _hypotheses_json(observed, scores), crops, strict=True
             )
         ),
     )
     return n
 
 
-def _hypotheses_json(who: Sequence[ObjectHistory], scores: Sequence[float]) -> Iterator[str]:
-    for history, score in zip(who, scores, strict=True):
+def _hypotheses_json(observed: Sequence[ObjectHistory], scores: Sequence[float]) -> Iterator[str]:
+    for history, score in zip(observed, scores, strict=True):
         yield f'[["{history.obj.label}",{score}],["bucket",{round((1 - score) / 2, 4)}],["box",0.01]]'
 
 
 def _cloud(rng: np.random.Generator) -> VoxelCloud:
-    keys = np.unique(rng.integers(-8, 8, (_VOXELS, 3)), axis=0).astype(np.int32)
+    keys = np.unique(rng.integers(-8, 8, (_SAMPLES_PER_CLOUD, 3)), axis=0).astype(np.int32)
     n = len(keys)
     reals = [np.round(rng.uniform(0.5, 4, n), 1).astype(np.float32) for _ in range(3)]
     return VoxelCloud(0.02, keys, reals[0], reals[1], reals[2], rng.integers(0, 255, (n, 3)).astype(np.uint8))
 
 
-def _placed(cloud: VoxelCloud, obj: SyntheticObject) -> VoxelCloud:
+def _placed_cloud(cloud: VoxelCloud, obj: SyntheticObject) -> VoxelCloud:
     steps = np.rint(obj.box.center / cloud.voxel_m).astype(np.int32)
     return VoxelCloud(cloud.voxel_m, cloud.keys + steps, cloud.log_odds, cloud.inside, cloud.outside, cloud.rgb)
 
 
 def _sample_images(rng: np.random.Generator) -> tuple[bytes, bytes]:
-    """40 x 30 pixels of a depth image as PNG, and a crop as JPEG of 2 kB: a build keeps the best ones of an instance,
-    and here one of a hundred.
-    """
+    """A depth image of 40 x 30 pixels as PNG and a crop of 48 x 48 pixels as JPEG (2 kB)."""
     import cv2  # noqa: PLC0415 - keeps start-up light
 
     depth_mm = (2000 + 20 * rng.standard_normal((30, 40))).astype(np.uint16)
