@@ -129,9 +129,9 @@ def _warn_if_misaligned(report: Report, truth_path: Path) -> None:
 
 
 def _draw(path: Path, estimate: EstimatedMap, truth: GroundTruth, sections: Sequence[Section]) -> None:
-    from supermap_cli.evaluation.objects import score_objects as who_is_who  # noqa: PLC0415 - keeps start-up light
+    from supermap_cli.evaluation.objects import score_objects  # noqa: PLC0415 - keeps start-up light
     from supermap_cli.evaluation.plots import draw  # noqa: PLC0415
 
-    what = [section for section in ("map", "change") if section in sections]
-    draw(path, estimate, truth, who_is_who(estimate, truth), what=what)
+    panels = [section for section in ("map", "change") if section in sections]
+    draw(path, estimate, truth, score_objects(estimate, truth), panel_names=panels)
     err().print(f"drawn: {path}", markup=False)

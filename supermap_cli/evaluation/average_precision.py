@@ -15,16 +15,18 @@ from supermap_cli.evaluation.shares import mean
 from supermap_cli.geometry.arrays import BoolArray, FloatArray, IntArray, check_shape
 
 IOU_THRESHOLDS = (0.5, 0.55, 0.6, 0.65, 0.7, 0.75, 0.8, 0.85, 0.9)
-"""What AP is the mean over: the script's np.arange(0.5, 0.95, 0.05), which ends at .90."""
+"""IoU thresholds that AP is the mean over: the script's np.arange(0.5, 0.95, 0.05), which ends at .90."""
 
 LOOSE_IOU_THRESHOLD = 0.25
+"""IoU threshold of AP25 (the script's `overlaps`)."""
 MIN_POINTS = 100
-"""Points: smaller true instances are ignored, smaller predictions left out."""
+"""True instances of fewer points are ignored, predictions of fewer left out (the script's `min_region_sizes`)."""
 
 VOID = -1
-"""The label of points that are not judged: a prediction that lies mostly there is neither right nor wrong."""
+"""Label of points that are not scored: a prediction that lies mostly there is neither right nor wrong."""
 
 NO_INSTANCE = -1
+"""Instance id of points that belong to no instance."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +68,7 @@ def instance_average_precision(
 ) -> AveragePrecision:
     """AP (mean over IoU thresholds .50, .55, ..., .90), AP50 and AP25 of predicted instances on n points.
 
-    `gt_labels` (n,) is each point's class, `VOID` where it is not judged; `gt_instances` (n,) the id of its instance,
+    `gt_labels` (n,) is each point's class, `VOID` where it is not scored; `gt_instances` (n,) the id of its instance,
     `NO_INSTANCE` for what belongs to none (a prediction there is wrong). Several scenes: put their points one after the
     other and number all instances apart.
 
@@ -79,11 +81,11 @@ def instance_average_precision(
     """
     check_shape("gt_labels", gt_labels, (None,))
     check_shape("gt_instances", gt_instances, (len(gt_labels),))
-    judged = [prediction for prediction in predictions if len(prediction.points) >= max(min_points, 1)]
+    scored = [prediction for prediction in predictions if len(prediction.points) >= max(min_points, 1)]
     classes = []
     for label in np.unique(gt_labels[(gt_labels != VOID) & (gt_instances != NO_INSTANCE)]).tolist():
         overlaps = _overlaps(
-            gt_labels, gt_instances, [prediction for prediction in judged if prediction.label == label], label
+            gt_labels, gt_instances, [prediction for prediction in scored if prediction.label == label], label
         )
         large = overlaps.true_sizes >= min_points
         if large.any():
@@ -153,15 +155,15 @@ def _classify_predictions(overlaps: _Overlaps, large: BoolArray, threshold: floa
     A prediction that could find two true instances (below IoU .5 only) finds the first.
     """
     enough = overlaps.iou > threshold
-    spent = np.zeros(len(overlaps.confidences), dtype=bool)
+    assigned = np.zeros(len(overlaps.confidences), dtype=bool)
     right, wrong = [], []
     for true in np.flatnonzero(large):
-        claims = np.flatnonzero(enough[:, true] & ~spent)
-        if len(claims):
-            spent[claims[0]] = True
-            *others, best = sorted(overlaps.confidences[claims].tolist())
+        candidates = np.flatnonzero(enough[:, true] & ~assigned)
+        if len(candidates):
+            assigned[candidates[0]] = True
+            *others, best = sorted(overlaps.confidences[candidates].tolist())
             right.append(best)
             wrong.extend(others)
     ignored = overlaps.void + overlaps.shared[:, ~large].sum(axis=1)
-    stray = ~enough.any(axis=1) & (ignored / overlaps.predicted_sizes <= threshold)
-    return right, wrong + overlaps.confidences[stray].tolist()
+    unmatched = ~enough.any(axis=1) & (ignored / overlaps.predicted_sizes <= threshold)
+    return right, wrong + overlaps.confidences[unmatched].tolist()

@@ -1,4 +1,6 @@
-"""Detection recall and change recall of changed objects, as the paper SuperMap measures them, frame by frame."""
+"""Detection recall and change recall of changed objects, frame by frame (the change detection metrics of the paper
+SuperMap).
+"""
 
 from __future__ import annotations
 
@@ -78,7 +80,7 @@ class ChangeRecallScores:
 
 
 def score_change_recall(estimate: EstimatedMap, truth: GroundTruth) -> ChangeRecallScores:
-    """Ask the map at every keyframe about every changed place."""
+    """Compare the map with the truth at every keyframe for every changed place."""
     known = known_truth(estimate, truth)
     believed_positions = BelievedPositions(estimate, known)
     rows = tuple(
@@ -105,7 +107,7 @@ def score_change_recall(estimate: EstimatedMap, truth: GroundTruth) -> ChangeRec
 def changed_places(known: KnownTruth, truth: GroundTruth) -> dict[int, tuple[str, ...]]:
     """Every place (position in `known.places`) that a change of the mapped traversals filled or emptied, and how."""
     mapped = {traversal.name for traversal in known.traversals}
-    happened: dict[int, tuple[str, ...]] = {}
+    changes_of_place: dict[int, tuple[str, ...]] = {}
     for change in truth.changes:
         if not mapped.issuperset(change.between) or known.end_ns is None or change.stamp_ns > known.end_ns:
             continue
@@ -116,12 +118,12 @@ def changed_places(known: KnownTruth, truth: GroundTruth) -> dict[int, tuple[str
         ):
             place = known.place_of(change.object_id, index)
             if place is not None:
-                happened[place] = (*happened.get(place, ()), word)
-    return happened
+                changes_of_place[place] = (*changes_of_place.get(place, ()), word)
+    return changes_of_place
 
 
 class BelievedPositions:
-    """Where the map holds its instances to be, at every keyframe that the truth knows: (n, k, 3), NaN where nowhere."""
+    """Centroids (n, k, 3) of the map's instances at every keyframe that the truth knows; NaN where one is absent."""
 
     def __init__(self, estimate: EstimatedMap, known: KnownTruth) -> None:
         self.known = known
@@ -133,25 +135,25 @@ class BelievedPositions:
                     self.centroids[row, k] = state.centroid
 
     def there(self, place: int) -> BoolArray:
-        """(k,): an instance of the place's label is held to be in the place, not in another one."""
-        wanted = self.known.places[place]
-        alike = [row for row, label in enumerate(self.labels) if same_label(label, wanted.object.label)]
-        believed = self.centroids[alike]
+        """(k,): the map has an instance of the place's label in the place, and not in another one."""
+        target = self.known.places[place]
+        same_class = [row for row, label in enumerate(self.labels) if same_label(label, target.object.label)]
+        believed = self.centroids[same_class]
         distance_m = self._distances_m(believed, [place])[0]
         competing = self._competing_places(place)
         competing_m = self._distances_m(believed, competing)
-        competing_m[~self._competing_at(place, competing)[:, None, :].repeat(len(alike), axis=1)] = np.inf
-        nearest_rival_m = competing_m.min(axis=0, initial=np.inf)
-        there: BoolArray = ((distance_m < MAX_MATCH_DISTANCE_M) & (distance_m <= nearest_rival_m)).any(axis=0)
+        competing_m[~self._competing_at(place, competing)[:, None, :].repeat(len(same_class), axis=1)] = np.inf
+        nearest_competing_m = competing_m.min(axis=0, initial=np.inf)
+        there: BoolArray = ((distance_m < MAX_MATCH_DISTANCE_M) & (distance_m <= nearest_competing_m)).any(axis=0)
         return there
 
     def _competing_places(self, place: int) -> list[int]:
-        """Other places of the object, and places of other things of its label."""
+        """Other places of the object, and places of other objects of its label."""
         label = self.known.places[place].object.label
         return [k for k, other in enumerate(self.known.places) if k != place and same_label(other.object.label, label)]
 
     def _competing_at(self, place: int, competing: Sequence[int]) -> BoolArray:
-        """(r, k): a place of the object always does, one of another thing while that stands there."""
+        """(r, k): which competing places count: those of the object always, those of others while they stand there."""
         own = [self.known.places[k].object.id == self.known.places[place].object.id for k in competing]
         competes: BoolArray = self.known.present[list(competing)] | np.array(own, dtype=bool)[:, None]
         return competes
@@ -167,11 +169,11 @@ class BelievedPositions:
 def _changed_place(place: int, changes: tuple[str, ...], believed_positions: BelievedPositions) -> ChangedPlace:
     known = believed_positions.known
     there = believed_positions.there(place)
-    asked_there, asked_left = known.in_view_with_object[place], known.in_view_left[place]
-    asked_before = known.in_view_empty[place] & ~asked_left
-    wrong = np.flatnonzero((asked_there & ~there) | (asked_left & there))
-    there_samples, there_right = int(asked_there.sum()), int((asked_there & there).sum())
-    left_samples, left_right = int(asked_left.sum()), int((asked_left & ~there).sum())
+    samples_there, samples_left = known.in_view_with_object[place], known.in_view_left[place]
+    samples_before = known.in_view_empty[place] & ~samples_left
+    wrong = np.flatnonzero((samples_there & ~there) | (samples_left & there))
+    there_samples, there_right = int(samples_there.sum()), int((samples_there & there).sum())
+    left_samples, left_right = int(samples_left.sum()), int((samples_left & ~there).sum())
     return ChangedPlace(
         object_id=known.places[place].object.id,
         label=known.places[place].object.label,
@@ -180,8 +182,8 @@ def _changed_place(place: int, changes: tuple[str, ...], believed_positions: Bel
         there_right=there_right,
         left_samples=left_samples,
         left_right=left_right,
-        before_samples=int(asked_before.sum()),
-        before_right=int((asked_before & ~there).sum()),
+        before_samples=int(samples_before.sum()),
+        before_right=int((samples_before & ~there).sum()),
         detection_recall=share(there_right, there_samples),
         change_recall=share(there_right + left_right, there_samples + left_samples),
         first_wrong_ns=int(known.stamps_ns[wrong[0]]) if len(wrong) else None,

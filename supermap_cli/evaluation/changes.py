@@ -1,4 +1,4 @@
-"""What the map reports to have changed between its last two traversals, against what did."""
+"""Precision, recall and F1 of the changes that the map reports between its last two traversals."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.types.truth import GroundTruth
 
 MAX_CHANGE_OFFSET_M = 0.5
-"""A change is reported in the right place if its centroids lie within this of the true ones."""
+"""Metres within which the centroids of a reported change must lie of the true ones. Chosen."""
 
 
 @dataclass(frozen=True)
@@ -70,14 +70,14 @@ class ChangeScores:
 
 
 def score_changes(estimate: EstimatedMap, truth: GroundTruth) -> ChangeScores:
-    """Judge the reported changes."""
+    """Score the reported changes."""
     known = known_truth(estimate, truth)
     if len(known.traversals) < 2:
         return ChangeScores(None, None, None, None, None, None, 0, (), (), ())
     changes = net_changes(known)
     reports = [ReportedChange.of(change, estimate) for change in estimate.changes]
-    matching = _judge(reports, changes)
-    false = _false_rows(matching.false, _unchanged_instances(estimate, known, changes))
+    matching = _match_changes(reports, changes)
+    false = _false_changes(matching.false, _unchanged_instances(estimate, known, changes))
     return ChangeScores(
         between=(known.traversals[-2].name, known.traversals[-1].name),
         overall=matching.of_kinds("appeared", "disappeared", "moved"),
@@ -97,7 +97,7 @@ def score_changes(estimate: EstimatedMap, truth: GroundTruth) -> ChangeScores:
 
 @dataclass(frozen=True, eq=False)
 class ReportedChange:
-    """A reported change with the ends (3,) that its kind has; what names no place lies where its instance lies."""
+    """A reported change with the positions (3,) that its kind has; without one, that of its instance is taken."""
 
     change: EstimatedChange
     before: FloatArray | None
@@ -105,7 +105,7 @@ class ReportedChange:
 
     @classmethod
     def of(cls, change: EstimatedChange, estimate: EstimatedMap) -> ReportedChange:
-        """Complete a change by the map's instance."""
+        """Fill in missing positions from the map's instance."""
         own = next((instance.centroid for instance in estimate.objects if instance.id == change.object_id), None)
         before = change.position_before if change.position_before is not None else own
         after = change.position_after if change.position_after is not None else own
@@ -116,13 +116,13 @@ class ReportedChange:
         )
 
     def offset_m(self, change: NetChange) -> float:
-        """How far its ends lie from those of a true change of its kind, at most; infinite for another kind."""
+        """Greatest distance of its positions from those of a true change; infinite for another kind."""
         if self.change.kind != change.kind:
             return np.inf
         return max(_distance_m(self.before, change.before), _distance_m(self.after, change.after))
 
     def touches_only(self, places: Iterable[Place]) -> bool:
-        """Whether each of its ends lies in one of these places."""
+        """Whether each of its positions lies in one of these places."""
         ends = [end for end in (self.before, self.after) if end is not None]
         return bool(ends) and all(
             any(_distance_m(end, place) < MAX_CHANGE_OFFSET_M for place in places) for end in ends
@@ -131,7 +131,7 @@ class ReportedChange:
 
 @dataclass(frozen=True)
 class ChangeMatching:
-    """True changes found and missed, false reports, and those missed moves that were reported as two changes."""
+    """True changes found and missed, false reports, and the missed moves that were reported as two changes."""
 
     found: tuple[NetChange, ...]
     missed: tuple[NetChange, ...]
@@ -139,7 +139,7 @@ class ChangeMatching:
     split_moves: tuple[NetChange, ...]
 
     def of_kinds(self, *kinds: str) -> PrecisionRecall:
-        """The strict counts of some kinds of change."""
+        """Strict scores of some kinds of change."""
         return precision_recall(
             sum(change.kind in kinds for change in self.found),
             sum(report.change.kind in kinds for report in self.false),
@@ -147,12 +147,14 @@ class ChangeMatching:
         )
 
     def lenient(self) -> PrecisionRecall:
-        """The counts if two halves of a move make a move."""
-        halved = len(self.split_moves)
-        return precision_recall(len(self.found) + halved, len(self.false) - 2 * halved, len(self.missed) - halved)
+        """Scores in which a disappearance and an appearance make a move."""
+        split_count = len(self.split_moves)
+        return precision_recall(
+            len(self.found) + split_count, len(self.false) - 2 * split_count, len(self.missed) - split_count
+        )
 
 
-def _judge(reports: Sequence[ReportedChange], changes: NetChanges) -> ChangeMatching:
+def _match_changes(reports: Sequence[ReportedChange], changes: NetChanges) -> ChangeMatching:
     offsets_m = np.array([[report.offset_m(change) for change in changes.judged] for report in reports])
     offsets_m = offsets_m.reshape(len(reports), len(changes.judged))
     pairs = match_one_to_one(offsets_m < MAX_CHANGE_OFFSET_M, 1 - np.minimum(offsets_m / MAX_CHANGE_OFFSET_M, 1.0))
@@ -172,25 +174,25 @@ def _judge(reports: Sequence[ReportedChange], changes: NetChanges) -> ChangeMatc
 
 
 def _split_moves(missed: Sequence[NetChange], false: Sequence[ReportedChange]) -> tuple[NetChange, ...]:
-    """The missed moves whose old place was reported empty and whose new place filled, each report used once."""
-    left = list(false)
+    """The missed moves that were reported as a disappearance and an appearance; no report is used twice."""
+    unused = list(false)
     split_moves = []
     for change in (move for move in missed if move.kind == "moved"):
-        gone = next(
-            (report for report in left if report.offset_m(NetChange(change.before, None)) < MAX_CHANGE_OFFSET_M), None
+        disappearance = next(
+            (report for report in unused if report.offset_m(NetChange(change.before, None)) < MAX_CHANGE_OFFSET_M), None
         )
-        came = next(
-            (report for report in left if report.offset_m(NetChange(None, change.after)) < MAX_CHANGE_OFFSET_M), None
+        appearance = next(
+            (report for report in unused if report.offset_m(NetChange(None, change.after)) < MAX_CHANGE_OFFSET_M), None
         )
-        if gone is not None and came is not None:
+        if disappearance is not None and appearance is not None:
             split_moves.append(change)
-            left.remove(gone)
-            left.remove(came)
+            unused.remove(disappearance)
+            unused.remove(appearance)
     return tuple(split_moves)
 
 
 def _unchanged_instances(estimate: EstimatedMap, known: KnownTruth, changes: NetChanges) -> dict[str, str]:
-    """Instance -> the unchanged true object that one of its states is."""
+    """Instance id -> id of the unchanged true object that one of its states is."""
     of_instance = {}
     for instance, states in zip(estimate.objects, identify(estimate, known), strict=True):
         for state in states:
@@ -199,7 +201,7 @@ def _unchanged_instances(estimate: EstimatedMap, known: KnownTruth, changes: Net
     return of_instance
 
 
-def _false_rows(false: Iterable[ReportedChange], unchanged: dict[str, str]) -> tuple[FalseChange, ...]:
+def _false_changes(false: Iterable[ReportedChange], unchanged: dict[str, str]) -> tuple[FalseChange, ...]:
     changes = [report.change for report in false]
     return tuple(
         FalseChange(change.kind, change.object_id, change.label, unchanged.get(change.object_id)) for change in changes
@@ -207,7 +209,7 @@ def _false_rows(false: Iterable[ReportedChange], unchanged: dict[str, str]) -> t
 
 
 def _distance_m(end: FloatArray | None, place: Place | None) -> float:
-    """From a reported end to a true one; infinite where one is missing, 0 where neither is."""
+    """Distance of a reported position from a true place; infinite where one of them is missing, 0 where both are."""
     if end is None or place is None:
         return 0.0 if end is None and place is None else np.inf
     return float(np.linalg.norm(end - place.centroid))

@@ -1,4 +1,4 @@
-"""Is one thing one thing? Doubles, switches, what kept its identity when it moved, and what stays on as a ghost."""
+"""Identity over time: duplicates, switches, relocated objects, stale instances, person passages, IDF1, HOTA."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class ObjectInstances:
 
 @dataclass(frozen=True)
 class RelocatedObject:
-    """An object that moved: which instances came to its new place, and the one that had stood at the old one."""
+    """A moved object: the instances at its new place, and the one of them with a state at the old place (`kept`)."""
 
     object_id: str
     label: str
@@ -49,7 +49,7 @@ class StaleInstance:
 
 @dataclass(frozen=True)
 class IdentityScores:
-    """Who is who over time; which instance is which true object says `matching.identify`, whatever the labels.
+    """Identity scores; `matching.identify` says which instance is which true object, whatever the labels.
 
     - `instances_per_object`: the mean number of instances, present or not, that are one countable object at some time,
       over the `found_objects` that are at least one; `several` lists those that are more, `never_found` the others.
@@ -63,7 +63,7 @@ class IdentityScores:
     - `stale`: present instances at the end that are near no standing object (`Closeness.near`) but near a place that an
       object has left; `stale_share` is their share of all present instances, `None` where there are none.
       `vacated_places` counts the well-shown places that are empty at the end and were in view since.
-    - `passages`: whether who walks by is followed as one.
+    - `passages`: whether a person who walks by is one instance.
     - `tracking`: IDF1 and HOTA.
     """
 
@@ -85,15 +85,15 @@ class IdentityScores:
 
 
 def score_identity(estimate: EstimatedMap, truth: GroundTruth) -> IdentityScores:
-    """Follow all identities through the map's time."""
+    """Score the identities of all instances over time."""
     known = known_truth(estimate, truth)
     identified = identify(estimate, known)
     objects = _instances_of_objects(estimate, known, identified)
     found = [obj for obj in objects if obj.instances]
     observers = observers_of_static_objects(estimate, known, identified)
     switched = switches(observers)
-    relocated = _relocated(estimate, truth, known, identified)
-    stale = _stale(estimate, known)
+    relocated = _relocated_objects(estimate, truth, known, identified)
+    stale = _stale_instances(estimate, known)
     return IdentityScores(
         instances_per_object=mean(len(obj.instances) for obj in found),
         found_objects=len(found),
@@ -116,7 +116,7 @@ def score_identity(estimate: EstimatedMap, truth: GroundTruth) -> IdentityScores
 def _instances_of_objects(
     estimate: EstimatedMap, known: KnownTruth, identified: Sequence[Sequence[TrueIdentity | None]]
 ) -> list[ObjectInstances]:
-    """Every countable object with all instances that are it at some time."""
+    """Every countable object with all instances identified as it at some time."""
     labels = {place.object.id: place.object.label for place in known.places if place.countable}
     instances: dict[str, list[str]] = {object_id: [] for object_id in labels}
     for instance, states in zip(estimate.objects, identified, strict=True):
@@ -126,13 +126,13 @@ def _instances_of_objects(
     return [ObjectInstances(object_id, labels[object_id], tuple(ids)) for object_id, ids in instances.items()]
 
 
-def _relocated(
+def _relocated_objects(
     estimate: EstimatedMap,
     truth: GroundTruth,
     known: KnownTruth,
     identified: Sequence[Sequence[TrueIdentity | None]],
 ) -> tuple[RelocatedObject, ...]:
-    """Every true move between two places that images showed well."""
+    """Every true move between two countable places."""
     mapped = {traversal.name for traversal in known.traversals}
     rows = []
     for change in truth.changes:
@@ -167,7 +167,7 @@ def _states_in(
     }
 
 
-def _stale(estimate: EstimatedMap, known: KnownTruth) -> tuple[StaleInstance, ...]:
+def _stale_instances(estimate: EstimatedMap, known: KnownTruth) -> tuple[StaleInstance, ...]:
     present = [instance for instance in estimate.objects if instance.presence == "present"]
     near = closeness(present, known.places).near
     standing = np.isin(np.arange(len(known.places)), known.standing)
@@ -182,5 +182,5 @@ def _stale(estimate: EstimatedMap, known: KnownTruth) -> tuple[StaleInstance, ..
 
 
 def _seen_empty(place: int, known: KnownTruth) -> bool:
-    """Whether an object has left a place, and a keyframe since then had it in view."""
+    """Whether an object has left a place, and a keyframe since then had the place in view."""
     return bool(known.in_view_left[place].any())

@@ -1,4 +1,4 @@
-"""ScanNet's instance segmentation figures of the map at its end."""
+"""ScanNet's instance segmentation scores of the map at its end."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from supermap_cli.geometry.arrays import IntArray
 from supermap_cli.types.truth import GroundTruth
 
 BACKGROUND = 0
-"""The class of the building's points; no prediction has it. The objects' classes follow."""
+"""Class of the building's points; no prediction has it. The objects' classes are 1, 2, ..."""
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ class InstanceScores:
 
 
 def score_instances(estimate: EstimatedMap, truth: GroundTruth) -> InstanceScores:
-    """Judge the shapes of the present instances."""
+    """Score the shapes of the present instances."""
     known = known_truth(estimate, truth)
     if known.gap is not None:
         return InstanceScores(None, None, None, None, None, None, (), (), (), known.gap)

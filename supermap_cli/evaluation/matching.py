@@ -1,4 +1,4 @@
-"""Who is who: which estimated thing is which true one."""
+"""Matching of estimated with true objects: gates, one-to-one assignment, identity of states."""
 
 from __future__ import annotations
 
@@ -14,11 +14,13 @@ from supermap_cli.geometry.arrays import BoolArray, FloatArray
 from supermap_cli.geometry.boxes import Box3D, box_iou
 
 MIN_MATCH_IOU = 0.1
+"""3D IoU of boxes above which two may match: low, because a robot sees objects from some sides only. Chosen."""
 MAX_MATCH_DISTANCE_M = 0.3
+"""Metres between centroids below which two may match. Chosen."""
 
 
 class Locatable(Protocol):
-    """Whatever stands somewhere: an instance, one of its states, a true place."""
+    """Anything with a centroid and a box in the world: an instance, one of its states, a true place."""
 
     @property
     def centroid(self) -> FloatArray:
@@ -31,7 +33,7 @@ class Locatable(Protocol):
 
 @dataclass(frozen=True)
 class Closeness:
-    """How n estimated things lie to m true ones: `iou` (n, m) of their boxes, `distance_m` (n, m) of their centroids.
+    """Box IoU (n, m) and centroid distance (n, m) of n estimated and m true objects.
 
     `near` (n, m) is the gate that all matching shares: IoU > `MIN_MATCH_IOU` and distance < `MAX_MATCH_DISTANCE_M`.
     """
@@ -41,7 +43,7 @@ class Closeness:
 
     @property
     def near(self) -> BoolArray:
-        """(n, m): close enough to be the same thing in the same place."""
+        """(n, m): close enough to be the same object in the same place."""
         gate: BoolArray = (self.iou > MIN_MATCH_IOU) & (self.distance_m < MAX_MATCH_DISTANCE_M)
         return gate
 
@@ -54,9 +56,9 @@ def closeness(estimated: Sequence[Locatable], true: Sequence[Locatable]) -> Clos
     return Closeness(rounded_off, np.linalg.norm(offsets, axis=2))
 
 
-def centroids(things: Sequence[Locatable]) -> FloatArray:
-    """The centroids (n, 3) of n things."""
-    return np.array([thing.centroid for thing in things], np.float64).reshape(-1, 3)
+def centroids(objects: Sequence[Locatable]) -> FloatArray:
+    """The centroids (n, 3) of n objects."""
+    return np.array([obj.centroid for obj in objects], np.float64).reshape(-1, 3)
 
 
 def same_label(first: str, second: str) -> bool:
@@ -78,26 +80,26 @@ def match_one_to_one(allowed: BoolArray, preference: FloatArray) -> tuple[tuple[
 
     if not allowed.any():
         return ()
-    more_than_all_preferences = min(allowed.shape) + 1
-    gain = np.where(allowed, more_than_all_preferences + preference, 0.0)
+    pair_bonus = min(allowed.shape) + 1
+    gain = np.where(allowed, pair_bonus + preference, 0.0)
     rows, columns = linear_sum_assignment(gain, maximize=True)
     return tuple((int(r), int(c)) for r, c in zip(rows, columns, strict=True) if allowed[r, c])
 
 
 @dataclass(frozen=True)
 class TrueIdentity:
-    """What one state of an instance is: a true object, in one or more of its places (positions in `places`)."""
+    """The true object that a state of an instance is, and the places (indices into `places`) it was matched with."""
 
     object_id: str
     places: frozenset[int]
 
 
 def identify(estimate: EstimatedMap, known: KnownTruth) -> tuple[tuple[TrueIdentity | None, ...], ...]:
-    """For every instance, what each of its states is; `None` where nothing true stood there then.
+    """For every instance, the true identity of each of its states; `None` where no object stood there then.
 
     A state is the object whose place it is near (`Closeness.near`, whatever the label) and that stood there at some
-    time between the state's first and last sight; among several the one with the greatest IoU. What the map went on
-    believing after it last saw the thing does not count here.
+    time between the state's first and last observation; among several the one with the greatest IoU. The time after
+    the last observation does not count.
     """
     return tuple(_identify(instance.states, known) for instance in estimate.objects)
 

@@ -1,4 +1,4 @@
-"""Which traversal of a map is which of the truth: by the fingerprints of the recordings, never by their names."""
+"""Pairs the traversals of a map with those of the truth, by the fingerprints of the recordings, never by name."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from supermap_cli.memory.values import StoredTraversal
 from supermap_cli.recordings.fingerprint import window_fingerprint
 from supermap_cli.types.truth import GroundTruth, TrueTraversal
 
-Pairs = dict[int, tuple[TrueTraversal, ...]]
-"""By the id of a map's traversal, those of the truth that it is; several only where they are told by their time."""
+TraversalPairs = dict[int, tuple[TrueTraversal, ...]]
+"""Id of a map's traversal -> its true traversals; several only where they are paired by time."""
 
 
-def pair_traversals(reader: MapReader, truth: GroundTruth) -> Pairs:
+def pair_traversals(reader: MapReader, truth: GroundTruth) -> TraversalPairs:
     """Find every traversal of the map in the truth. The truth may know of more.
 
     Raises `EvaluationError` where the truth belongs to other recordings, and where the map holds a traversal that it
@@ -35,10 +35,10 @@ def pair_traversals(reader: MapReader, truth: GroundTruth) -> Pairs:
 
 
 def _true_traversals(mapped: StoredTraversal, truth: GroundTruth) -> tuple[TrueTraversal, ...]:
-    """By fingerprint; by time where the truth has none."""
+    """The true traversals of a mapped one, by fingerprint; by time where the truth has none."""
     same = [true for true in truth.traversals if _is_same_recording(mapped, true)]
-    unnamed = [true for true in truth.traversals if true.fingerprint is None]
-    return tuple(same or [true for true in unnamed if _overlap_in_time(mapped, true)])
+    without_fingerprint = [true for true in truth.traversals if true.fingerprint is None]
+    return tuple(same or [true for true in without_fingerprint if _overlap_in_time(mapped, true)])
 
 
 def _is_same_recording(mapped: StoredTraversal, true: TrueTraversal) -> bool:

@@ -1,4 +1,4 @@
-"""Who walks by: whether one passage of a person is one instance."""
+"""Tracking of people who walk by: whether one passage of a person is one instance."""
 
 from __future__ import annotations
 
@@ -17,29 +17,30 @@ from supermap_cli.geometry.arrays import FloatArray, IntArray
 from supermap_cli.types.truth import GroundTruth, TrueMotion, TrueObject, TrueTraversal
 
 MAX_PASSAGE_GAP_NS = 3_000_000_000
-"""Who is out of sight no longer than this still passes: a pillar or the image's edge hides for so long."""
+"""Nanoseconds (3 s) without view that do not end a passage: occlusion by a pillar, or the image's edge. Chosen."""
 
 MAX_OBSERVATION_OFFSET_M = 0.8
-"""An observation is of a person whose middle was within this of it, on the floor plane: half a stride and a shoulder
-(0.4 m), what is seen of the near side only, and the odometry's error.
+"""Metres on the floor plane between an observation and the person's centre: half a stride and a shoulder (0.4 m), the
+near side only being seen, and the odometry's error. Chosen.
 """
 
 AMBIGUITY_RADIUS_M = 0.4
-"""Of two people whose middles are nearer to one another than a body is wide, nobody can tell who was observed: such
-observations count for neither.
+"""Metres between two people below which an observation cannot be assigned to one of them and counts for neither: the
+width of a body.
 """
 
 MIN_OBSERVATIONS = 3
-"""A passage of which the map has fewer observations says nothing of who was followed."""
+"""Passages with fewer observations are not scored. Chosen."""
 
 MIN_FOLLOWED_SHARE = 0.9
-"""A passage is followed as one if one instance has at least this share of its observations."""
+"""Share of a passage's observations that one instance must have for the passage to count as followed. Chosen."""
 
 
 @dataclass(frozen=True)
 class ObservedPassage:
-    """One passage of a person: in how many `keyframes`, from `first_ns` to `last_ns`, it is well visible, in how many
-    of those the map observed the person (`observed`), and by which `instances`, most observations first.
+    """One passage of a person, well visible in `keyframes` keyframes from `first_ns` to `last_ns`.
+
+    In `observed` of them the map observed the person, by `instances` (most observations first).
     """
 
     object_id: str
@@ -52,26 +53,26 @@ class ObservedPassage:
 
     @property
     def judged(self) -> bool:
-        """Whether the map has observed enough of it."""
+        """Whether it has enough observations to be scored."""
         return self.observed >= MIN_OBSERVATIONS
 
     @property
     def followed(self) -> bool:
-        """Whether it is one instance's."""
+        """Whether one instance has nearly all of its observations."""
         return self.followed_share is not None and self.followed_share >= MIN_FOLLOWED_SHARE
 
 
 @dataclass(frozen=True)
 class PassageScores:
-    """How far who walks by is followed as one.
+    """Scores of person passages.
 
     A passage is a run of mapped keyframes in which a person in motion is well visible, by the measure of what else is
     countable (`known_truth`: 100 pixels, 0.2 of the front), with gaps of at most 3 s. Of every keyframe of it, the
     observation by an instance labelled "person" that lies nearest to where the person then was counts, within 0.8 m on
     the floor plane, not nearer to another person, and not while another is within 0.4 m of the person; instances that
-    are doubted by now count as well, since who walked by is no part of the map. `followed` is the share, of those
-    `judged` passages with at least three observations, in which one instance has at least 0.9 of them; `None` where
-    there is none. `broken` lists the others, `passages` counts all.
+    are demoted by now count as well, since people who walked by are no part of the map. `followed` is the share, of
+    those `judged` passages with at least three observations, in which one instance has at least 0.9 of them; `None`
+    where there is none. `broken` lists the others, `passages` counts all.
     """
 
     followed: float | None
@@ -81,7 +82,7 @@ class PassageScores:
 
 
 def score_passages(estimate: EstimatedMap, truth: GroundTruth) -> PassageScores:
-    """Follow every person through every passage."""
+    """Score every passage of every person."""
     found = list(_passages(estimate, truth))
     judged = [passage for passage in found if passage.judged]
     broken = tuple(passage for passage in judged if not passage.followed)
@@ -99,7 +100,7 @@ def _passages(estimate: EstimatedMap, truth: GroundTruth) -> Iterator[ObservedPa
 
 
 def split_at_gaps(stamps_ns: IntArray) -> list[IntArray]:
-    """Stamps (n,), ascending, parted wherever two of them are farther apart than `MAX_PASSAGE_GAP_NS`."""
+    """Split ascending stamps (n,) at gaps longer than `MAX_PASSAGE_GAP_NS`."""
     if not len(stamps_ns):
         return []
     return np.split(stamps_ns, np.flatnonzero(np.diff(stamps_ns) > MAX_PASSAGE_GAP_NS) + 1)
@@ -153,7 +154,7 @@ def _sightings(instance: EstimatedObject, people: Sequence[TrueObject]) -> Itera
 
 
 def _is_ambiguous(person_id: str, moving: Mapping[str, FloatArray]) -> bool:
-    """Whether somebody else is where a person is."""
+    """Whether another person is too close to tell the two apart."""
     return any(
         other != person_id and float(np.linalg.norm(at - moving[person_id])) < AMBIGUITY_RADIUS_M
         for other, at in moving.items()
@@ -161,7 +162,7 @@ def _is_ambiguous(person_id: str, moving: Mapping[str, FloatArray]) -> bool:
 
 
 def position_in_motion(motions: Sequence[TrueMotion], stamp_ns: int) -> FloatArray | None:
-    """Where (3,) a thing in motion is at a time; `None` outside its motions."""
+    """Position (3,) of a moving object at a time; `None` outside its motions."""
     for motion in motions:
         if motion.stamps_ns[0] <= stamp_ns <= motion.stamps_ns[-1]:
             return np.array([np.interp(stamp_ns, motion.stamps_ns, column) for column in motion.centers_world.T])

@@ -1,4 +1,4 @@
-"""A map as the metrics see it: what the memory holds and answers, laid over the truth."""
+"""Reads a map for evaluation: objects, changes and answers, in the truth's world frame and time."""
 
 from __future__ import annotations
 
@@ -37,11 +37,11 @@ from supermap_cli.types.memory import StateRecord
 from supermap_cli.types.truth import GroundTruth
 
 CHANGE_KINDS = ("appeared", "disappeared", "moved")
-"""What of a diff says that the world changed; the rest is what stayed, or what nobody can tell."""
+"""Kinds of a diff's rows that are changes; the others are unchanged or unknown."""
 
 
 def read_map(db: str, truth_path: Path) -> tuple[EstimatedMap, GroundTruth]:
-    """A map database, laid over its truth.
+    """Read a map database and its truth, and align the two.
 
     Raises `TruthError` or `MemoryStoreError` for what cannot be read, `EvaluationError` where the two do not match.
     """
@@ -51,8 +51,8 @@ def read_map(db: str, truth_path: Path) -> tuple[EstimatedMap, GroundTruth]:
 
 
 def read_estimate(reader: MapReader, truth: GroundTruth) -> EstimatedMap:
-    """All that the metrics need of a map, in the truth's world frame; answers and changes come by the same ways as for
-    `supermap query` and `supermap diff`.
+    """All that the metrics need of a map, in the truth's world frame; answers and changes are those of `supermap query`
+    and `supermap diff`.
 
     Raises `EvaluationError` where map and truth do not belong together.
     """
@@ -72,9 +72,9 @@ def read_estimate(reader: MapReader, truth: GroundTruth) -> EstimatedMap:
 
 
 def _stretches_in_recorded_order(reader: MapReader) -> tuple[Stretch, ...]:
-    """The map's traversals, whose times are those of the truth but for shifted clocks.
+    """The map's traversals with their clock shifts.
 
-    Raises `EvaluationError` where they were built in another order than recorded: what appeared in the one order
+    Raises `EvaluationError` where they were built in another order than recorded: what appeared in one order
     disappeared in the other.
     """
     stretches = stretches_of(reader.traversals)
@@ -90,20 +90,20 @@ def _stretches_in_recorded_order(reader: MapReader) -> tuple[Stretch, ...]:
 
 @dataclass(frozen=True)
 class WorldTransform:
-    """Brings what stands in the map frame into the world, and what has the map's time into the recordings'.
+    """Transforms positions from the map frame to the world, and stamps from the map's time to the recordings' own.
 
-    The frames differ by a turn about z and a translation.
+    The frames differ by a rotation about z and a translation.
     """
 
     T_world_map: FloatArray
     stretches: tuple[Stretch, ...]
 
     def time(self, stamp_ns: int) -> int:
-        """A time by the clock of its recording."""
+        """A stamp by the clock of its recording."""
         return own_time(self.stretches, stamp_ns)
 
     def times(self, *stamps_ns: int | None) -> Iterator[int | None]:
-        """Such times."""
+        """Several stamps, `None` staying `None`."""
         return (None if stamp_ns is None else self.time(stamp_ns) for stamp_ns in stamps_ns)
 
     def points(self, points_map: FloatArray) -> FloatArray:
@@ -138,13 +138,13 @@ def _object(reader: MapReader, instance: StoredInstance, to_world: WorldTransfor
 
 
 def _confidence(instance: StoredInstance) -> float:
-    """The probability that it is real and what its label says."""
+    """Probability that it exists and has its label."""
     exists = 1 / (1 + np.exp(-instance.existence_log_odds))
     return float(exists * instance.label_belief.get(instance.label, 0.0))
 
 
 def _solid_points(reader: MapReader, instance: StoredInstance) -> FloatArray:
-    """(n, 3) centres of the voxels that the map takes for the object's, in the map frame."""
+    """(n, 3) centres of the object's occupied voxels, in the map frame."""
     voxels = voxel_map_from_cloud(reader.voxels(instance))
     solid = voxels.solid()
     return voxels.centers()[solid] if solid.any() else voxels.centers()
@@ -164,7 +164,7 @@ def _state(state: StateRecord, label: str, to_world: WorldTransform) -> Estimate
 
 
 def _changes(reader: MapReader, to_world: WorldTransform) -> tuple[EstimatedChange, ...]:
-    """What the map says of the change between its last two traversals."""
+    """The changes that the map reports between its last two traversals."""
     if len(reader.traversals) < 2:
         return ()
 

@@ -1,4 +1,4 @@
-"""Semantic segmentation figures of the map at its end, as in the open-vocabulary mapping literature.
+"""Semantic segmentation scores of the map at its end, as in the open-vocabulary mapping literature.
 
 Sources: ConceptGraphs (Gu et al., ICRA 2024; conceptgraph/utils/eval.py), HOV-SG (Werby et al., RSS 2024;
 hovsg/utils/metric.py), ConceptFusion (Jatavallabhula et al., RSS 2023); the four figures are those of Long et al.,
@@ -22,13 +22,17 @@ from supermap_cli.geometry.voxels import pack_keys, voxel_keys
 from supermap_cli.types.truth import GroundTruth
 
 VOXEL_M = 0.05
+"""Edge of the scored voxels in metres. Chosen."""
 VOID = -1
+"""Label of voxels that are not scored."""
 BACKGROUND = 0
+"""Label of the building."""
 OTHER = 1
-"""Every label that the truth does not have: always wrong. The truth's labels follow."""
+"""Stands for every label that the truth does not have; always wrong. The truth's labels are 2, 3, ..."""
 
 BACKGROUND_NAME = "background"
 MAX_CONFUSIONS = 10
+"""Confused pairs of labels that are listed."""
 
 
 @dataclass(frozen=True)
@@ -127,7 +131,7 @@ class SemanticScores:
 
 
 def score_semantics(estimate: EstimatedMap, truth: GroundTruth) -> SemanticScores:
-    """Judge what the map calls every visible surface."""
+    """Score the labels of all seen surfaces."""
     known = known_truth(estimate, truth)
     if known.gap is not None:
         nothing = SemanticFigures(None, None, None, None)

@@ -1,4 +1,4 @@
-"""The true surfaces that images showed, as labelled points, and which instance of the map lies nearest to each."""
+"""True surfaces that images showed as labelled points, and the nearest instance of the map to each point."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from supermap_cli.geometry.arrays import BoolArray, FloatArray, IntArray
 from supermap_cli.types.truth import GroundTruth
 
 MAX_SURFACE_DISTANCE_M = 0.05
-"""A sample belongs to the instance that has the nearest point, if that lies within this."""
+"""Metres within which the instance with the nearest point gets a sample. Chosen: `semantics.VOXEL_M`."""
 
 UNASSIGNED = -1
-"""As an index it takes the last entry: tables by place or by instance end with the one for nobody."""
+"""Index of samples without a place or instance; as -1 it selects the last entry, which tables reserve for it."""
 
 
 @dataclass(frozen=True)
@@ -42,11 +42,11 @@ def seen_surface(truth: GroundTruth, known: KnownTruth) -> SeenSurface:
     """
     places = tuple(known.places[k] for k in known.standing)
     of_objects = [place.object.surface_world(place.state) for place in places]
-    whole = np.concatenate(
+    whole_surfaces = np.concatenate(
         [np.zeros((0, 3)), *(place.object.surface_world(place.state, only_seen=False) for place in places)]
     )
     labels = tuple(dict.fromkeys(surface.label for surface in truth.surfaces))
-    of_fixtures = [_away_from(surface.points_world.astype(np.float64), whole) for surface in truth.surfaces]
+    of_fixtures = [_away_from(surface.points_world.astype(np.float64), whole_surfaces) for surface in truth.surfaces]
     on_objects = sum(map(len, of_objects))
     on_fixtures = sum(map(len, of_fixtures))
     numbers = [labels.index(surface.label) for surface in truth.surfaces]
@@ -68,13 +68,13 @@ def nearest_instances(points: FloatArray, instances: Sequence[EstimatedObject]) 
 
 
 def _away_from(points: FloatArray, surface: FloatArray) -> FloatArray:
-    """The points that have no point of a surface within reach."""
+    """The points with no point of a surface within `MAX_SURFACE_DISTANCE_M`."""
     apart: BoolArray = _nearest(points, surface) == len(surface)
     return points[apart]
 
 
 def _nearest(points: FloatArray, cloud: FloatArray) -> IntArray:
-    """(n,): the nearest point of a cloud (m, 3), m where none is within reach."""
+    """(n,): index of the nearest point of a cloud (m, 3); m where none is within `MAX_SURFACE_DISTANCE_M`."""
     from scipy.spatial import cKDTree  # noqa: PLC0415 - heavy
 
     if not len(cloud) or not len(points):

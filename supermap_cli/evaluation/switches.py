@@ -1,4 +1,4 @@
-"""Identity switches: which instance the observations of a true object belong to, along its keyframes."""
+"""Identity switches of static objects: changes of the instance that observations of an object belong to."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from supermap_cli.geometry.arrays import BoolArray, FloatArray, IntArray
 from supermap_cli.geometry.boxes import Box3D
 
 BOX_MARGIN_M = 0.15
-"""An observation is of a true object if its centroid lies within the object's box, enlarged by this on every side."""
+"""Metres by which an object's box is enlarged on every side to contain the centroids of its observations. Chosen."""
 
 ObserversByKeyframe = dict[str, dict[int, list[str]]]
-"""True object -> keyframe -> the instances that observed it then, the nearest observation first."""
+"""True object id -> stamp of a keyframe -> instances that observed it then, nearest observation first."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class IdentitySwitch:
 
 
 def switches(observers: ObserversByKeyframe) -> tuple[IdentitySwitch, ...]:
-    """Every change of instance along an object's keyframes; while the last instance goes on observing, none."""
+    """All switches along the keyframes of every object; as long as the current instance observes it, there is none."""
     found = []
     for object_id, at in observers.items():
         current: str | None = None
@@ -48,7 +48,7 @@ def switches(observers: ObserversByKeyframe) -> tuple[IdentitySwitch, ...]:
 def observers_of_static_objects(
     estimate: EstimatedMap, known: KnownTruth, identified: Sequence[Sequence[TrueIdentity | None]]
 ) -> ObserversByKeyframe:
-    """Who observed those objects that stood in one place all the time, and when.
+    """Which instances observed the static objects (those that stood in one place all the time), and when.
 
     An observation is of the object that its instance's state then is (`identified`), if it lies within reach of that
     object's box, else of the object standing then with the nearest centroid among those within reach.
@@ -85,7 +85,7 @@ def _observations(instance: EstimatedObject) -> tuple[FloatArray, IntArray]:
 def _own_object(
     instance: EstimatedObject, states: Sequence[TrueIdentity | None], stamps_ns: IntArray
 ) -> list[str | None]:
-    """The true object that an instance is at each of these times."""
+    """(n,): id of the true object that an instance is at each stamp; `None` where it is none."""
     own: list[str | None] = [None] * len(stamps_ns)
     for state, identity in zip(instance.states, states, strict=True):
         for k in np.flatnonzero((state.first_seen_ns <= stamps_ns) & (stamps_ns <= state.last_seen_ns)):
@@ -96,7 +96,7 @@ def _own_object(
 def _observed_places(
     points: FloatArray, stamps_ns: IntArray, own: Sequence[str | None], known: KnownTruth
 ) -> list[tuple[int, int]]:
-    """Pairs (observation, place) of those n observations that are of some object."""
+    """(observation, place) of those of n observations that are of an object."""
     if not len(points) or not known.places:
         return []
     fits = within([place.box for place in known.places], points, BOX_MARGIN_M) & known.present_at(stamps_ns).T

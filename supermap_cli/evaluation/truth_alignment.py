@@ -1,8 +1,8 @@
-"""Lays a map over the truth: where the map frame stands in the world, by the robot's true way.
+"""Aligns a map with the truth: the map frame in the world, by the robot's true trajectory.
 
-Both frames are level, so that the motion between them has four degrees of freedom: a turn about the vertical and a
-translation, fitted in closed form by least squares (Umeyama 1991, without scale, in the plane). Beside the base's
-position a point one metre ahead of it and one to its left take part: a robot that hardly moved leaves no turn open.
+Both frames are level, so that the transform has four degrees of freedom: yaw and translation, fitted in closed form by
+least squares (Umeyama 1991, without scale, in the plane). Besides the base's position, a point one metre ahead of it
+and one to its left are fitted: they fix the yaw where the robot hardly moved.
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ from supermap_cli.types.sensing import StampedPose
 from supermap_cli.types.truth import GroundTruth, TrueTraversal
 
 MAX_GAP_S = 1.0
-"""Between true poses farther apart than this nothing is interpolated."""
+"""Seconds; true poses farther apart are not interpolated. Chosen."""
 
 LEVER_POINTS_M = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
-"""Points of the base that are fitted: its origin, one ahead, one to the left."""
+"""(3, 3) metres in the base frame: the fitted points, its origin, one ahead, one to the left."""
 
 
 @dataclass(frozen=True)
 class TruthAlignment:
-    """`T_world_map` (4, 4), and by traversal the root mean square distance of its keyframes from their true places."""
+    """`T_world_map` (4, 4), and by traversal the root mean square distance of its keyframes from the true positions."""
 
     T_world_map: FloatArray
     rmse_m: dict[str, float]
@@ -64,12 +64,12 @@ def align_to_truth(reader: MapReader, truth: GroundTruth) -> TruthAlignment:
 
 
 def fit_level_transform(source: FloatArray, target: FloatArray) -> FloatArray:
-    """`T_target_source` (4, 4), a turn about z and a shift, that brings points (n, 3) nearest to others (n, 3)."""
-    low, high = source.mean(axis=0), target.mean(axis=0)
-    (x, y), (u, v) = (source - low)[:, :2].T, (target - high)[:, :2].T
+    """`T_target_source` (4, 4), yaw and translation, that brings points (n, 3) nearest to points (n, 3)."""
+    source_mean, target_mean = source.mean(axis=0), target.mean(axis=0)
+    (x, y), (u, v) = (source - source_mean)[:, :2].T, (target - target_mean)[:, :2].T
     yaw = np.arctan2((x * v - y * u).sum(), (x * u + y * v).sum())
     R = np.array([[np.cos(yaw), -np.sin(yaw), 0], [np.sin(yaw), np.cos(yaw), 0], [0, 0, 1]])
-    return make_transform(R, high - R @ low)
+    return make_transform(R, target_mean - R @ source_mean)
 
 
 def _matched_poses(
@@ -98,11 +98,11 @@ def _true_trajectory(traversal: TrueTraversal) -> Trajectory:
 
 
 def _lever_points(T: FloatArray) -> FloatArray:
-    """The points of the base that are fitted, (3 n, 3), for poses (n, 4, 4)."""
+    """`LEVER_POINTS_M` at poses (n, 4, 4): (3 n, 3)."""
     points: FloatArray = np.einsum("nij,kj->nki", T[:, :3, :3], LEVER_POINTS_M) + T[:, None, :3, 3]
     return points.reshape(-1, 3)
 
 
 def _rmse_m(T_world_map: FloatArray, T_world_base: FloatArray, T_map_base: FloatArray) -> float:
-    off = transform_points(T_world_map, T_map_base[:, :3, 3]) - T_world_base[:, :3, 3]
-    return float(np.sqrt((off**2).sum(axis=1).mean()))
+    errors_m = transform_points(T_world_map, T_map_base[:, :3, 3]) - T_world_base[:, :3, 3]
+    return float(np.sqrt((errors_m**2).sum(axis=1).mean()))
