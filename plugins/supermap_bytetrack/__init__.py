@@ -1,4 +1,4 @@
-"""Tracking in the image by ByteTrack's two stages (Zhang et al. 2022), led by the map where the map knows better."""
+"""Tracking in the image by ByteTrack's two stages (Zhang et al. 2022), with the map's predictions as priors."""
 
 from __future__ import annotations
 
