@@ -58,12 +58,12 @@ Examples:
 class BenchGroup(TyperGroup):
     """Measures recordings, unless the first word is the name of something else to measure."""
 
-    unless_named = "recordings"
+    default_command = "recordings"
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """`bench run.mcap` is `bench recordings run.mcap`."""
         if args and args[0] not in {*self.commands, "--help", "-h"}:
-            args = [self.unless_named, *args]
+            args = [self.default_command, *args]
         return super().parse_args(ctx, args)
 
 

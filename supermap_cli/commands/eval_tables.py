@@ -1,4 +1,4 @@
-"""The scores of a map for people: each figure with what it says, then what was wrong."""
+"""The scores of a map as tables: each figure with its meaning, then the errors."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ if TYPE_CHECKING:
 Cells = tuple[str, ...]
 
 POOR_IOU = 0.5
-"""Objects whose best instance shares no more of their points are listed."""
+"""Objects whose best instance has at most this IoU on points are listed. Chosen."""
 
 
 @dataclass(frozen=True)
 class Figure:
-    """One line of a section: a figure and what it says in plain words. `None`: there was no occasion for it."""
+    """One line of a section: a figure and its meaning in plain words. `None`: undefined."""
 
     name: str
     value: float | None
@@ -45,7 +45,7 @@ class Figure:
 
 @dataclass(frozen=True)
 class ErrorTable:
-    """A list of what was wrong, under its heading."""
+    """A table of errors under its title."""
 
     title: str
     columns: Cells
@@ -76,7 +76,7 @@ def print_report(console: Console, report: Report) -> None:
 
 
 def _gaps(report: Report) -> Iterator[str]:
-    """What the truth knows of and the map does not."""
+    """Traversals of the truth that the map lacks, in words."""
     if names := report.not_mapped:
         yield f"judged without {', '.join(names)}: {'it is' if len(names) == 1 else 'they are'} not in the map"
     if names := report.partly_mapped:

@@ -28,9 +28,7 @@ Examples:
 EXAMPLE = "\nExample:\n\n    supermap eval {} office.db office/truth.json{}\n"
 
 MAX_ALIGNMENT_RMSE_M = 0.5
-"""Where the robot's way in the map is off its true way by more than this, the user is asked whether they belong
-together.
-"""
+"""Metres; above, the user is asked whether map and truth belong together. Chosen."""
 
 Db = Annotated[str, typer.Argument(metavar="DB", help="The map database.")]
 Truth = Annotated[Path, typer.Argument(metavar="TRUTH", help="The ground truth of its recordings: truth.json.")]

@@ -1,6 +1,10 @@
-"""What labels say by themselves."""
+"""Classes of labels."""
 
 from __future__ import annotations
 
-ANIMATE = frozenset({"person", "people", "pedestrian", "man", "woman", "child", "dog", "cat", "bird"})
-"""Classes that move by themselves: one that stands still is still no part of the room."""
+DYNAMIC_CLASSES = frozenset({"person", "people", "pedestrian", "man", "woman", "child", "dog", "cat", "bird"})
+"""Labels of people and animals, which move by themselves: they are no part of the static map even while they stand
+still.
+"""
+ANIMATE = DYNAMIC_CLASSES
+"""The name that callers use until they are renamed."""

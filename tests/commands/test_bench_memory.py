@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from supermap_cli.commands.bench_memory import parse_two
+from supermap_cli.commands.bench_memory import parse_two_sizes
 from supermap_cli.costs.memory import report
 from supermap_cli.costs.memory.question_cost import QuestionJob, measure_question
 from supermap_cli.costs.memory.questions import questions
@@ -139,4 +139,4 @@ def test_a_disk_that_is_too_small_is_an_error_before_anything_is_made(tmp_path):
 @pytest.mark.parametrize("text", ["", "1000", "1000,1000", "2000,1000", "1,2,3", "a,b"])
 def test_anything_but_a_small_and_a_large_number_is_an_error(text):
     with pytest.raises(ConfigError, match="write"):
-        parse_two(text)
+        parse_two_sizes(text)
