@@ -16,8 +16,8 @@ SOURCES = ("supermap_cli", "plugins", "schema")
 TABLE_ROWS = {"Checkpoint", "Keyframe", "Observation", "SpatialEdge", "TemporalEdge", "Visit"}
 """Classes of `supermap_schema.models`: the rows of a table have the name of the value that they store."""
 BEING_RENAMED = {
-    *("Candidate", "Course", "Look", "Passage", "Placed", "Relocation", "Rig", "Shift", "Source", "Surface"),
-    *("Tally", "Thing", "Vocabulary", "Witness", "_Candidate", "_Layout"),
+    *("Candidate", "Look", "Passage", "Relocation", "Rig", "Shift", "Source", "Surface", "Tally", "Vocabulary"),
+    *("Witness", "_Layout"),
 }
 """Names that still have two meanings. Nothing may be added; what is renamed is taken out."""
 

@@ -26,8 +26,8 @@ class WrongAnswer:
 
 @dataclass(frozen=True)
 class AnswerScores:
-    """`exact` is the share of the `asked` questions whose answer is exactly the right set of things; `jaccard` the mean
-    over them of |right| / |expected or answered|, 1 where nothing is expected and nothing answered.
+    """`exact` is the share of the `asked` questions whose answer is exactly the right set of objects; `jaccard` the
+    mean over them of |right| / |expected or answered|, 1 where nothing is expected and nothing answered.
 
     An instance counts as the true object that its newest identified state is (`matching.identify`: by place and time,
     whatever the label, past places included). An instance that is no true object, and a second one of an object, are

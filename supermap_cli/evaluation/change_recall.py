@@ -59,13 +59,13 @@ class ChangeRecallScores:
 
     Changed objects are those that appeared, disappeared or moved during or between mapped traversals, before the end of
     the map; what moved counts twice, as the old place that must become empty and the new one that must be filled. The
-    map is asked afterwards, for the time t of every mapped keyframe that had the place in view (>= 0.3 of its front
+    finished map is compared at the time t of every mapped keyframe that had the place in view (>= 0.3 of its front
     unhidden). While the object stood there, from the first image that showed it well (`known_truth`), t is a sample of
     the *appearance interval*: right if an instance of the label is believed to be there at t. After it has left, t is a
     sample of the *disappearance interval*: right if none is. Keyframes before it first came are in neither interval.
 
     An instance is there if its state at t (`EstimatedObject.state_at`) has its centroid within 0.3 m of the place's,
-    and no nearer to another place of the same object or to another thing of the label that stands at t.
+    and no nearer to another place of the same object or to another object of the label that stands at t.
 
     Two poolings, as the paper does not say which it means: `per_object` is the mean over changed places of their own
     shares, `per_frame` the share of all samples together. Two readings of change recall: `change_recall` asks every

@@ -31,7 +31,9 @@ class MissedChange:
 
 @dataclass(frozen=True)
 class FalseChange:
-    """A reported change that is none; `unchanged_object` names the true object that stands there as before, if any."""
+    """A reported change without a true one; `unchanged_object`: id of the true object that stands there unchanged, if
+    any.
+    """
 
     kind: str
     instance_id: str
@@ -50,11 +52,11 @@ class ChangeScores:
     reported as a disappearance and an appearance is one missed and two false changes. `lenient` takes such a pair for
     the move, found.
 
-    Not judged, `unobservable`, are changes that the images do not show: a thing left and its place was not in view
-    afterwards, a thing came and its place had not been in view before, a thing was never shown well. Reports that touch
-    only places of such changes, or of what came and went within the two traversals, are neither right nor wrong.
-    `static_reported` counts false changes of things that stand as they stood. The scores are `None` where the map holds
-    fewer than two traversals.
+    Not scored, `unobservable`, are changes that images do not show: an object left and its place was not in view
+    afterwards, an object came and its place had not been in view before, an object was never shown well. Reports that
+    touch only places of such changes, or of what came and went within the two traversals, are neither right nor wrong.
+    `static_reported` counts false changes of unchanged objects. The scores are `None` where the map holds fewer than
+    two traversals.
     """
 
     between: tuple[str, str] | None

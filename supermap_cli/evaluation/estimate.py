@@ -82,12 +82,12 @@ class EstimatedAnswer:
 
 @dataclass(frozen=True)
 class EstimatedMap:
-    """All that the metrics need of a map, laid over the truth.
+    """All that the metrics need of a map, aligned with the truth.
 
     `objects` are all believed instances, present or absent (doubted ones are left out). `keyframes_ns` (k,) are the
-    stamps of all mapped images, of all traversals; `alignment_rmse_m` says how well the robot's way in the map fits its
-    true way after the alignment, by traversal. `doubted` are the demoted instances, people who walked by among them:
-    only the scores of person passages use them.
+    stamps of all mapped images, of all traversals; `alignment_rmse_m` is the error of the robot's trajectory in the map
+    against the true one after the alignment, by traversal. `doubted` are the demoted instances, people who walked by
+    among them: only the scores of person passages use them.
     """
 
     objects: tuple[EstimatedObject, ...]

@@ -49,7 +49,7 @@ class StaleInstance:
 
 @dataclass(frozen=True)
 class IdentityScores:
-    """Identity scores; `matching.identify` says which instance is which true object, whatever the labels.
+    """Identity scores; instances are identified with true objects by `matching.identify`, whatever the labels.
 
     - `instances_per_object`: the mean number of instances, present or not, that are one countable object at some time,
       over the `found_objects` that are at least one; `several` lists those that are more, `never_found` the others.

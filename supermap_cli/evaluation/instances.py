@@ -55,13 +55,13 @@ class InstanceScores:
     mean over labels; and the same over all instances together, whatever the label, as if all had one (`regardless_`,
     which is no mean over labels).
 
-    The points are the samples of all surfaces that images showed, as things stand at the end. True instances are the
+    The points are the samples of all surfaces that images showed, as objects stand at the end. True instances are the
     countable objects (of 100 points or more; `too_small` names the others); points of ignored objects are void; the
     building is background, where an instance is wrong (the script would take it for void). Predictions are the present
     instances; the samples of one are those to which it has the nearest point of the map, within 5 cm. So no sample has
-    two instances, although ScanNet would let it: an object that the map holds twice is shared out between the two.
-    `None` where there is no true instance, and where the map lacks a part of the truth's traversals: which surface was
-    seen is known for all of them together only. `note` says so.
+    two instances, although ScanNet would let it: the points of an object that is in the map twice are divided between
+    the two. `None` where there is no true instance, and where the map lacks a part of the truth's traversals: which
+    surface was seen is known for all of them together only. `note` says so.
     """
 
     ap: float | None

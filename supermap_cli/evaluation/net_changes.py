@@ -23,7 +23,7 @@ class NetChange:
 
     @property
     def kind(self) -> TrueChangeKind:
-        """Which of the two places exist says the kind."""
+        """The kind of change, by which of the two places exist."""
         return "appeared" if self.before is None else "disappeared" if self.after is None else "moved"
 
     @property
@@ -55,7 +55,7 @@ class NetChanges:
 
 
 def net_changes(known: KnownTruth) -> NetChanges:
-    """Compare how things stood at the last keyframes of the last two mapped traversals (there must be two)."""
+    """Compare the objects' places at the last keyframes of the last two mapped traversals (there must be two)."""
     before_ns, after_ns = _last_keyframe_ns(known, -2), _last_keyframe_ns(known, -1)
     judged, unobservable, unchanged = [], [], set()
     for object_id, own in groupby(known.places, key=lambda place: place.object.id):
@@ -97,7 +97,7 @@ def _distance_m(change: NetChange) -> float:
 
 
 def _observable(change: NetChange, known: KnownTruth, before_ns: int) -> bool:
-    """Whether images of the two traversals showed the thing wherever it stood, and that the place it left is empty or
+    """Whether images of the two traversals showed the object wherever it stood, and that the place it left is empty or
     the place it came to had been.
     """
     span = known.stamps_ns >= known.traversals[-2].start_ns

@@ -68,7 +68,7 @@ class PassageScores:
 
     A passage is a run of mapped keyframes in which a person in motion is well visible, by the measure of what else is
     countable (`known_truth`: 100 pixels, 0.2 of the front), with gaps of at most 3 s. Of every keyframe of it, the
-    observation by an instance labelled "person" that lies nearest to where the person then was counts, within 0.8 m on
+    observation by an instance labelled "person" nearest to the person's true position counts, within 0.8 m on
     the floor plane, not nearer to another person, and not while another is within 0.4 m of the person; instances that
     are demoted by now count as well, since people who walked by are no part of the map. `followed` is the share, of
     those `judged` passages with at least three observations, in which one instance has at least 0.9 of them; `None`

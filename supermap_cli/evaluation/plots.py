@@ -34,8 +34,8 @@ SUFFIXES = (".png", ".svg", ".pdf")
 def draw(
     path: Path, estimate: EstimatedMap, truth: GroundTruth, scores: ObjectScores, *, panel_names: Sequence[str]
 ) -> None:
-    """Write a picture (.png, .svg or .pdf) of what is asked for: "map", "change", or both below each other, as far as
-    anything changed.
+    """Write a plot (.png, .svg or .pdf) with the panels "map", "change" or both, one below the other; "change" is left
+    out where nothing changed.
 
     `scores` are those of the objects at the map's end.
 

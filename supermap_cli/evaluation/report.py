@@ -33,8 +33,8 @@ class ChangeSection:
 
 @dataclass(frozen=True)
 class Report:
-    """The scores asked for. `alignment_rmse_m`: how far, by traversal, the robot's way in the map is off its true way
-    after the alignment. Of the truth's traversals, `not_mapped` are not in the map and `partly_mapped`
+    """The requested scores. `alignment_rmse_m`: by traversal, the error of the robot's trajectory in the map against
+    the true one after the alignment. Of the truth's traversals, `not_mapped` are not in the map and `partly_mapped`
     only in part.
     """
 

@@ -108,7 +108,7 @@ class Confusion:
 
 @dataclass(frozen=True)
 class SemanticScores:
-    """Figures over the labels, on voxels of 5 cm that hold surface which images showed, as things stand at the end.
+    """Figures over the labels, on voxels of 5 cm that hold surface which images showed, as objects stand at the end.
 
     *Background* is the building, `background_labels` (walls, floor, ceiling, doors, windows), one class; what the map
     holds no instance of within 5 cm is predicted as background. A voxel's true label is that of most of its surface

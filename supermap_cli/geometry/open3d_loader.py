@@ -20,7 +20,7 @@ _PLOTTING_MODULE = "open3d.visualization.draw_plotly"
 def load_open3d() -> Any:
     """Import open3d once and return the module; its own warnings, which go to stdout, are silenced.
 
-    open3d's shared library needs `libusb-1.0.so.0` (for depth cameras that nobody asked for), which bare systems lack.
+    open3d's shared library needs `libusb-1.0.so.0` (for its depth camera drivers), which bare systems lack.
     The copy in the wheel `libusb-package` is loaded before: it carries that soname, so the dynamic linker takes it.
 
     Raises `SupermapError` with the cure when open3d cannot be imported.

@@ -1,7 +1,7 @@
 """Packs values as bytes and back, exactly: the checkpoints that a stopped build resumes from.
 
 **Format**: the four bytes ``SMC1``, then a zlib stream of a uint32 n (little-endian), n bytes of JSON (UTF-8), and the
-bytes of the arrays that the JSON speaks of, one after the other. What JSON knows stands for itself, but for
+bytes of the arrays that the JSON refers to, one after the other. JSON's own types are stored as they are; the others as
 
     {"array": [start, length], "dtype": "<f8", "shape": [3, 2], "order": "C"}   an array, or a scalar of numpy's
     {"bytes": [start, length]}

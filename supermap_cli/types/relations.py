@@ -12,11 +12,11 @@ from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.geometry.boxes import Box3D, footprint_gap_m, footprint_overlap_m2
 
 SURFACE_MARGIN_M = 0.05
-"""Metres around a footprint within which a surface counts as under it: what a thing covers is not seen. Tuned on seeds
-1-3 of `office`.
+"""Metres around a footprint within which surface counts as beneath it: the part that an object covers is not seen.
+Tuned on seeds 1-3.
 """
 LARGEST_SCALE_M = 1.5
-"""Metres: the side from which larger things do not reach farther. Tuned on seeds 1-3 of `office`."""
+"""Metres: objects with a longer side count as this long. Tuned on seeds 1-3."""
 _LEAST_AREA_M2 = 1e-6
 """Square metres: keeps the division by a footprint finite."""
 
@@ -84,7 +84,7 @@ class Pair:
 
     @property
     def scale_m(self) -> float:
-        """The longer side of the larger footprint, at most `LARGEST_SCALE_M`: "near" depends on the things' size."""
+        """The longer side of the larger footprint, at most `LARGEST_SCALE_M`: "near" depends on the objects' size."""
         return min(max(float(self.subject.box.size[:2].max()), float(self.other.box.size[:2].max())), LARGEST_SCALE_M)
 
     def turned(self) -> Pair:
@@ -96,9 +96,9 @@ class Pair:
 
 @dataclass(frozen=True)
 class SpatialPredicate:
-    """A named relation: `holds(pair, slack)` gives a confidence in (0, 1], or 0 where it does not hold.
+    """A named relation: `holds(pair, slack)` returns a confidence in (0, 1], or 0 where the relation does not hold.
 
-    `slack` is 1 for a relation that begins and more for one that held before: hysteresis, so that edges do not flicker.
+    `slack` is 1 for a new relation and greater for one that held before: hysteresis, so that edges do not flicker.
     """
 
     name: str

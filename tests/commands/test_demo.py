@@ -47,7 +47,7 @@ def run(recorder: Recorder) -> None:
     demo(SimpleNamespace(find_root=lambda: SimpleNamespace(command=recorder)), recorder.folder, seed=3)  # type: ignore[arg-type]
 
 
-def questions(*questions: tuple[str, tuple[str, ...]], changed: Sequence[str] = "abcd") -> GroundTruth:
+def truth_of(*questions: tuple[str, tuple[str, ...]], changed: Sequence[str] = "abcd") -> GroundTruth:
     changes = tuple(
         TrueChange("disappeared", object_id, 0, None, 5, 5, None, ("monday", "tuesday")) for object_id in changed
     )
@@ -112,8 +112,8 @@ def test_it_tells_what_really_changed_then_what_the_map_says_and_how_far_that_is
 
 def test_what_it_says_to_try_next_is_in_the_map(tmp_path, capsys):
     run(Recorder(tmp_path / "demo"))
-    (run_,) = re.findall(r"supermap show (\S+-\d+)", capsys.readouterr().out)
-    result = cli.supermap("show", run_, "--db", tmp_path / "demo" / "map.db")
+    (instance_id,) = re.findall(r"supermap show (\S+-\d+)", capsys.readouterr().out)
+    result = cli.supermap("show", instance_id, "--db", tmp_path / "demo" / "map.db")
     assert result.exit_code == 0, result.output
 
 
@@ -150,7 +150,7 @@ def test_it_ends_where_a_command_fails(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("asked", "chosen"),
+    ("questions", "chosen"),
     [
         ([], ()),
         ([("piano", ()), ("how many pianos", ())], ()),
@@ -164,9 +164,9 @@ def test_it_ends_where_a_command_fails(tmp_path):
     ],
 )
 def test_questions_are_a_count_a_relation_and_one_about_the_past(questions, chosen):
-    assert example_questions(questions(*questions)) == chosen
+    assert example_questions(truth_of(*questions)) == chosen
 
 
 def test_the_question_about_the_past_is_of_something_that_changed():
     questions = (("where was the plant", ("plant",)), ("bag earlier", ("bag",)))
-    assert example_questions(questions(*questions, changed=("bag",))) == ("bag earlier",)
+    assert example_questions(truth_of(*questions, changed=("bag",))) == ("bag earlier",)

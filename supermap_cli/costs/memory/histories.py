@@ -20,9 +20,9 @@ MERGED_SHARE, DOUBTED_SHARE, CANDIDATE_SHARE = 0.01, 0.01, 0.005
 measured.
 """
 STATE_CONFIDENCE, CHANGE_PROBABILITY, CANDIDATE_PROBABILITY = 0.97, 0.95, 0.4
-"""What the stored states, changes and identity candidates say of themselves. Chosen, not measured."""
+"""Confidence of stored states, probability of changes and of identity candidates. Chosen, not measured."""
 MOVE_DISTANCE_M = 0.8
-"""Metres that every stored move says; the boxes move by 0.4 to 1.7 m (`rooms.move_in_room`)."""
+"""Distance in metres stored with every move; the boxes move by 0.4 to 1.7 m (`rooms.move_in_room`)."""
 
 
 @dataclass

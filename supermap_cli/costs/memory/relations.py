@@ -13,7 +13,7 @@ MAX_NEAR_GAP_M = 0.8
 MAX_CENTER_OFFSET_M = 2.5
 """Metres along x or y beyond which two boxes are not compared."""
 EDGE_CONFIDENCE = 0.9
-"""What every stored edge says of itself. Chosen."""
+"""Confidence of every stored edge. Chosen."""
 SUPPORTED_CLASSES = {"monitor", "keyboard", "cup", "lamp", "vase", "globe", "laptop", "bottle", "microwave", "book"}
 """Classes that stand on other objects."""
 
