@@ -24,10 +24,14 @@ if TYPE_CHECKING:
 
 GOOD, MISSED, FALSE, IGNORED = "#1a7f4b", "#d97706", "#c1121f", "#8a8a8a"
 TRAJECTORY, WALL = "#7aa6d8", "#b8b8b8"
+WIDTH_IN, MAP_HEIGHT_IN, CHANGE_MARGIN_IN = 10.0, 7.0, 1.2
+"""Inches: width of the plot, height of the map's panel, height of the changes' panel besides its rows."""
 ROW_HEIGHT_IN = 0.26
 """Inches of a row of the plot of changes."""
 GAP_SHARE = 0.04
 """Gap between two traversals on the time axis, as a share of their total length."""
+DPI = 130
+"""Dots per inch of a .png."""
 SUFFIXES = (".png", ".svg", ".pdf")
 
 
@@ -45,8 +49,8 @@ def draw(
     changed = list(changed_places(known, truth))
     if not changed and "map" in panel_names:
         panel_names = ["map"]
-    heights = {"map": 7.0, "change": 1.2 + ROW_HEIGHT_IN * max(len(changed), 1)}
-    figure = _figure((10.0, sum(heights[name] for name in panel_names)))
+    heights = {"map": MAP_HEIGHT_IN, "change": CHANGE_MARGIN_IN + ROW_HEIGHT_IN * max(len(changed), 1)}
+    figure = _figure((WIDTH_IN, sum(heights[name] for name in panel_names)))
     panels = figure.subplots(len(panel_names), squeeze=False, height_ratios=[heights[name] for name in panel_names])[
         :, 0
     ]
@@ -56,7 +60,7 @@ def draw(
         else:
             _draw_changes(panel, estimate, known, changed)
     try:
-        figure.savefig(path, dpi=130)
+        figure.savefig(path, dpi=DPI)
     except (OSError, ValueError) as error:
         cure = "name another file with --plot"
         raise EvaluationError(f"the picture cannot be written: {error}", where=str(path), cure=cure) from error

@@ -21,8 +21,7 @@ from supermap_cli.geometry.arrays import BoolArray, Float32Array, FloatArray
 
 _MIN_DEPTH_M = 1e-6
 """Metres: points nearer than this, or behind the camera, are not projected."""
-_NEWTON_STEPS = 20
-_NEWTON_TOLERANCE = 1e-10
+_NEWTON_STEPS, _NEWTON_TOLERANCE = 20, 1e-10
 """Undistortion: at most so many steps of Newton's method, until a step is smaller (normalised image coordinates)."""
 _MAX_TAN = math.tan(math.radians(89.5))
 """Tangent of the widest angle to the axis that a pinhole can have."""

@@ -12,8 +12,8 @@ from supermap_cli.geometry.arrays import BoolArray, FloatArray, Int32Array, IntA
 
 _BITS = 21
 """Bits of a code for each axis: three fit into an int64."""
-_OFFSET = 1 << (_BITS - 1)
-_MASK = (1 << _BITS) - 1
+_OFFSET, _MASK = 1 << (_BITS - 1), (1 << _BITS) - 1
+"""Added to an index, so that it is positive; all bits of one index."""
 
 
 def voxel_keys(points: NDArray[np.floating], voxel_m: float) -> Int32Array:
@@ -55,6 +55,8 @@ def is_member(codes: IntArray, sorted_codes: IntArray) -> BoolArray:
 _STEPS = np.stack(np.meshgrid(*[[-1, 0, 1]] * 3, indexing="ij"), axis=-1).reshape(-1, 3).astype(np.int64)
 _NEIGHBOUR_CODES = (_STEPS[:, 0] << (2 * _BITS)) + (_STEPS[:, 1] << _BITS) + _STEPS[:, 2]
 _FORWARD_STEPS, _FORWARD_CODES = _STEPS[_NEIGHBOUR_CODES > 0], _NEIGHBOUR_CODES[_NEIGHBOUR_CODES > 0]
+"""Steps to the 26 neighbours (and 0), as indices (27, 3) and as differences of codes; those to the 13 of greater codes.
+"""
 
 _MAX_CELLS = 1 << 22
 """Cells of the largest block (4 MB); sets of voxels that span more are searched as sorted codes instead."""

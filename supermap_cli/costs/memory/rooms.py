@@ -49,6 +49,7 @@ SIZES: dict[str, Point] = {
 RARE_CLASSES = ("piano", "aquarium", "globe", "vase")
 """Classes with `INSTANCES_PER_RARE_CLASS` instances, however large the building is."""
 INSTANCES_PER_RARE_CLASS = 4
+"""Chosen: so few that questions about a rare class have the same answer in all memories."""
 
 Placement = tuple[str, float, float, float]
 """(class, x, y, z): the box's centre on the floor and the height of its lower face, in metres in the room."""
@@ -104,6 +105,13 @@ PLANS: tuple[tuple[Placement, ...], ...] = (
 """An office, a meeting room, a kitchen, a library: 18 objects each."""
 
 OBJECTS_PER_ROOM = len(PLANS[0])
+"""18, in every plan."""
+_SIZE_SPREAD, _POSITION_SPREAD_M, _YAW_SPREAD_RAD = 0.05, 0.04, 0.1
+"""Greatest deviation from the plan: of an extent (a share of it), of a position in metres, of the yaw. Chosen."""
+_MOVE_RANGE_M = (0.3, 1.2)
+"""Least and greatest distance along x and along y of a moved object, in metres. Chosen."""
+_LARGEST_ON_DESK_M = 0.5
+"""Extent along x in metres below which a rare object takes a cup's place and not a plant's."""
 
 
 @dataclass(frozen=True)
@@ -131,17 +139,20 @@ def furnish(objects: int, rng: np.random.Generator) -> Iterator[SyntheticObject]
         spots = _place_rare(_plan_of(room), rare.get(room, ()))
         for index in range(min(OBJECTS_PER_ROOM, objects - room * OBJECTS_PER_ROOM)):
             label, x, y, bottom = spots[index]
-            size = np.array(SIZES[label]) * rng.uniform(0.95, 1.05)
-            shift = (*rng.uniform(-0.04, 0.04, 2), size[2] / 2)
+            size = np.array(SIZES[label]) * rng.uniform(1 - _SIZE_SPREAD, 1 + _SIZE_SPREAD)
+            shift = (*rng.uniform(-_POSITION_SPREAD_M, _POSITION_SPREAD_M, 2), size[2] / 2)
             center = corner + np.array([x, y, bottom]) + shift
             yield SyntheticObject(
-                room * OBJECTS_PER_ROOM + index + 1, label, room, Box3D(center, size, float(rng.uniform(-0.1, 0.1)))
+                room * OBJECTS_PER_ROOM + index + 1,
+                label,
+                room,
+                Box3D(center, size, float(rng.uniform(-_YAW_SPREAD_RAD, _YAW_SPREAD_RAD))),
             )
 
 
 def move_in_room(obj: SyntheticObject, box: Box3D, rng: np.random.Generator) -> SyntheticObject:
     """The object at another place in its room: 0.3 to 1.2 m away along x and along y, at any yaw."""
-    step = np.array([*rng.uniform(0.3, 1.2, 2) * rng.choice([-1, 1], 2), 0.0])
+    step = np.array([*rng.uniform(*_MOVE_RANGE_M, 2) * rng.choice([-1, 1], 2), 0.0])
     return replace(obj, box=Box3D(box.center + step, box.size, float(rng.uniform(-np.pi, np.pi))))
 
 
@@ -169,7 +180,7 @@ def _place_rare(spots: tuple[Placement, ...], rare: tuple[str, ...]) -> tuple[Pl
     free = {"cup": [at for at, spot in enumerate(spots) if spot[0] == "cup"], "potted plant": [16, 15]}
     changed = list(spots)
     for label in rare:
-        index = "cup" if SIZES[label][0] < 0.5 else "potted plant"
+        index = "cup" if SIZES[label][0] < _LARGEST_ON_DESK_M else "potted plant"
         if free[index]:
             at = free[index].pop(0)
             changed[at] = (label, *spots[at][1:])

@@ -39,8 +39,22 @@ _SAMPLES_PER_CLOUD = 200
 """Voxels drawn for each cloud: about a tenth of what a build keeps, so that a large memory fits on a disk."""
 _OBSERVATIONS_PER_CROP = 101
 """One of so many observations keeps an image crop; a prime, so that all keyframes of a visit get crops."""
+_VOXEL_M = 0.02
+"""Edge of the clouds' voxels in metres. Chosen."""
 _CLOUDS = 32
 """Different clouds, shared by all instances."""
+_LABEL_BELIEF, _LABEL_LOGS = (0.93, 0.05, 0.02), (-0.1, -3.0, -4.0)
+"""Probabilities and log likelihoods of an instance's label and of two others."""
+_UNSEEN_LOG, _LABEL_VIEWS, _EXISTENCE_LOG_ODDS, _CROP_QUALITY = -60.0, 20.0, 3.0, 50.0
+"""Further stored beliefs. As of a well-seen object; no query computes with them."""
+_SCORE_RANGE = (0.35, 0.98)
+"""Least and greatest score of an observation."""
+_BOX_PX, _BOX_CORNER_RANGE_PX = 40, 600
+"""Side of all image boxes, and range of their upper left corners, in pixels of a 640 x 480 image."""
+_CENTROID_STD_M = 0.01
+"""Standard deviation of the observed centroids, metres."""
+_EVIDENCE_FOR, _EVIDENCE_AGAINST = 400, 3
+"""Points of the object that an observation supports and contradicts."""
 _BATCH = 5000
 """Instances written at a time."""
 
@@ -150,23 +164,23 @@ def _instance(
 ) -> dict[str, object]:
     obj, newest = history.obj, history.states[-1] if history.states else None
     other = "stool" if obj.label == "chair" else "box"
-    belief = {obj.label: 0.93, other: 0.05, "bucket": 0.02}
+    belief = dict(zip((obj.label, other, "bucket"), _LABEL_BELIEF, strict=True))
     state = EngineState(
-        label_logs={obj.label: -0.1, other: -3.0, "bucket": -4.0},
-        unseen_log=-60.0,
-        looks=20.0,
+        label_logs=dict(zip((obj.label, other, "bucket"), _LABEL_LOGS, strict=True)),
+        unseen_log=_UNSEEN_LOG,
+        looks=_LABEL_VIEWS,
         viewpoints={f"{i},1,1": (4, 4, 4.0) for i in range(6)},
         state_index=max(len(history.states) - 1, 0),
         state_first_seen_ns=history.seen[0].first_ns if newest is None else newest.first_seen_ns,
         state_empty_before_ns=None if newest is None else newest.empty_before_ns,
         gone_ns=None if newest is None else newest.gone_ns,
-        best_crop=50.0,
+        best_crop=_CROP_QUALITY,
     )
     record = InstanceRecord(
         number=obj.number,
         label=obj.label,
         label_belief=belief,
-        existence_log_odds=3.0 if history.presence == "present" else -3.0,
+        existence_log_odds=_EXISTENCE_LOG_ODDS if history.presence == "present" else -_EXISTENCE_LOG_ODDS,
         presence=history.presence,
         first_seen_ns=history.seen[0].first_ns,
         last_seen_ns=history.seen[-1].last_ns,
@@ -212,11 +226,11 @@ def _write_observations(
     keyframe_ids = (before + 1 + ranks * KEYFRAMES_PER_ROOM + keyframes)[sequence].tolist()
     observed = [seen[at] for at in which[sequence].tolist()]
     n = len(observed)
-    scores = np.round(rng.uniform(0.35, 0.98, n), 4).tolist()
-    corners = np.round(rng.uniform(0, 600, (n, 2)), 2)
-    boxes = np.hstack((corners, corners + 40)).tolist()
+    scores = np.round(rng.uniform(*_SCORE_RANGE, n), 4).tolist()
+    corners = np.round(rng.uniform(0, _BOX_CORNER_RANGE_PX, (n, 2)), 2)
+    boxes = np.hstack((corners, corners + _BOX_PX)).tolist()
     centers = np.array([history.obj.box.center for history in seen])[which[sequence]]
-    places = np.round(centers + rng.normal(0, 0.01, (n, 3)), 4).tolist()
+    places = np.round(centers + rng.normal(0, _CENTROID_STD_M, (n, 3)), 4).tolist()
     crops = [
         None if index % _OBSERVATIONS_PER_CROP else crop_jpeg
         for index in (which[sequence] * KEYFRAMES_PER_ROOM + keyframes[sequence]).tolist()
@@ -233,8 +247,8 @@ def _write_observations(
                 score,
                 *box,
                 *place,
-                400,
-                3,
+                _EVIDENCE_FOR,
+                _EVIDENCE_AGAINST,
                 hypotheses,
                 crop,
             )
@@ -255,7 +269,7 @@ def _cloud(rng: np.random.Generator) -> VoxelCloud:
     keys = np.unique(rng.integers(-8, 8, (_SAMPLES_PER_CLOUD, 3)), axis=0).astype(np.int32)
     n = len(keys)
     reals = [np.round(rng.uniform(0.5, 4, n), 1).astype(np.float32) for _ in range(3)]
-    return VoxelCloud(0.02, keys, reals[0], reals[1], reals[2], rng.integers(0, 255, (n, 3)).astype(np.uint8))
+    return VoxelCloud(_VOXEL_M, keys, reals[0], reals[1], reals[2], rng.integers(0, 255, (n, 3)).astype(np.uint8))
 
 
 def _placed_cloud(cloud: VoxelCloud, obj: SyntheticObject) -> VoxelCloud:

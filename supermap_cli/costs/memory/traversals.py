@@ -20,6 +20,7 @@ KEYFRAMES_PER_ROOM = 8
 ROOM_SHARE = 0.13
 """Share of all rooms that a long traversal visits: 100 traversals take a hundred keyframes of every room."""
 ROOMS_OF_SHORT_TRAVERSAL = 6
+"""Chosen."""
 SHORT_TRAVERSALS = 2
 """How many of the first and of the last traversals visit only `ROOMS_OF_SHORT_TRAVERSAL` rooms, the same ones: answers
 about them do not grow with the building.
