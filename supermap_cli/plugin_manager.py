@@ -1,4 +1,4 @@
-"""Finds the plugins (entry-point group `supermap`), keeps the broken ones out, and makes backends by name."""
+"""Loads the plugins (entry-point group `supermap`), leaves broken ones out, and makes backends by name."""
 
 from __future__ import annotations
 
@@ -26,6 +26,7 @@ from supermap_cli.protocols import (
 )
 
 GROUP = "supermap"
+"""Entry-point group, and name of the pluggy project."""
 KINDS = {
     "odometry": "register_odometry",
     "detector": "register_detectors",
@@ -34,7 +35,7 @@ KINDS = {
     "encoder": "register_encoders",
     "language model": "register_language_models",
 }
-"""What a backend is -> the hook that registers it."""
+"""Kind of backend -> the hook that registers it."""
 
 T = TypeVar("T")
 
@@ -57,7 +58,7 @@ class Backend:
 
 @dataclass(frozen=True)
 class Plugin:
-    """A plugin that works: what it is called, where it came from, what it implements and registers.
+    """A working plugin: its name, where it came from, what it implements and registers.
 
     `hook` calls the hooks of this plugin alone, so that one that fails leaves the others working.
     """
@@ -86,12 +87,12 @@ class Registry(Generic[T]):
     def __init__(self, kind: str, backends: Iterable[Backend]) -> None:
         self.kind = kind
         self._by_name: dict[str, list[Backend]] = {}
-        self._namesakes_options: dict[str, set[str]] = {}
+        self._options_of_other_kinds: dict[str, set[str]] = {}
         for backend in backends:
             if backend.kind == kind:
                 self._by_name.setdefault(backend.name, []).append(backend)
             else:
-                self._namesakes_options.setdefault(backend.name, set()).update(backend.options.model_fields)
+                self._options_of_other_kinds.setdefault(backend.name, set()).update(backend.options.model_fields)
 
     def names(self) -> tuple[str, ...]:
         """All registered names, sorted."""
@@ -102,28 +103,30 @@ class Registry(Generic[T]):
 
     def get(self, name: str) -> Backend:
         """The backend of that name. Raises `PluginError` for an unknown name and for one that two plugins claim."""
-        claims = self._by_name.get(name, [])
-        if not claims:
+        claimants = self._by_name.get(name, [])
+        if not claimants:
             known = ", ".join(self.names()) or "none is installed"
             raise PluginError(f"no {self.kind} is called {name!r}", cure=f"known: {known}; see `supermap plugins`")
-        if len(claims) > 1:
-            raise PluginError(conflict_message(claims), cure="uninstall one of them")
-        return claims[0]
+        if len(claimants) > 1:
+            raise PluginError(conflict_message(claimants), cure="uninstall one of them")
+        return claimants[0]
 
     def choose(self, streams: Collection[str]) -> str:
         """The name of the most preferred backend that needs no more than these streams of a recording.
 
         Raises `PluginError` naming what the others would need.
         """
-        able = [b for claims in self._by_name.values() for b in claims if b.needs <= set(streams)]
-        if not able:
-            wants = "; ".join(f"{b.name} needs {', '.join(sorted(b.needs))}" for c in self._by_name.values() for b in c)
+        usable = [b for claimants in self._by_name.values() for b in claimants if b.needs <= set(streams)]
+        if not usable:
+            missing = "; ".join(
+                f"{b.name} needs {', '.join(sorted(b.needs))}" for c in self._by_name.values() for b in c
+            )
             raise PluginError(
                 f"no {self.kind} can work on this recording",
-                where=wants,
+                where=missing,
                 cure="see `supermap inspect` and `supermap plugins`",
             )
-        return max(able, key=lambda b: (b.preference, b.name)).name
+        return max(usable, key=lambda b: (b.preference, b.name)).name
 
     def make(self, name: str, options: Mapping[str, object] | None = None, *args: object) -> T:
         """Make the backend: `factory(checked options, *args)`.
@@ -132,8 +135,8 @@ class Registry(Generic[T]):
         Raises `PluginError` as `get` does, and `ConfigError` for a wrong option, naming the valid ones.
         """
         backend = self.get(name)
-        for_others = self._namesakes_options.get(name, set()) - backend.options.model_fields.keys()
-        own = {option: value for option, value in (options or {}).items() if option not in for_others}
+        of_other_kinds = self._options_of_other_kinds.get(name, set()) - backend.options.model_fields.keys()
+        own = {option: value for option, value in (options or {}).items() if option not in of_other_kinds}
         made: T = backend.factory(check_options(backend, own), *args)
         return made
 
@@ -194,16 +197,16 @@ def load_plugins(extra: Iterable[object] = ()) -> Plugins:
 
     Without `extra` the plugins are loaded once a process.
     """
-    given = [_given(plugin_object) for plugin_object in extra]
-    return _load([*_installed(), *given]) if given else _load_installed()
+    given = [_from_object(plugin_object) for plugin_object in extra]
+    return _load([*_installed_candidates(), *given]) if given else _load_installed()
 
 
 @cache
 def _load_installed() -> Plugins:
-    return _load(_installed())
+    return _load(_installed_candidates())
 
 
-def _load(candidates: Iterable[_Candidate]) -> Plugins:
+def _load(candidates: Iterable[_PluginCandidate]) -> Plugins:
     manager = _new_manager()
     working: list[Plugin] = []
     broken: list[BrokenPlugin] = []
@@ -211,7 +214,7 @@ def _load(candidates: Iterable[_Candidate]) -> Plugins:
         try:
             plugin_object = candidate.load()
             _check_is_new(plugin_object, manager)
-            working.append(_try_out(plugin_object, candidate))
+            working.append(_validate(plugin_object, candidate))
         except (Exception, SystemExit) as error:  # whatever a plugin does wrong is its own affair
             message = " ".join(f"{type(error).__name__}: {error}".split())
             broken.append(BrokenPlugin(candidate.name, candidate.distribution, candidate.version, message))
@@ -254,14 +257,14 @@ def parse_option_arguments(arguments: Iterable[str]) -> dict[str, dict[str, obje
     return options
 
 
-def conflict_message(claims: Sequence[Backend]) -> str:
-    """Who claims one and the same name."""
-    origins = " and ".join(claim.origin for claim in claims)
-    return f"the {claims[0].kind} {claims[0].name!r} is claimed by {origins}"
+def conflict_message(claimants: Sequence[Backend]) -> str:
+    """The error message for backends of one name."""
+    origins = " and ".join(claim.origin for claim in claimants)
+    return f"the {claimants[0].kind} {claimants[0].name!r} is claimed by {origins}"
 
 
 @dataclass(frozen=True)
-class _Candidate:
+class _PluginCandidate:
     """A plugin that has not been loaded yet."""
 
     name: str
@@ -271,23 +274,23 @@ class _Candidate:
 
     @property
     def origin(self) -> str:
-        """How messages call it."""
+        """Its name in messages."""
         return f"{self.distribution} (plugin {self.name})"
 
 
-def _installed() -> list[_Candidate]:
-    found = [_behind(entry) for entry in entry_points(group=GROUP)]
+def _installed_candidates() -> list[_PluginCandidate]:
+    found = [_from_entry_point(entry) for entry in entry_points(group=GROUP)]
     return sorted(found, key=lambda candidate: (candidate.distribution, candidate.name))
 
 
-def _behind(entry: EntryPoint) -> _Candidate:
+def _from_entry_point(entry: EntryPoint) -> _PluginCandidate:
     name, version = (entry.dist.name, entry.dist.version) if entry.dist else ("unknown", "unknown")
-    return _Candidate(entry.name, name, version, entry.load)
+    return _PluginCandidate(entry.name, name, version, entry.load)
 
 
-def _given(plugin_object: object) -> _Candidate:
+def _from_object(plugin_object: object) -> _PluginCandidate:
     name = str(getattr(plugin_object, "__name__", type(plugin_object).__name__))
-    return _Candidate(name, "given by the caller", "", lambda: plugin_object)
+    return _PluginCandidate(name, "given by the caller", "", lambda: plugin_object)
 
 
 def _new_manager() -> pluggy.PluginManager:
@@ -301,7 +304,7 @@ def _check_is_new(plugin_object: object, manager: pluggy.PluginManager) -> None:
         raise PluginError("it is loaded already, under another name")
 
 
-def _try_out(plugin_object: object, candidate: _Candidate) -> Plugin:
+def _validate(plugin_object: object, candidate: _PluginCandidate) -> Plugin:
     """Validate a plugin and collect its backends in a manager of its own, so that a failure leaves no trace."""
     manager = _new_manager()
     manager.register(plugin_object, candidate.name)

@@ -34,12 +34,16 @@ from supermap_cli.types.truth import (
 FORMAT = "supermap truth"
 VERSION = 1
 TRUTH_FILE = "truth.json"
-"""What a simulation calls it, beside its recordings."""
+"""Its name in the folder of a simulation."""
 
 _LENGTH_DIGITS = 4
+"""Decimals of metres: 0.1 mm."""
 _ROTATION_DIGITS = 6
+"""Decimals of rotation matrices and of yaw in radians."""
 _SHARE_DIGITS = 3
+"""Decimals of visible shares."""
 _DISTANCE_DIGITS = 3
+"""Decimals of metres to the camera."""
 
 Document = Mapping[str, Any]
 
@@ -302,7 +306,7 @@ def _check_references(truth: GroundTruth) -> None:
     if len(ids) < len(truth.objects):
         raise ValueError("two objects share an id")
     named = {change.object_id for change in truth.changes} | {
-        one for question in truth.questions for one in question.answer
+        object_id for question in truth.questions for object_id in question.answer
     }
     if unknown := sorted(named - ids):
         raise ValueError(f"there is no object {unknown[0]!r}")

@@ -13,14 +13,20 @@ import numpy as np
 
 from supermap_cli.geometry.arrays import Float32Array, FloatArray, IntArray
 
-_STATE, _MEASURED = 6, 4
-_ACCELERATION_WIDTHS_S2 = 1.0
-"""Standard deviation of the acceleration, image widths per second squared."""
-_FIRST_VELOCITY_WIDTHS_S = 0.3
-_SIZE_DRIFT = 0.3
-"""Relative drift of width and height in one second."""
-_MEASUREMENT = 0.05
-"""A detected box's standard deviation as a share of its size (ByteTrack: 1/20), to which a pixel is added."""
+_STATE_DIM, _MEASURED_DIM = 6, 4
+"""Components of the state, of which the first are measured."""
+_ACCELERATION_STD_WIDTHS_S2 = 1.0
+"""Standard deviation of the acceleration, image widths per second squared. Chosen for a carried camera."""
+_INITIAL_VELOCITY_STD_WIDTHS_S = 0.3
+"""Standard deviation of the velocity of a new track, image widths per second. Chosen for a carried camera."""
+_SIZE_STD_PER_SQRT_S = 0.3
+"""Standard deviation of the relative change of width and height after one second. Chosen."""
+_PIXEL_STD = 1.0
+"""Standard deviation in pixels that every measurement has besides `_MEASUREMENT_STD_SHARE`. Chosen."""
+_MIN_SIZE_PX = 1.0
+"""Pixels: no box becomes smaller, whatever the filter says."""
+_MEASUREMENT_STD_SHARE = 0.05
+"""Standard deviation of a detected box as a share of its size (ByteTrack's `_std_weight_position`: 1/20)."""
 
 
 @dataclass(frozen=True)
@@ -50,57 +56,57 @@ class BoxStates:
         return BoxStates(self.mean[chosen], self.covariance[chosen])
 
 
-def no_states() -> BoxStates:
-    """No box at all."""
-    return BoxStates(np.zeros((0, _STATE)), np.zeros((0, _STATE, _STATE)))
+def empty_states() -> BoxStates:
+    """States of no boxes."""
+    return BoxStates(np.zeros((0, _STATE_DIM)), np.zeros((0, _STATE_DIM, _STATE_DIM)))
 
 
-def join(first: BoxStates, second: BoxStates) -> BoxStates:
+def concatenate(first: BoxStates, second: BoxStates) -> BoxStates:
     """The boxes of both, in this order."""
     return BoxStates(np.concatenate([first.mean, second.mean]), np.concatenate([first.covariance, second.covariance]))
 
 
-def begin(boxes_xyxy: Float32Array | FloatArray, image_width: int) -> BoxStates:
-    """States of boxes seen for the first time."""
+def initiate(boxes_xyxy: Float32Array | FloatArray, image_width: int) -> BoxStates:
+    """States of the boxes of new tracks."""
     n = len(boxes_xyxy)
-    mean = np.zeros((n, _STATE))
+    mean = np.zeros((n, _STATE_DIM))
     mean[:, :4] = _centre_and_size(boxes_xyxy)
-    covariance = np.zeros((n, _STATE, _STATE))
+    covariance = np.zeros((n, _STATE_DIM, _STATE_DIM))
     covariance[:, :4, :4] = _measurement_noise(mean[:, :4])
-    velocity = (_FIRST_VELOCITY_WIDTHS_S * image_width) ** 2
+    velocity = (_INITIAL_VELOCITY_STD_WIDTHS_S * image_width) ** 2
     covariance[:, 4, 4] = covariance[:, 5, 5] = velocity
     return BoxStates(mean, covariance)
 
 
 def predict(states: BoxStates, seconds: float, image_width: int) -> BoxStates:
-    """Where the boxes are `seconds` later: constant velocity with white-noise acceleration."""
-    F = np.eye(_STATE)
+    """Predict the states `seconds` later: constant velocity, discrete white noise acceleration."""
+    F = np.eye(_STATE_DIM)
     F[0, 4] = F[1, 5] = seconds
-    acceleration = (_ACCELERATION_WIDTHS_S2 * image_width) ** 2
-    Q = np.zeros((len(states), _STATE, _STATE))
+    acceleration = (_ACCELERATION_STD_WIDTHS_S2 * image_width) ** 2
+    Q = np.zeros((len(states), _STATE_DIM, _STATE_DIM))
     for position, velocity in ((0, 4), (1, 5)):
         Q[:, position, position] = acceleration * seconds**4 / 4
         Q[:, position, velocity] = Q[:, velocity, position] = acceleration * seconds**3 / 2
         Q[:, velocity, velocity] = acceleration * seconds**2
     for size in (2, 3):
-        Q[:, size, size] = (_SIZE_DRIFT * states.mean[:, size]) ** 2 * seconds
+        Q[:, size, size] = (_SIZE_STD_PER_SQRT_S * states.mean[:, size]) ** 2 * seconds
     return BoxStates(states.mean @ F.T, F @ states.covariance @ F.T + Q)
 
 
-def correct(states: BoxStates, boxes_xyxy: Float32Array | FloatArray) -> BoxStates:
-    """The states after each box was measured, boxes (n, 4)."""
+def update(states: BoxStates, boxes_xyxy: Float32Array | FloatArray) -> BoxStates:
+    """Update the states by measured boxes (n, 4), one each."""
     measured = _centre_and_size(boxes_xyxy)
-    S = states.covariance[:, :_MEASURED, :_MEASURED] + _measurement_noise(measured)
-    gain = np.linalg.solve(S, states.covariance[:, :_MEASURED, :]).transpose(0, 2, 1)
-    innovation = measured - states.mean[:, :_MEASURED]
+    S = states.covariance[:, :_MEASURED_DIM, :_MEASURED_DIM] + _measurement_noise(measured)
+    gain = np.linalg.solve(S, states.covariance[:, :_MEASURED_DIM, :]).transpose(0, 2, 1)
+    innovation = measured - states.mean[:, :_MEASURED_DIM]
     mean = states.mean + np.einsum("nij,nj->ni", gain, innovation)
-    mean[:, 2:4] = np.maximum(mean[:, 2:4], 1.0)
-    covariance = states.covariance - gain @ states.covariance[:, :_MEASURED, :]
+    mean[:, 2:4] = np.maximum(mean[:, 2:4], _MIN_SIZE_PX)
+    covariance = states.covariance - gain @ states.covariance[:, :_MEASURED_DIM, :]
     return BoxStates(mean, (covariance + covariance.transpose(0, 2, 1)) / 2)
 
 
 def replace_boxes(states: BoxStates, which: IntArray, boxes_xyxy: Float32Array) -> BoxStates:
-    """The states with the boxes of `which` set to what the map says they are; their velocities stay."""
+    """Set the boxes of the states `which` to the map's predictions; the velocities stay."""
     mean, covariance = states.mean.copy(), states.covariance.copy()
     known = _centre_and_size(boxes_xyxy)
     mean[which, :4] = known
@@ -112,11 +118,13 @@ def replace_boxes(states: BoxStates, which: IntArray, boxes_xyxy: Float32Array) 
 
 def _centre_and_size(boxes_xyxy: Float32Array | FloatArray) -> FloatArray:
     boxes = boxes_xyxy.astype(np.float64)
-    return np.concatenate([(boxes[:, :2] + boxes[:, 2:]) / 2, np.maximum(boxes[:, 2:] - boxes[:, :2], 1.0)], axis=1)
+    return np.concatenate(
+        [(boxes[:, :2] + boxes[:, 2:]) / 2, np.maximum(boxes[:, 2:] - boxes[:, :2], _MIN_SIZE_PX)], axis=1
+    )
 
 
 def _measurement_noise(centre_and_size: FloatArray) -> FloatArray:
     """(n, 4, 4) diagonal covariance of measured boxes."""
-    deviation = _MEASUREMENT * np.tile(centre_and_size[:, 2:], (1, 2)) + 1.0
-    noise: FloatArray = deviation[:, :, None] ** 2 * np.eye(_MEASURED)
+    deviation = _MEASUREMENT_STD_SHARE * np.tile(centre_and_size[:, 2:], (1, 2)) + _PIXEL_STD
+    noise: FloatArray = deviation[:, :, None] ** 2 * np.eye(_MEASURED_DIM)
     return noise

@@ -1,4 +1,4 @@
-"""How well a detection fits a track: boxes widened by what is uncertain, and labels that cost but do not forbid."""
+"""Similarity of detections and tracks: IoU of buffered boxes, less a penalty for different labels."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from supermap_cli.geometry.arrays import Float32Array, FloatArray
 from supermap_cli.types.detections import Hypothesis
 
 LABEL_COST = 0.3
-"""What a wholly different label costs, in units of overlap."""
+"""Overlap (IoU) that entirely different labels cost. Chosen: labels may not forbid a match."""
 
 
 def buffered_iou(states: BoxStates, boxes_xyxy: Float32Array, buffer: float) -> FloatArray:
@@ -52,10 +52,10 @@ def label_agreement(tracks: Sequence[Mapping[str, float]], detections: Sequence[
     return agreement
 
 
-def assign(similarity: FloatArray, overlap: FloatArray, least_overlap: float) -> list[tuple[int, int]]:
+def assign(similarity: FloatArray, overlap: FloatArray, min_overlap: float) -> list[tuple[int, int]]:
     """The pairs (track, detection) of the greatest total similarity among those that overlap enough (Kuhn 1955)."""
     from scipy.optimize import linear_sum_assignment  # noqa: PLC0415 - loaded when used
 
-    allowed = (overlap >= least_overlap) & (similarity > 0)
+    allowed = (overlap >= min_overlap) & (similarity > 0)
     rows, columns = linear_sum_assignment(np.where(allowed, -similarity, 0.0))
     return [(int(i), int(j)) for i, j in zip(rows, columns, strict=True) if allowed[i, j]]

@@ -1,5 +1,5 @@
 """ByteTrack's association in two stages (Zhang et al. 2022, Algorithm 1) over the hybrid state of SuperMap's section on
-tracking: what belongs to a map object is predicted by the map, the rest by its own motion.
+tracking: tracks of map objects are predicted by the map, the others by their own motion.
 """
 
 from __future__ import annotations
@@ -11,32 +11,35 @@ from typing import Any, cast
 import numpy as np
 
 from supermap_bytetrack import ByteTrackOptions
-from supermap_bytetrack.kalman import BoxStates, begin, correct, join, no_states, predict, replace_boxes
+from supermap_bytetrack.kalman import BoxStates, concatenate, empty_states, initiate, predict, replace_boxes
+from supermap_bytetrack.kalman import update as kalman_update
 from supermap_bytetrack.similarity import LABEL_COST, assign, buffered_iou, label_agreement, label_distribution
 from supermap_cli.geometry.arrays import BoolArray, FloatArray, IntArray
 from supermap_cli.types.detections import Detections, TrackPrior, Tracks
 
-_SURE_OVERLAP = 0.5
-"""Least overlap where the evidence is weak: low scores (as in ByteTrack) and objects that should be hidden."""
-_LONGEST_GAP_S = 2.0
-_LABEL_MEMORY = 0.8
-_LEAST_SHIFTED = 2
-"""From so many map-led tracks on, their common shift is taken for the camera's motion."""
+_WEAK_EVIDENCE_IOU = 0.5
+"""Least overlap for weak evidence: low scores (ByteTrack's second stage: 0.5) and objects that should be occluded."""
+_MAX_PREDICTION_S = 2.0
+"""Seconds: over a longer gap, tracks are predicted for this long only. Chosen."""
+_LABEL_DECAY = 0.8
+"""Weight of a track's label distribution against the next detection's. Chosen."""
+_MIN_TRACKS_FOR_CAMERA_MOTION = 2
+"""Map-led tracks from which on their median shift is taken for the camera's motion. Chosen."""
 
 
 @dataclass
 class _TrackTable:
-    """The living tracks, n of them: `ids` and `misses` (n,), `labels` a distribution each."""
+    """The live tracks, n of them: `ids` and `misses` (n,), `labels` a distribution each."""
 
     ids: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
     misses: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
-    states: BoxStates = field(default_factory=no_states)
+    states: BoxStates = field(default_factory=empty_states)
     labels: list[dict[str, float]] = field(default_factory=list)
 
     def add(self, ids: Sequence[int], states: BoxStates, labels: Sequence[dict[str, float]]) -> None:
         self.ids = np.concatenate([self.ids, np.asarray(ids, np.int64)])
         self.misses = np.concatenate([self.misses, np.zeros(len(ids), np.int64)])
-        self.states = join(self.states, states)
+        self.states = concatenate(self.states, states)
         self.labels.extend(labels)
 
     def keep(self, chosen: BoolArray) -> None:
@@ -60,7 +63,7 @@ class ByteTracker:
         ordered = detections.take(order)
         self._predict(detections.stamp_ns, priors, image_size[0])
         matches = self._associate(ordered, priors)
-        self._settle(ordered, matches, priors, image_size[0])
+        self._update_tracks(ordered, matches, priors, image_size[0])
         track_ids = np.full(len(detections), -1, np.int64)
         for track_id, detection in matches:
             track_ids[order[detection]] = track_id
@@ -82,34 +85,34 @@ class ByteTracker:
         """Move all tracks to the image's time; those of map objects to where the map expects them."""
         tracks = self._tracks
         if self._last_stamp_ns is not None:
-            seconds = min(max((stamp_ns - self._last_stamp_ns) * 1e-9, 0.0), _LONGEST_GAP_S)
+            seconds = min(max((stamp_ns - self._last_stamp_ns) * 1e-9, 0.0), _MAX_PREDICTION_S)
             tracks.states = predict(tracks.states, seconds, image_width)
         self._last_stamp_ns = stamp_ns
         if not priors:
             return
-        known = set(tracks.ids.tolist())
-        forgotten = [prior for prior in priors if prior.track_id not in known]
-        boxes = np.array([prior.box_xyxy for prior in forgotten], np.float32).reshape(-1, 4)
+        known_ids = set(tracks.ids.tolist())
+        lost_priors = [prior for prior in priors if prior.track_id not in known_ids]
+        boxes = np.array([prior.box_xyxy for prior in lost_priors], np.float32).reshape(-1, 4)
         tracks.add(
-            [prior.track_id for prior in forgotten],
-            begin(boxes, image_width),
-            [{prior.label: 1.0} for prior in forgotten],
+            [prior.track_id for prior in lost_priors],
+            initiate(boxes, image_width),
+            [{prior.label: 1.0} for prior in lost_priors],
         )
         self._next_id = max(self._next_id, *(prior.track_id + 1 for prior in priors))
-        self._follow_map(priors, known)
+        self._apply_priors(priors, known_ids)
 
-    def _follow_map(self, priors: Sequence[TrackPrior], known: set[int]) -> None:
-        """Set the map-led tracks to their priors, and move the others by the median shift this was."""
+    def _apply_priors(self, priors: Sequence[TrackPrior], known_ids: set[int]) -> None:
+        """Set the map-led tracks to their priors, and shift the others by the median shift of these."""
         tracks = self._tracks
         index_of = {track_id: i for i, track_id in enumerate(tracks.ids.tolist())}
-        led = np.array([index_of[prior.track_id] for prior in priors], np.int64)
-        before = tracks.states.mean[led, :2]
+        map_led = np.array([index_of[prior.track_id] for prior in priors], np.int64)
+        before = tracks.states.mean[map_led, :2]
         boxes = np.stack([prior.box_xyxy for prior in priors])
-        states = replace_boxes(tracks.states, led, boxes)
-        shifts = (states.mean[led, :2] - before)[[prior.track_id in known for prior in priors]]
-        if len(shifts) >= _LEAST_SHIFTED:
+        states = replace_boxes(tracks.states, map_led, boxes)
+        shifts = (states.mean[map_led, :2] - before)[[prior.track_id in known_ids for prior in priors]]
+        if len(shifts) >= _MIN_TRACKS_FOR_CAMERA_MOTION:
             free = np.ones(len(tracks.ids), dtype=bool)
-            free[led] = False
+            free[map_led] = False
             states.mean[free, :2] += np.median(shifts, axis=0)
         tracks.states = states
 
@@ -127,22 +130,22 @@ class ByteTracker:
         high = detections.scores >= self._options.high_score
         free_tracks, free_detections = np.ones(len(tracks.ids), bool), np.ones(len(detections), bool)
         matches: list[tuple[int, int]] = []
-        for in_stage, scores, least in (
+        for in_stage, scores, min_overlap in (
             (~hidden, high, self._options.least_overlap),
-            (~hidden & (tracks.misses == 0), ~high, _SURE_OVERLAP),
-            (hidden, high, _SURE_OVERLAP),
+            (~hidden & (tracks.misses == 0), ~high, _WEAK_EVIDENCE_IOU),
+            (hidden, high, _WEAK_EVIDENCE_IOU),
         ):
             rows, columns = np.flatnonzero(free_tracks & in_stage), np.flatnonzero(free_detections & scores)
-            pairs = _assign_some(similarity, overlap, rows, columns, least)
+            pairs = _assign_some(similarity, overlap, rows, columns, min_overlap)
             for track, detection in pairs:
                 free_tracks[track] = free_detections[detection] = False
                 matches.append((int(tracks.ids[track]), detection))
-        born = np.flatnonzero(free_detections & high).tolist()
-        matches.extend((self._next_id + i, detection) for i, detection in enumerate(born))
-        self._next_id += len(born)
+        new_detections = np.flatnonzero(free_detections & high).tolist()
+        matches.extend((self._next_id + i, detection) for i, detection in enumerate(new_detections))
+        self._next_id += len(new_detections)
         return matches
 
-    def _settle(
+    def _update_tracks(
         self, detections: Detections, matches: Sequence[tuple[int, int]], priors: Sequence[TrackPrior], image_width: int
     ) -> None:
         """Correct the matched tracks, begin the new ones, count misses and drop what has been lost for too long."""
@@ -150,21 +153,23 @@ class ByteTracker:
         index_of = {track_id: i for i, track_id in enumerate(tracks.ids.tolist())}
         old = [(index_of[track_id], detection) for track_id, detection in matches if track_id in index_of]
         rows = np.array([track for track, _ in old], np.int64)
-        corrected = correct(tracks.states.take(rows), detections.boxes_xyxy[[detection for _, detection in old]])
-        tracks.states.mean[rows], tracks.states.covariance[rows] = corrected.mean, corrected.covariance
+        updated = kalman_update(tracks.states.take(rows), detections.boxes_xyxy[[detection for _, detection in old]])
+        tracks.states.mean[rows], tracks.states.covariance[rows] = updated.mean, updated.covariance
         for track, detection in old:
-            tracks.labels[track] = _blend(tracks.labels[track], label_distribution(detections.hypotheses[detection]))
-        led = np.isin(tracks.ids, [prior.track_id for prior in priors])
+            tracks.labels[track] = _decayed_labels(
+                tracks.labels[track], label_distribution(detections.hypotheses[detection])
+            )
+        map_led = np.isin(tracks.ids, [prior.track_id for prior in priors])
         hidden = np.isin(tracks.ids, [prior.track_id for prior in priors if prior.hidden])
         missed = ~hidden
         missed[rows] = False
         tracks.misses[rows] = 0
         tracks.misses[missed] += 1
-        tracks.keep(led | (tracks.misses <= self._options.lost_frames))
+        tracks.keep(map_led | (tracks.misses <= self._options.lost_frames))
         new = [(track_id, detection) for track_id, detection in matches if track_id not in index_of]
         tracks.add(
             [track_id for track_id, _ in new],
-            begin(detections.boxes_xyxy[[detection for _, detection in new]], image_width),
+            initiate(detections.boxes_xyxy[[detection for _, detection in new]], image_width),
             [label_distribution(detections.hypotheses[detection]) for _, detection in new],
         )
 
@@ -176,16 +181,16 @@ def _canonical_order(detections: Detections) -> IntArray:
 
 
 def _assign_some(
-    similarity: FloatArray, overlap: FloatArray, rows: IntArray, columns: IntArray, least: float
+    similarity: FloatArray, overlap: FloatArray, rows: IntArray, columns: IntArray, min_overlap: float
 ) -> list[tuple[int, int]]:
     """`assign` on a part of the matrices, in the indices of the whole."""
     if not len(rows) or not len(columns):
         return []
     part = np.ix_(rows, columns)
-    return [(int(rows[i]), int(columns[j])) for i, j in assign(similarity[part], overlap[part], least)]
+    return [(int(rows[i]), int(columns[j])) for i, j in assign(similarity[part], overlap[part], min_overlap)]
 
 
-def _blend(old: dict[str, float], new: dict[str, float]) -> dict[str, float]:
-    """A label distribution after one more look (exponential forgetting)."""
+def _decayed_labels(old: dict[str, float], new: dict[str, float]) -> dict[str, float]:
+    """A label distribution updated by one more detection (exponential decay)."""
     labels = {**old, **new}
-    return {label: _LABEL_MEMORY * old.get(label, 0.0) + (1 - _LABEL_MEMORY) * new.get(label, 0.0) for label in labels}
+    return {label: _LABEL_DECAY * old.get(label, 0.0) + (1 - _LABEL_DECAY) * new.get(label, 0.0) for label in labels}

@@ -1,4 +1,4 @@
-"""Which of the things in a patch is the object of the box."""
+"""Separates the object that a box was drawn around from what else is in the patch."""
 
 from __future__ import annotations
 
@@ -11,61 +11,73 @@ from scipy.sparse.csgraph import connected_components
 from supermap_cli.geometry.arrays import BoolArray, FloatArray, IntArray
 from supermap_depth_segmenter.patch import Patch, depth_noise_m
 
-_OWN = 0.6
-"""Share of a component's samples in the box from which it may be the object, and not what lies behind it."""
-_OWN_PART = 0.9
-_LEAST_COVER = 0.03
-_LEAST_SEEN = 0.15
-"""Share of the box's middle that must have a depth: what is measured may otherwise be what lies around the object."""
-_SHRINK = 0.06
-_REACH = 0.3
-"""Parts of the object lie within so much of its extent from the main one in depth."""
-_WEIGHTY = 0.1
+_MIN_IN_BOX_SHARE = 0.6
+"""Share of a component's samples within the box from which on it may be the object and not what is behind it. Chosen.
+"""
+_MIN_IN_BOX_SHARE_OF_PART = 0.9
+"""The same for further parts of the object. Chosen."""
+_MIN_COVERAGE = 0.03
+"""Share of the box's valid samples that the main component must cover. Chosen."""
+_MIN_DEPTH_COVERAGE = 0.15
+"""Share of the box's central weight that must have depth; with less, the depth may be that of the surroundings. Chosen.
+"""
+_FALLBACK_MARGIN = 0.06
+"""Share of its size by which the box is shrunk on each side where it serves as the mask. Chosen."""
+_PART_DEPTH_RANGE = 0.3
+"""Depth between the object's parts and the main component, as a share of the longer side of the box. Chosen."""
+_MIN_FRONT_WEIGHT = 0.1
+"""Share of all components' weight from which on a component counts as standing in front. Chosen."""
+_DEPTH_STEP_M, _NOISE_FACTOR, _SLANT_PER_PX = 0.01, 3.0, 0.004
+"""Greatest depth step within one surface: metres, standard deviations of the depth, and share of the depth for each
+pixel between the samples (the slant). Chosen.
+"""
 
 
 @dataclass(frozen=True)
-class Components:
+class DepthComponents:
     """The depth-connected parts of a patch, k of them.
 
-    `labels` (h, w), -1 = none. Of each part (k,): its `weight` in the box's middle, the share of it that is the box's
-    `own`, the share of the box's width and height that it spans, and its mean depth.
+    `labels` (h, w), -1 = none. Of each component (k,): its `weight` (`Patch.centrality`), the share of its samples that
+    lie in the box, the share of the box that its bounding box spans, and its mean depth.
     """
 
     labels: IntArray
     weight: FloatArray
-    own: FloatArray
+    in_box_share: FloatArray
     span: FloatArray
     depth_m: FloatArray
 
 
-def object_of(patch: Patch, background: BoolArray) -> BoolArray | None:
-    """(h, w) the samples of the object the box was drawn around; `None` where the box holds no depth.
+def segment_object(patch: Patch, background_mask: BoolArray) -> BoolArray | None:
+    """(h, w) the samples of the object the box was drawn around; `None` where the box has too little depth.
 
-    The main component is the one that fills the middle and ends with the box; parts at its depth that end with the box
-    as well belong to it (a chair's legs). Where nothing ends with the box - a book on a table, a screen on a wall - the
-    box itself, a little smaller, is the mask.
+    The main component is central and lies within the box; components at its depth that lie within the box as well
+    belong to it (a chair's legs). Where none lies within the box - a book on a table, a screen on a wall - the box
+    itself, a little smaller, is the mask.
     """
     inside = patch.valid & patch.in_box
-    if (patch.centrality * patch.valid).sum() <= _LEAST_SEEN * patch.centrality.sum():
+    if (patch.centrality * patch.valid).sum() <= _MIN_DEPTH_COVERAGE * patch.centrality.sum():
         return None
-    components = connect(patch, patch.valid & ~background)
+    components = connected_parts(patch, patch.valid & ~background_mask)
     if components is None:
-        return _shrunk(patch)
+        return _shrunken_box(patch)
     main = int(np.argmax(_fitness(components)))
     in_main = components.labels == main
-    if (in_main & patch.in_box).sum() < _LEAST_COVER * inside.sum():
-        return _shrunk(patch)
-    if components.own[main] < _OWN:
-        inseparable: BoolArray = in_main & _shrunk(patch)
+    if (in_main & patch.in_box).sum() < _MIN_COVERAGE * inside.sum():
+        return _shrunken_box(patch)
+    if components.in_box_share[main] < _MIN_IN_BOX_SHARE:
+        inseparable: BoolArray = in_main & _shrunken_box(patch)
         return inseparable
-    reach = _REACH * patch.size_at_1m * components.depth_m[main]
-    alike = (np.abs(components.depth_m - components.depth_m[main]) < reach) & (components.own >= _OWN_PART)
-    alike[main] = True
-    chosen: BoolArray = alike[components.labels] & (components.labels >= 0) & patch.in_box
+    depth_range_m = _PART_DEPTH_RANGE * patch.size_at_1m * components.depth_m[main]
+    is_part = (np.abs(components.depth_m - components.depth_m[main]) < depth_range_m) & (
+        components.in_box_share >= _MIN_IN_BOX_SHARE_OF_PART
+    )
+    is_part[main] = True
+    chosen: BoolArray = is_part[components.labels] & (components.labels >= 0) & patch.in_box
     return chosen
 
 
-def connect(patch: Patch, foreground: BoolArray) -> Components | None:
+def connected_parts(patch: Patch, foreground: BoolArray) -> DepthComponents | None:
     """The depth-connected components of the foreground: neighbours are linked where their depths differ by no more than
     noise and slant explain. `None` if there are none.
     """
@@ -83,7 +95,7 @@ def connect(patch: Patch, foreground: BoolArray) -> Components | None:
         (np.s_[:-2], np.s_[2:]),
     ):
         near = np.minimum(depth[a], depth[b])
-        linked = foreground[a] & foreground[b] & (np.abs(depth[a] - depth[b]) < _jump_m(near, patch.step))
+        linked = foreground[a] & foreground[b] & (np.abs(depth[a] - depth[b]) < _max_depth_step_m(near, patch.step))
         links.append((index[a][linked], index[b][linked]))
     rows, columns = (np.concatenate(ends) for ends in zip(*links, strict=True))
     graph = coo_array((np.ones(len(rows), np.int8), (rows, columns)), shape=(n, n))
@@ -91,44 +103,44 @@ def connect(patch: Patch, foreground: BoolArray) -> Components | None:
     in_box = patch.in_box[foreground]
     sizes = np.bincount(labels, minlength=k)
     weight = np.bincount(labels, patch.centrality[foreground], minlength=k).astype(np.float64)
-    own = np.bincount(labels, in_box.astype(np.float64), minlength=k) / sizes
+    in_box_share = np.bincount(labels, in_box.astype(np.float64), minlength=k) / sizes
     mean = np.bincount(labels, depth[foreground], minlength=k) / sizes
     span = _span(labels[in_box], patch, foreground, k)
-    whole = np.full(foreground.shape, -1, np.int64)
-    whole[foreground] = labels
-    return Components(whole, weight, own, span, mean)
+    labels_of_samples = np.full(foreground.shape, -1, np.int64)
+    labels_of_samples[foreground] = labels
+    return DepthComponents(labels_of_samples, weight, in_box_share, span, mean)
 
 
 def _span(labels: IntArray, patch: Patch, foreground: BoolArray, k: int) -> FloatArray:
-    """(k,) which part of the box the smallest box around each component covers: detectors draw boxes tightly.
+    """(k,) share of the box that each component's bounding box covers: detectors draw boxes tightly.
 
     `labels` are those of the foreground's samples in the box.
     """
     rows, columns = np.nonzero(foreground & patch.in_box)
     covered = np.ones(k)
-    for share in (patch.share_u[columns], patch.share_v[rows]):
+    for position in (patch.share_u[columns], patch.share_v[rows]):
         low, high = np.ones(k), np.zeros(k)
-        np.minimum.at(low, labels, share)
-        np.maximum.at(high, labels, share)
+        np.minimum.at(low, labels, position)
+        np.maximum.at(high, labels, position)
         covered *= np.clip(high - low, 0, 1)
     return covered
 
 
-def _fitness(components: Components) -> FloatArray:
-    """(k,) how likely each component is what the box was drawn around: it fills the middle, ends with the box, reaches
-    to its sides, and nothing of weight stands before it.
+def _fitness(components: DepthComponents) -> FloatArray:
+    """(k,) how well each component fits the box: it is central, lies within the box, reaches to its sides, and no other
+    heavy component is in front of it.
     """
-    weighty = components.weight >= _WEIGHTY * components.weight.sum()
-    nearest = components.depth_m[weighty].min() if weighty.any() else components.depth_m.min()
+    heavy = components.weight >= _MIN_FRONT_WEIGHT * components.weight.sum()
+    nearest = components.depth_m[heavy].min() if heavy.any() else components.depth_m.min()
     nearness = np.minimum(nearest / components.depth_m, 1.0) ** 2
-    fitness: FloatArray = components.weight * components.own**2 * components.span * nearness
+    fitness: FloatArray = components.weight * components.in_box_share**2 * components.span * nearness
     return fitness
 
 
-def _jump_m(depth_m: FloatArray, step: int) -> FloatArray:
+def _max_depth_step_m(depth_m: FloatArray, step: int) -> FloatArray:
     """The greatest difference in depth of two neighbouring samples of one surface."""
-    return 0.01 + 3 * depth_noise_m(depth_m) + 0.004 * step * depth_m
+    return _DEPTH_STEP_M + _NOISE_FACTOR * depth_noise_m(depth_m) + _SLANT_PER_PX * step * depth_m
 
 
-def _shrunk(patch: Patch) -> BoolArray:
-    return patch.within(_SHRINK) & patch.valid
+def _shrunken_box(patch: Patch) -> BoolArray:
+    return patch.within(_FALLBACK_MARGIN) & patch.valid

@@ -10,9 +10,14 @@ import numpy as np
 from supermap_cli.geometry.arrays import BoolArray, Float32Array, FloatArray
 from supermap_cli.geometry.cameras import Camera
 
-_RING = 0.25
-"""How far the patch reaches beyond the box on each side, as a share of the box's size."""
-_LEAST_RING_PX = 6
+_MARGIN_SHARE = 0.25
+"""How far the patch reaches beyond the box on each side, as a share of the box's size. Chosen."""
+_MIN_MARGIN_PX = 6
+"""The same in pixels, at least. Chosen."""
+_CENTRALITY_STD = 0.25
+"""Standard deviation of the central weight as a share of the box's size. Chosen: the edges are at two of them."""
+_NOISE_PER_M = 1.425e-3
+"""Standard deviation of the depth of a Kinect per square metre of depth (Khoshelham and Elberink 2012, equation 11)."""
 
 
 @dataclass(frozen=True)
@@ -45,8 +50,10 @@ class Patch:
 
     @cached_property
     def centrality(self) -> FloatArray:
-        """(h, w) weight of a sample for what the box means: a Gaussian of a quarter of the box's size, 0 outside."""
-        across, down = (np.exp(-((share - 0.5) ** 2) / (2 * 0.25**2)) for share in (self.share_u, self.share_v))
+        """(h, w) weight of the samples: a Gaussian about the box's centre, 0 outside the box."""
+        across, down = (
+            np.exp(-((share - 0.5) ** 2) / (2 * _CENTRALITY_STD**2)) for share in (self.share_u, self.share_v)
+        )
         return down[:, None] * across[None, :] * self.in_box
 
     def within(self, margin: float) -> BoolArray:
@@ -62,9 +69,9 @@ def cut_patch(depth_m: Float32Array, camera: Camera, box_xyxy: Float32Array, sam
     size = box[2:] - box[:2]
     if (size < 1).any():
         return None
-    ring = np.maximum(_RING * size, _LEAST_RING_PX)
-    u0, v0 = np.maximum(np.floor(box[:2] - ring), 0).astype(int).tolist()
-    u1, v1 = np.minimum(np.ceil(box[2:] + ring), [width, height]).astype(int).tolist()
+    margin_px = np.maximum(_MARGIN_SHARE * size, _MIN_MARGIN_PX)
+    u0, v0 = np.maximum(np.floor(box[:2] - margin_px), 0).astype(int).tolist()
+    u1, v1 = np.minimum(np.ceil(box[2:] + margin_px), [width, height]).astype(int).tolist()
     step = max(1, int(np.ceil(np.sqrt((u1 - u0) * (v1 - v0) / samples))))
     depth = depth_m[v0:v1:step, u0:u1:step]
     u, v = np.arange(u0, u1, step), np.arange(v0, v1, step)
@@ -77,4 +84,4 @@ def cut_patch(depth_m: Float32Array, camera: Camera, box_xyxy: Float32Array, sam
 
 def depth_noise_m(depth_m: Float32Array | FloatArray) -> FloatArray:
     """Standard deviation of a structured-light depth camera, metres (Khoshelham and Elberink 2012, equation 11)."""
-    return 1.425e-3 * np.square(np.asarray(depth_m, np.float64))
+    return _NOISE_PER_M * np.square(np.asarray(depth_m, np.float64))

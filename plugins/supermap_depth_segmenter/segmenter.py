@@ -10,12 +10,14 @@ from supermap_cli.geometry.arrays import BoolArray, Float32Array
 from supermap_cli.types.detections import Detections, RegionMask, cut_mask
 from supermap_cli.types.sensing import CameraFrame
 from supermap_depth_segmenter import DepthSegmenterOptions
-from supermap_depth_segmenter.foreground import object_of
+from supermap_depth_segmenter.foreground import segment_object
 from supermap_depth_segmenter.patch import Patch, cut_patch
-from supermap_depth_segmenter.planes import background
+from supermap_depth_segmenter.planes import background_mask
 
-_SURE_SCORE = 0.3
-_MUCH_SMALLER = 0.5
+_MIN_OCCLUDER_SCORE = 0.3
+"""Score from which on a detection is cut out of larger ones. Chosen: ByteTrack's `high_score` here."""
+_MAX_AREA_RATIO = 0.5
+"""Area of a box in that of a larger one, below which it is cut out. Chosen."""
 
 
 class DepthSegmenter:
@@ -32,36 +34,36 @@ class DepthSegmenter:
         for i, mask in enumerate(detections.masks):
             if mask is None:
                 masks[i] = self._segment_box(frame, frame.depth_m, detections.boxes_xyxy[i])
-        return _give_to_smaller(masks, detections, frame.depth_m.shape)
+        return _cut_out_smaller(masks, detections, frame.depth_m.shape)
 
     def _segment_box(self, frame: CameraFrame, depth_m: Float32Array, box_xyxy: Float32Array) -> RegionMask | None:
         patch = cut_patch(depth_m, frame.camera, box_xyxy, self._options.samples)
         if patch is None:
             return None
-        chosen = object_of(patch, background(patch))
+        chosen = segment_object(patch, background_mask(patch))
         return _at_full_resolution(patch, chosen, depth_m.shape) if chosen is not None else None
 
 
-def _give_to_smaller(
+def _cut_out_smaller(
     masks: Sequence[RegionMask | None], detections: Detections, image_size: tuple[int, ...]
 ) -> tuple[RegionMask | None, ...]:
-    """What lies in the mask of a much smaller thing of another kind belongs to that thing: the cup, not the table."""
+    """Remove from each mask the masks of much smaller objects of other classes: the cup from the table."""
     sides = detections.boxes_xyxy[:, 2:] - detections.boxes_xyxy[:, :2]
     areas = sides.prod(axis=1)
-    sure = detections.scores >= _SURE_SCORE
-    given: list[RegionMask | None] = list(masks)
+    confident = detections.scores >= _MIN_OCCLUDER_SCORE
+    cut: list[RegionMask | None] = list(masks)
     for i, mask in enumerate(masks):
         if mask is None or detections.masks[i] is not None:
             continue
-        smaller = sure & (areas < _MUCH_SMALLER * areas[i])
+        smaller = confident & (areas < _MAX_AREA_RATIO * areas[i])
         pixels = mask.full(*image_size)
         for j in np.flatnonzero(smaller).tolist():
             other = masks[j]
             if other is not None and detections.labels[j] != detections.labels[i]:
                 h, w = other.pixels.shape
                 pixels[other.v0 : other.v0 + h, other.u0 : other.u0 + w] &= ~other.pixels
-        given[i] = cut_mask(pixels)
-    return tuple(given)
+        cut[i] = cut_mask(pixels)
+    return tuple(cut)
 
 
 def _at_full_resolution(patch: Patch, chosen: BoolArray, image_size: tuple[int, ...]) -> RegionMask | None:

@@ -14,22 +14,26 @@ from supermap_cli.geometry.arrays import Float32Array
 from supermap_cli.types.detections import Detections, Hypothesis
 from supermap_cli.types.sensing import CameraFrame
 from supermap_onnx import OnnxOptions
-from supermap_onnx.layouts import Layout, recognise
-from supermap_onnx.letterbox import GREY, fit
+from supermap_onnx.layouts import Layout, recognise_layout
+from supermap_onnx.letterbox import PADDING_GREY, fit_letterbox
 from supermap_onnx.masks import decode_masks
 from supermap_onnx.suppression import suppress
 from supermap_onnx.weights import class_names, find_model
 
 _PROVIDERS = ("CUDAExecutionProvider", "CPUExecutionProvider")
+"""Execution providers of onnxruntime, the preferred one first."""
 _DEFAULT_INPUT_SIZE = (640, 640)
-_SMALLEST_BOX_PX = 2.0
-_MOST_HYPOTHESES = 3
-_HYPOTHESIS_SHARE = 0.2
-"""A label counts as a hypothesis from this share of the best one's score."""
+"""(height, width) in pixels where the model leaves them open: the usual training size of YOLOX and YOLOv8/11."""
+_MIN_BOX_PX = 2.0
+"""Pixels: detections of a smaller width or height are left out. Chosen."""
+_MAX_HYPOTHESES = 3
+"""Labels that a detection keeps at most. Chosen."""
+_MIN_HYPOTHESIS_RATIO = 0.2
+"""Least score of a hypothesis, relative to the best one's. Chosen."""
 
 
 class OnnxDetector:
-    """A YOLOX or YOLOv8/11 model; which of them is seen from its tensors. Raises `DetectorError` for anything else."""
+    """A YOLOX or YOLOv8/11 model, recognised by its tensors. Raises `DetectorError` for anything else."""
 
     def __init__(self, options: OnnxOptions) -> None:
         self._options = options
@@ -37,9 +41,9 @@ class OnnxDetector:
         self._session = _open_session(path, options.threads)
         metadata = self._session.get_modelmeta().custom_metadata_map
         self._input, self._input_type, self._input_size = _image_input(self._session, path)
-        grey = np.full((1, 3, *self._input_size), GREY, np.float32)
+        grey = np.full((1, 3, *self._input_size), PADDING_GREY, np.float32)
         outputs = self._run_first(grey, path)
-        layout = recognise(outputs, self._input_size)
+        layout = recognise_layout(outputs, self._input_size)
         if layout is None:
             shapes = ", ".join(str(list(output.shape)) for output in outputs)
             raise DetectorError(
@@ -51,11 +55,11 @@ class OnnxDetector:
         self._names = class_names(options.labels, metadata, layout.classes, path)
 
     def image_stamps_ns(self) -> None:
-        """It can look at any image."""
+        """`None`: it can process any image."""
 
     def detect(self, frame: CameraFrame) -> Detections:
         """Detections down to the score floor, best first, with masks if the model makes them."""
-        letterbox = fit(frame.rgb.shape[:2], self._input_size, centred=self._layout.centred)
+        letterbox = fit_letterbox(frame.rgb.shape[:2], self._input_size, centred=self._layout.centred)
         outputs = self._run(self._layout.feed(letterbox.paste(frame.rgb)))
         candidates = self._layout.read(outputs, self._options.score_floor)
         if candidates.class_scores.shape[1] > len(self._names):
@@ -65,9 +69,9 @@ class OnnxDetector:
             )
         kept = suppress(candidates.boxes_xyxy, candidates.class_scores, self._options.iou, self._options.max_detections)
         boxes = letterbox.to_image(candidates.boxes_xyxy[kept.index])
-        real = ((boxes[:, 2:] - boxes[:, :2]) >= _SMALLEST_BOX_PX).all(axis=1)
-        boxes, class_scores = boxes[real], kept.class_scores[real]
-        coefficients = candidates.coefficients[kept.index[real]]
+        large_enough = ((boxes[:, 2:] - boxes[:, :2]) >= _MIN_BOX_PX).all(axis=1)
+        boxes, class_scores = boxes[large_enough], kept.class_scores[large_enough]
+        coefficients = candidates.coefficients[kept.index[large_enough]]
         hypotheses = tuple(self._hypotheses(row) for row in class_scores)
         scores = np.array([labels[0].score for labels in hypotheses], np.float32)
         masks = decode_masks(boxes, coefficients, candidates.prototypes, letterbox)
@@ -75,10 +79,10 @@ class OnnxDetector:
 
     def _hypotheses(self, class_scores: Float32Array) -> tuple[Hypothesis, ...]:
         """The likeliest labels, best first."""
-        best = np.argsort(-class_scores, kind="stable")[:_MOST_HYPOTHESES]
-        least = class_scores[best[0]] * _HYPOTHESIS_SHARE
+        best = np.argsort(-class_scores, kind="stable")[:_MAX_HYPOTHESES]
+        min_score = class_scores[best[0]] * _MIN_HYPOTHESIS_RATIO
         return tuple(
-            Hypothesis(self._names[i], min(float(class_scores[i]), 1.0)) for i in best if class_scores[i] >= least
+            Hypothesis(self._names[i], min(float(class_scores[i]), 1.0)) for i in best if class_scores[i] >= min_score
         )
 
     def _run(self, tensor: Float32Array) -> list[Float32Array]:
@@ -86,7 +90,7 @@ class OnnxDetector:
         return [np.asarray(output, np.float32) for output in outputs]
 
     def _run_first(self, tensor: Float32Array, path: Path) -> list[Float32Array]:
-        """The first run, in which a model that cannot be run shows itself."""
+        """Run the model once; raises `DetectorError` if it cannot be run."""
         try:
             return self._run(tensor)
         except Exception as error:  # onnxruntime's errors share no base class
@@ -118,10 +122,10 @@ def _image_input(session: Any, path: Path) -> tuple[str, type[np.floating[Any]],
     """The input's name, type and (height, width); sizes that the model leaves open become 640."""
     inputs: Sequence[Any] = session.get_inputs()
     types: dict[str, type[np.floating[Any]]] = {"tensor(float)": np.float32, "tensor(float16)": np.float16}
-    only = inputs[0]
-    shape = only.shape
+    image = inputs[0]
+    shape = image.shape
     one_image = len(inputs) == 1 and len(shape) == 4 and (shape[1] == 3 or not isinstance(shape[1], int))
-    if not one_image or only.type not in types:
+    if not one_image or image.type not in types:
         described = ", ".join(f"{tensor.name} {tensor.shape} {tensor.type}" for tensor in inputs)
         raise DetectorError(
             f"the model's input is not understood: {described}",
@@ -132,7 +136,7 @@ def _image_input(session: Any, path: Path) -> tuple[str, type[np.floating[Any]],
         given if isinstance(given, int) else default
         for given, default in zip(shape[2:], _DEFAULT_INPUT_SIZE, strict=True)
     )
-    return only.name, types[only.type], (size[0], size[1])
+    return image.name, types[image.type], (size[0], size[1])
 
 
 def _first_line(error: Exception) -> str:

@@ -1,4 +1,4 @@
-"""What a model's tensors mean: the layouts of the YOLOX and YOLOv8/11 families, told apart by their shapes.
+"""Tensor layouts of the YOLOX and YOLOv8/11 families, told apart by their shapes.
 
 Sources: YOLOX `yolox/utils/demo_utils.py` (`demo_postprocess`), Ultralytics' export formats `detect` and `segment`.
 """
@@ -14,7 +14,9 @@ import numpy as np
 from supermap_cli.geometry.arrays import Float32Array, UInt8Array
 
 STRIDES = (8, 16, 32)
-_DECODED_END_TO_END_COLUMNS = 6
+"""Pixels of the input between the cells of the three grids (YOLOX `demo_postprocess`, p6=False)."""
+_END_TO_END_COLUMNS = 6
+"""x0, y0, x1, y1, score, class (Ultralytics' export with `nms=True`)."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +43,7 @@ class Layout(Protocol):
 
     @property
     def classes(self) -> int | None:
-        """How many classes it tells apart, where the tensors say so."""
+        """The number of classes, where the tensors say so."""
         ...
 
     def feed(self, canvas_rgb: UInt8Array) -> Float32Array:
@@ -82,7 +84,7 @@ class Yolox:
             box = np.concatenate(
                 [(box[:, :2] + cells[likely]) * strides[likely], np.exp(box[:, 2:]) * strides[likely]], axis=1
             )
-        return Candidates(_corners(box), class_scores, *_no_masks(len(box)))
+        return Candidates(_to_xyxy(box), class_scores, *_no_masks(len(box)))
 
 
 @dataclass(frozen=True)
@@ -102,12 +104,12 @@ class Ultralytics:
         likely = np.flatnonzero(columns[4 : 4 + self.classes].max(axis=0) >= score_floor)
         rows = columns[:, likely].T
         masks = (rows[:, 4 + self.classes :], outputs[1][0]) if len(outputs) > 1 else _no_masks(len(rows))
-        return Candidates(_corners(rows[:, :4]), np.ascontiguousarray(rows[:, 4 : 4 + self.classes]), *masks)
+        return Candidates(_to_xyxy(rows[:, :4]), np.ascontiguousarray(rows[:, 4 : 4 + self.classes]), *masks)
 
 
 @dataclass(frozen=True)
 class EndToEnd:
-    """[1, n, 6 + k]: corners, score and class of what is left after the model's own suppression."""
+    """[1, n, 6 + k]: corners, score and class of the detections that the model's own suppression keeps."""
 
     classes: int | None = None
     centred: bool = True
@@ -127,8 +129,8 @@ class EndToEnd:
         return Candidates(np.ascontiguousarray(rows[:, :4]), class_scores, *masks)
 
 
-def recognise(outputs: Sequence[Float32Array], input_size: tuple[int, int]) -> Layout | None:
-    """The layout of a network's outputs for an input of (height, width); `None` if it is none of ours."""
+def recognise_layout(outputs: Sequence[Float32Array], input_size: tuple[int, int]) -> Layout | None:
+    """The layout of a network's outputs for an input of (height, width); `None` if it is unknown."""
     if not outputs or outputs[0].ndim != 3 or outputs[0].shape[0] != 1 or len(outputs) > 2:
         return None
     if len(outputs) == 2 and (outputs[1].ndim != 4 or outputs[1].shape[0] != 1):
@@ -140,7 +142,7 @@ def recognise(outputs: Sequence[Float32Array], input_size: tuple[int, int]) -> L
         return Yolox(columns - 5, input_size, decoded=_lies_on_grid(outputs[0][0], input_size))
     if columns == cells and rows > 4 + prototypes:
         return Ultralytics(rows - 4 - prototypes)
-    if columns == _DECODED_END_TO_END_COLUMNS + prototypes and rows != cells:
+    if columns == _END_TO_END_COLUMNS + prototypes and rows != cells:
         return EndToEnd()
     return None
 
@@ -159,8 +161,8 @@ def grid(input_size: tuple[int, int]) -> tuple[Float32Array, Float32Array]:
 def _lies_on_grid(rows: Float32Array, input_size: tuple[int, int]) -> bool:
     """Whether box centres are near their own cells: then the model decodes them itself."""
     cells, strides = grid(input_size)
-    away = np.abs(rows[:, :2] - (cells + 0.5) * strides)
-    return bool(np.median(away) < np.median(np.abs((rows[:, :2] - 0.5) * strides)))
+    decoded_offsets = np.abs(rows[:, :2] - (cells + 0.5) * strides)
+    return bool(np.median(decoded_offsets) < np.median(np.abs((rows[:, :2] - 0.5) * strides)))
 
 
 def _unit_rgb(canvas_rgb: UInt8Array) -> Float32Array:
@@ -169,7 +171,7 @@ def _unit_rgb(canvas_rgb: UInt8Array) -> Float32Array:
     return tensor
 
 
-def _corners(centre_and_size: Float32Array) -> Float32Array:
+def _to_xyxy(centre_and_size: Float32Array) -> Float32Array:
     """(n, 4) cx, cy, w, h -> xyxy."""
     half = centre_and_size[:, 2:] / 2
     return np.concatenate([centre_and_size[:, :2] - half, centre_and_size[:, :2] + half], axis=1)

@@ -1,4 +1,4 @@
-"""The image as the network wants it: scaled to fit, the rest padded with grey."""
+"""Letterboxing: the image scaled to fit the network's input, the rest padded with grey."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from supermap_cli.geometry.arrays import Float32Array, UInt8Array
 
-GREY = 114
+PADDING_GREY = 114
+"""Grey level of the padding, of 255 (YOLOX `preproc`, Ultralytics `LetterBox`)."""
 
 
 @dataclass(frozen=True)
@@ -30,7 +31,7 @@ class Letterbox:
         """The padded image, (input height, input width, 3) uint8."""
         width, height = self._scaled_size()
         scaled = cv2.resize(rgb, (width, height), interpolation=cv2.INTER_LINEAR)
-        canvas = np.full((*self.input_size, 3), GREY, np.uint8)
+        canvas = np.full((*self.input_size, 3), PADDING_GREY, np.uint8)
         canvas[self.top : self.top + height, self.left : self.left + width] = scaled
         return canvas
 
@@ -45,7 +46,7 @@ class Letterbox:
         return max(1, round(width * self.scale)), max(1, round(height * self.scale))
 
 
-def fit(image_size: tuple[int, int], input_size: tuple[int, int], *, centred: bool) -> Letterbox:
+def fit_letterbox(image_size: tuple[int, int], input_size: tuple[int, int], *, centred: bool) -> Letterbox:
     """Fit an image into the input: in the middle (Ultralytics) or in the upper left corner (YOLOX)."""
     scale = min(input_size[0] / image_size[0], input_size[1] / image_size[1])
     corner = Letterbox(image_size, input_size, scale, 0, 0)

@@ -1,4 +1,4 @@
-"""Where the weights and the class names come from. Weights are never part of SuperMap."""
+"""Finds the weights and the class names. Weights are never part of SuperMap."""
 
 from __future__ import annotations
 
@@ -11,16 +11,17 @@ from platformdirs import user_data_dir
 
 from supermap_cli.errors import DetectorError
 
-_GREATEST_NAMES_TEXT = 1_000_000
+_MAX_NAMES_CHARS = 1_000_000
+"""Characters of class names in a model's metadata; longer texts are refused, they are no names."""
 
 
-def find_model(given: Path | None) -> Path:
+def find_model(requested: Path | None) -> Path:
     """The model file: the one given, else `detector.onnx` or the only .onnx in the user's models folder.
 
     Raises `DetectorError` that says where to put one.
     """
-    if given is not None:
-        path = given.expanduser()
+    if requested is not None:
+        path = requested.expanduser()
         if not path.is_file():
             raise DetectorError("there is no model file", where=str(path), cure="check --option onnx.model=PATH")
         return path
@@ -82,7 +83,7 @@ def parse_names(text: str, model: Path) -> tuple[str, ...]:
 
 
 def _names_of_literal(text: str) -> tuple[str, ...]:
-    if len(text) > _GREATEST_NAMES_TEXT:
+    if len(text) > _MAX_NAMES_CHARS:
         raise ValueError("too long")
     value = ast.literal_eval(text)
     if isinstance(value, dict):

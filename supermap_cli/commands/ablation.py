@@ -1,4 +1,4 @@
-"""`supermap eval ablation`: what each of the paper's three components is good for (its ablation table)."""
+"""`supermap eval ablation`: the paper's ablation of its three components."""
 
 from __future__ import annotations
 
@@ -73,11 +73,11 @@ def ablation(
     if keep is not None:
         _check_is_new(keep)
     with kept_or_temporary(keep) as folder:
-        found = compare(_simulated(world, seed, folder), folder)
+        result = compare(_simulated_world(world, seed, folder), folder)
     if json:
-        print_json(to_document(found))
+        print_json(to_document(result))
     else:
-        _print(found)
+        _print(result)
 
 
 def compare(world: Path, folder: Path) -> Ablation:
@@ -136,7 +136,7 @@ def _check_is_new(keep: Path) -> None:
     keep.mkdir(parents=True, exist_ok=True)
 
 
-def _simulated(world: str, seed: int | None, folder: Path) -> Path:
+def _simulated_world(world: str, seed: int | None, folder: Path) -> Path:
     """The folder of a simulated world: the one given, or one that is simulated now."""
     from supermap_cli.truth_file import TRUTH_FILE  # noqa: PLC0415 - keeps start-up light
 
@@ -156,14 +156,14 @@ def _simulated(world: str, seed: int | None, folder: Path) -> Path:
     return folder
 
 
-def _print(found: Ablation) -> None:
+def _print(result: Ablation) -> None:
     console = out()
-    console.print(f"{found.scenario}, seed {found.seed}", markup=False)
+    console.print(f"{result.scenario}, seed {result.seed}", markup=False)
     columns = (
         *("built", "right / false / missed#", "F1#", "precision#", "recall#", "AP50#"),
         *("instances per object#", "change recall#", "seconds#"),
     )
-    print_table(console, "", columns, (_cells(row) for row in found.rows))
+    print_table(console, "", columns, (_row_cells(row) for row in result.rows))
     console.print(
         "F1, precision, recall: objects at the end with the right label; AP50: ScanNet's, on points; instances per "
         "object: 1 is perfect; change recall: share of keyframes that are right about changed places. This is one "
@@ -172,7 +172,7 @@ def _print(found: Ablation) -> None:
     )
 
 
-def _cells(row: AblationRow) -> tuple[str, ...]:
+def _row_cells(row: AblationRow) -> tuple[str, ...]:
     figures = (row.f1, row.precision, row.recall, row.ap50, row.instances_per_object, row.change_recall)
     name = f"without {row.switched_off}" if row.switched_off else "as it is"
     counts = f"{row.right} / {row.false} / {row.missed}"

@@ -37,7 +37,7 @@ from supermap_cli.commands.tables import print_table
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from supermap_cli.costs.job import Job, Measured
+    from supermap_cli.costs.job import CostJob, Measurement
     from supermap_cli.costs.report import Bench
 
 EXAMPLES = """
@@ -58,12 +58,12 @@ Examples:
 class BenchGroup(TyperGroup):
     """Measures recordings, unless the first word is the name of something else to measure."""
 
-    unless_named = "recordings"
+    default_command = "recordings"
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """`bench run.mcap` is `bench recordings run.mcap`."""
         if args and args[0] not in {*self.commands, "--help", "-h"}:
-            args = [self.unless_named, *args]
+            args = [self.default_command, *args]
         return super().parse_args(ctx, args)
 
 
@@ -108,8 +108,8 @@ def bench(  # noqa: PLR0917 - a command line has many options
     in a process of its own. Other programs at work on the machine show in the figures.
     """
     from supermap_cli.config import load_user_config  # noqa: PLC0415 - keeps start-up light
-    from supermap_cli.costs.job import Job  # noqa: PLC0415
-    from supermap_cli.costs.report import compare as set_against  # noqa: PLC0415
+    from supermap_cli.costs.job import CostJob  # noqa: PLC0415
+    from supermap_cli.costs.report import compare as compare_benches  # noqa: PLC0415
     from supermap_cli.costs.report import read_bench  # noqa: PLC0415
     from supermap_cli.query.views import to_document  # noqa: PLC0415
 
@@ -128,38 +128,39 @@ def bench(  # noqa: PLR0917 - a command line has many options
         rate=rate,
     )
     with tempfile.TemporaryDirectory(prefix="supermap-bench-") as folder:
-        job = Job(
-            what="build",
+        job = CostJob(
+            measurement="build",
             recordings=tuple(recordings),
             config=config,
-            wanted=request(config, start, end),
+            request=request(config, start, end),
             align=align,
             db=Path(folder) / "build.db",
         )
         measured = measure(job, recordings, wanted, Path(folder))
     if earlier is not None and compare is not None:
-        measured = replace(measured, compared=set_against(measured, earlier, compare))
+        measured = replace(measured, compared=compare_benches(measured, earlier, compare))
     if json:
         print_json(to_document(measured))
     else:
         print_bench(out(), measured)
 
 
-def measure(job: Job, recordings: list[Path], objects: tuple[int, ...], folder: Path) -> Bench:
+def measure(job: CostJob, recordings: list[Path], objects: tuple[int, ...], folder: Path) -> Bench:
     """Run every measurement, one after the other."""
-    from supermap_cli.costs.children import run_apart  # noqa: PLC0415 - keeps start-up light
     from supermap_cli.costs.job import BuildRun, DecodeRun, StagesRun  # noqa: PLC0415
+    from supermap_cli.costs.processes import run_job  # noqa: PLC0415 - keeps start-up light
     from supermap_cli.costs.report import summarise  # noqa: PLC0415
 
-    def asked(what: Measured, told: str, wanted: int = 0) -> Job:
-        err().print(f"measuring: {told}", markup=False)
-        return job.model_copy(update={"what": what, "objects": wanted, "db": folder / f"{what}-{wanted}.db"})
+    def announced(measurement: Measurement, description: str, wanted: int = 0) -> CostJob:
+        err().print(f"measuring: {description}", markup=False)
+        db = folder / f"{measurement}-{wanted}.db"
+        return job.model_copy(update={"measurement": measurement, "objects": wanted, "db": db})
 
-    build = run_apart(asked("build", "the build as it is"), BuildRun, folder)
-    stages = run_apart(asked("stages", "one stage at a time"), StagesRun, folder)
-    decode = run_apart(asked("decode", "decoding alone"), DecodeRun, folder)
+    build = run_job(announced("build", "the build as it is"), BuildRun, folder)
+    stages = run_job(announced("stages", "one stage at a time"), StagesRun, folder)
+    decode = run_job(announced("decode", "decoding alone"), DecodeRun, folder)
     growth = [
-        (wanted, run_apart(asked("growth", f"{wanted} objects in the map", wanted), StagesRun, folder))
+        (wanted, run_job(announced("growth", f"{wanted} objects in the map", wanted), StagesRun, folder))
         for wanted in objects
     ]
     return summarise(recordings, build, stages, decode, growth)

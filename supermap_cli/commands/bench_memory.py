@@ -16,7 +16,7 @@ from supermap_cli.errors import ConfigError
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from supermap_cli.costs.memory.report import MadeUp, MemoryBench
+    from supermap_cli.costs.memory.report import MemoryBench, SyntheticMemory
 
 EXAMPLES = """
 Examples:
@@ -28,7 +28,7 @@ Examples:
     supermap bench memory --json > memory.json
 """
 
-BOUNDS = {
+GROWTH_NOTES = {
     "fixed": "the answer is as large in both memories",
     "listed": "the answer grows, the first of it are listed, and counts come from an index",
     "grows": "the answer rests on all there is of a common thing: it takes longer the more there is",
@@ -56,13 +56,13 @@ def memory(
     from supermap_cli.costs.memory.report import measure_memories  # noqa: PLC0415 - keeps start-up light
     from supermap_cli.query.views import to_document  # noqa: PLC0415
 
-    small, large = parse_two(instances)
+    small, large = parse_two_sizes(instances)
     console = err()
     if folder is not None:
         folder.mkdir(parents=True, exist_ok=True)
-    with kept_or_temporary(folder) as kept:
+    with kept_or_temporary(folder) as memories_folder:
         measured = measure_memories(
-            (small, large), traversals, seed, kept, lambda told: console.print(told, markup=False)
+            (small, large), traversals, seed, memories_folder, lambda message: console.print(message, markup=False)
         )
     if json:
         print_json(to_document(measured))
@@ -70,7 +70,7 @@ def memory(
         print_memory_bench(out(), measured)
 
 
-def parse_two(text: str) -> tuple[int, int]:
+def parse_two_sizes(text: str) -> tuple[int, int]:
     """`"1000,100000"` -> (1000, 100000). Raises `ConfigError` for anything but two numbers that grow."""
     numbers = parse_objects(text, "--instances", "1000,100000")
     if len(numbers) != 2 or numbers[0] >= numbers[1]:
@@ -90,7 +90,7 @@ def print_memory_bench(console: Console, bench: MemoryBench) -> None:
         *("first ms#", "large first ms#", "ratio#", "MB over#", "large MB over#"),
     )
     print_table(console, "Milliseconds when asked again, when asked for the first time; memory", columns, _rows(bench))
-    for bound, words in BOUNDS.items():
+    for bound, words in GROWTH_NOTES.items():
         console.print(f"{bound}: {words}", markup=False)
     console.print(
         f"worst ratio but of those that grow: {bench.worst_ratio:.1f}; most memory: {bench.worst_over_mb:.0f} MB",
@@ -98,7 +98,7 @@ def print_memory_bench(console: Console, bench: MemoryBench) -> None:
     )
 
 
-def _made_row(name: str, made: MadeUp) -> tuple[str, ...]:
+def _made_row(name: str, made: SyntheticMemory) -> tuple[str, ...]:
     took = "was there" if made.made_s is None else f"{made.made_s:.0f} s"
     counts = (made.instances, made.observations, made.keyframes, made.traversals)
     return (name, *map(str, counts), f"{made.size_mb:.0f}", took)

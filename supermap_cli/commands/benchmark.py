@@ -27,7 +27,7 @@ Examples:
     supermap eval benchmark office --seeds 1,2 --keep worlds --json
 """
 SCENARIOS = ("office", "office-twice", "panorama")
-MAP = "benchmark.db"
+DATABASE_NAME = "benchmark.db"
 
 
 SeedsOption = Annotated[str, typer.Option(metavar="N,N,...", help="Which worlds of each.")]
@@ -88,7 +88,7 @@ def benchmark(
     tables = []
     with kept_or_temporary(keep) as folder:
         for scenario in scenarios or SCENARIOS:
-            reports = [scored(scenario, seed, folder / scenario / str(seed)) for seed in chosen]
+            reports = [build_and_score(scenario, seed, folder / scenario / str(seed)) for seed in chosen]
             tables.append(BenchmarkTable(scenario, chosen, tabulate(reports)))
             if not json:
                 _print(out(), tables[-1])
@@ -112,14 +112,14 @@ def tabulate(reports: Sequence[Report]) -> tuple[BenchmarkFigure, ...]:
 
 
 def _figure(name: str, values: Sequence[float | None]) -> BenchmarkFigure:
-    known = [value for value in values if value is not None]
-    mean = sum(known) / len(known) if known else None
+    defined = [value for value in values if value is not None]
+    mean = sum(defined) / len(defined) if defined else None
     rounded = tuple(None if value is None else round(value, 4) for value in values)
     return BenchmarkFigure(name, rounded, None if mean is None else round(mean, 4))
 
 
 def _figures(report: Report) -> Iterator[tuple[str, float | None]]:
-    """The figures that say how good a map is, in the words of the design's targets."""
+    """(name, value) of the figures of the table."""
     if report.map is not None:
         yield "objects: F1", report.map.labelled.f1
         yield "objects: precision", report.map.labelled.precision
@@ -160,7 +160,7 @@ def _figures(report: Report) -> Iterator[tuple[str, float | None]]:
     yield "odometry: way off its true way (m)", max(report.alignment_rmse_m.values(), default=None)
 
 
-def scored(scenario: str, seed: int, folder: Path, config: BuildConfig | None = None) -> Report:
+def build_and_score(scenario: str, seed: int, folder: Path, config: BuildConfig | None = None) -> Report:
     """Simulate a world, unless it is there, build it anew, by default with the default configuration, and score it."""
     from supermap_cli.commands.build import Follow, build_all, request  # noqa: PLC0415 - keeps start-up light
     from supermap_cli.commands.simulate import detector_errors, simulate_scenario  # noqa: PLC0415
@@ -171,14 +171,14 @@ def scored(scenario: str, seed: int, folder: Path, config: BuildConfig | None = 
 
     if not (folder / TRUTH_FILE).is_file():
         simulate_scenario(scenario, folder, seed, None, detector_errors([], perfect=False), overwrite=False)
-    truth, db = read_truth(folder / TRUTH_FILE), folder / MAP
+    truth, db = read_truth(folder / TRUTH_FILE), folder / DATABASE_NAME
     if (truth.scenario, truth.seed) != (scenario, seed):
         raise EvaluationError(
             f"this is {truth.scenario}, seed {truth.seed}, not {scenario}, seed {seed}",
             where=str(folder / TRUTH_FILE),
             cure="name another folder with --keep",
         )
-    for old in (db, *folder.glob(f"{MAP}-*"), *folder.glob(f"{MAP}.*")):
+    for old in (db, *folder.glob(f"{DATABASE_NAME}-*"), *folder.glob(f"{DATABASE_NAME}.*")):
         old.unlink(missing_ok=True)
     recordings, config = [folder / traversal.recording for traversal in truth.traversals], config or BuildConfig()
     for summary in build_all(recordings, config, request(config, None, None), str(db), Follow()):
@@ -188,12 +188,12 @@ def scored(scenario: str, seed: int, folder: Path, config: BuildConfig | None = 
 
 def _print(console: Console, table: BenchmarkTable) -> None:
     columns = (table.scenario, *(f"seed {seed}#" for seed in table.seeds), "mean#")
-    rows = ((figure.name, *map(cell, figure.values), cell(figure.mean)) for figure in table.figures)
+    rows = ((figure.name, *map(format_cell, figure.values), format_cell(figure.mean)) for figure in table.figures)
     print_table(console, "", columns, rows)
 
 
-def cell(value: float | None) -> str:
-    """A figure as it stands in the table."""
+def format_cell(value: float | None) -> str:
+    """A figure as text; `-` for `None`, counts without decimals."""
     if value is None:
         return "-"
     return str(value) if isinstance(value, int) else f"{value:.3f}"

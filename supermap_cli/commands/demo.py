@@ -1,4 +1,4 @@
-"""`supermap demo`: the whole of it on a simulated place, explained."""
+"""`supermap demo`: simulate, build, query, compare and evaluate one place, with explanations."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ Examples:
 
     supermap demo --folder /tmp/demo --seed 7
 """
-DB, PICTURE = "map.db", "evaluation.png"
+DB, PLOT = "map.db", "evaluation.png"
 SCENARIO = "demo"
-REPLACED = ("monday.mcap", "tuesday.mcap", DB, PICTURE)
-"""What an earlier demo left behind, besides its truth."""
+OVERWRITTEN = ("monday.mcap", "tuesday.mcap", DB, PLOT)
+"""Files of an earlier demo that are overwritten, besides its truth."""
 
 
 def register(app: typer.Typer) -> None:
@@ -48,15 +48,15 @@ def demo(
 ) -> None:
     """Simulate two visits to one place, map them, ask, compare, and hold the map against the truth."""
     check_folder(folder)
-    shown = Shown(ctx.find_root().command, folder)
+    run = DemoRun(ctx.find_root().command, folder)
     began = time.monotonic()
-    shown.simulate(seed)
-    truth = shown.truth()
-    shown.build(truth)
-    shown.ask(truth)
-    shown.compare(truth)
-    shown.evaluate()
-    shown.what_next(time.monotonic() - began)
+    run.simulate(seed)
+    truth = run.truth()
+    run.build(truth)
+    run.ask(truth)
+    run.compare(truth)
+    run.evaluate()
+    run.next_steps(time.monotonic() - began)
 
 
 def check_folder(folder: Path) -> None:
@@ -71,84 +71,87 @@ def check_folder(folder: Path) -> None:
             raise SimulationError(f"{TRUTH_FILE} is not the demo's", where=str(folder), cure=cure) from error
         if scenario != SCENARIO:
             raise SimulationError(f"there is a world of its own: {scenario}", where=str(folder), cure=cure)
-    elif there := [name for name in REPLACED if (folder / name).exists()]:
+    elif there := [name for name in OVERWRITTEN if (folder / name).exists()]:
         raise SimulationError(f"{', '.join(there)} would be overwritten", where=str(folder), cure=cure)
 
 
-def three_questions(truth: GroundTruth) -> tuple[str, ...]:
+def example_questions(truth: GroundTruth) -> tuple[str, ...]:
     """Of the truth's questions that have an answer: the count of most things, a relation, and one about the past of
     something that changed.
     """
     changed = {change.object_id for change in truth.changes}
-    asked = sorted(
+    questions = sorted(
         (question for question in truth.questions if question.answer), key=lambda question: -len(question.answer)
     )
-    past = [question for question in asked if changed.intersection(question.answer)]
+    past = [question for question in questions if changed.intersection(question.answer)]
     kinds = (
-        (asked, (r"^how many",)),
-        (asked, (r" near the ", r" (on|under|in) the ")),
+        (questions, (r"^how many",)),
+        (questions, (r" near the ", r" (on|under|in) the ")),
         (past, (r"^where was", r" earlier$")),
     )
-    found = (
-        next((question.text for pattern in patterns for question in fitting if re.search(pattern, question.text)), None)
-        for fitting, patterns in kinds
+    texts = (
+        next(
+            (question.text for pattern in patterns for question in candidates if re.search(pattern, question.text)),
+            None,
+        )
+        for candidates, patterns in kinds
     )
-    return tuple(text for text in found if text is not None)
+    return tuple(text for text in texts if text is not None)
 
 
-def true_changes(truth: GroundTruth) -> str:
-    """What became of the world's things, in plain words."""
-    told = [_in_words(change, truth.object(change.object_id).label) for change in truth.changes]
-    return f"In truth: {_listed(told) or 'nothing'}."
+def true_change_summary(truth: GroundTruth) -> str:
+    """The true changes in plain words."""
+    described = [_describe_change(change, truth.object(change.object_id).label) for change in truth.changes]
+    return f"In truth: {_enumerated(described) or 'nothing'}."
 
 
-def comparison(scores: ChangeScores) -> str:
-    """How much of what really changed the map reports, what it missed, and what it invented."""
+def change_summary(scores: ChangeScores) -> str:
+    """How many true changes the map reports, which it missed, and which reports are false."""
     if scores.overall is None:
         return "The map holds one visit only: there is nothing to compare."
     found, missed, false = scores.overall.found, scores.missed, scores.false
     lines = [f"Held against the truth: the map found {found} of {found + len(missed)} true changes."]
     if missed:
-        told = (f"{change.label} ({change.kind}{', told as two' * change.reported_as_two})" for change in missed)
-        lines.append(f"It missed: {_listed(told)}.")
+        described = (f"{change.label} ({change.kind}{', told as two' * change.reported_as_two})" for change in missed)
+        lines.append(f"It missed: {_enumerated(described)}.")
     if false:
         lines.append(
-            f"It reports what did not happen so: {_listed(f'{change.label} ({change.kind})' for change in false)}."
+            f"It reports what did not happen so: {_enumerated(f'{change.label} ({change.kind})' for change in false)}."
         )
     if scores.unobservable:
-        lines.append(f"Not judged, as no image shows it well: {_listed(scores.unobservable)}.")
+        lines.append(f"Not judged, as no image shows it well: {_enumerated(scores.unobservable)}.")
     return " ".join(lines)
 
 
-def answers_judged(asked: Sequence[str], estimate: EstimatedMap, truth: GroundTruth) -> str:
-    """Which of the questions the map answered with exactly the right things; those that can be judged."""
+def answer_summary(questions: Sequence[str], estimate: EstimatedMap, truth: GroundTruth) -> str:
+    """Which of the questions the map answered with exactly the right objects, of those that can be scored."""
     from supermap_cli.evaluation.answers import score_answers  # noqa: PLC0415 - keeps start-up light
 
     scores = score_answers(estimate, truth)
-    asked = [text for text in asked if text not in scores.left_out]
+    questions = [text for text in questions if text not in scores.left_out]
     expected = {answer.text: answer.expected for answer in scores.wrong}
-    wrong = [f'"{text}" (right: {", ".join(expected[text]) or "none"})' for text in asked if text in expected]
-    if not asked:
+    wrong = [f'"{text}" (right: {", ".join(expected[text]) or "none"})' for text in questions if text in expected]
+    if not questions:
         return "None of the questions above can be judged by what the images show."
     if not wrong:
-        return f"It answered all {len(asked)} questions above right."
-    return f"Of the {len(asked)} questions above it answered {len(wrong)} wrong: {_listed(wrong)}."
+        return f"It answered all {len(questions)} questions above right."
+    return f"Of the {len(questions)} questions above it answered {len(wrong)} wrong: {_enumerated(wrong)}."
 
 
-def _in_words(change: TrueChange, label: str) -> str:
+def _describe_change(change: TrueChange, label: str) -> str:
     if change.kind == "moved":
         return f"the {label} was moved by {change.distance_m:.2f} m"
     return f"the {label} is gone" if change.kind == "disappeared" else f"a new {label} is there"
 
 
-def _listed(parts: Iterable[str]) -> str:
+def _enumerated(parts: Iterable[str]) -> str:
     *all_but_last, last = parts or [""]
     return f"{', '.join(all_but_last)} and {last}" if all_but_last else last
 
 
 @dataclass(frozen=True)
-class Shown:
-    """The demo's steps: each says what it is about, then runs commands just as they stand there."""
+class DemoRun:
+    """The steps of the demo: each explains itself, then runs the commands that it prints."""
 
     supermap: Any
     folder: Path
@@ -164,7 +167,7 @@ class Shown:
 
     def build(self, truth: GroundTruth) -> None:
         """Both recordings into one map."""
-        self._forget_the_last_map()
+        self._remove_old_map()
         self.say(
             "2. A memory. Both recordings go into one database, the second laid over the first by the walls and "
             "furniture that both saw. The truth is not looked at."
@@ -172,47 +175,45 @@ class Shown:
         self.run("build", *(self.path(traversal.recording) for traversal in truth.traversals), "--db", self.path(DB))
 
     def ask(self, truth: GroundTruth) -> None:
-        """Three questions: how many, where in relation to something, and of a time gone by."""
+        """Three questions: a count, a relation, and one about the past."""
         self.say("3. Questions, in plain words. Every answer says where, since when, and on which images it rests.")
-        for question in three_questions(truth):
+        for question in example_questions(truth):
             self.run("query", question, "--db", self.path(DB))
 
     def compare(self, truth: GroundTruth) -> None:
-        """What changed: in truth, by the map, and how the two agree."""
+        """The changes: the true ones, those that the map reports, and how the two agree."""
         from supermap_cli.evaluation.changes import score_changes  # noqa: PLC0415 - keeps start-up light
 
-        self.say(f"4. What changed? {true_changes(truth)}")
+        self.say(f"4. What changed? {true_change_summary(truth)}")
         self.say(
             "And what does the map say? A thing has disappeared only where its place was seen empty, and appeared only "
             "where its place had been seen empty before; what nobody looked at again is said to be just that."
         )
         self.run("diff", "--db", self.path(DB))
         estimate = self.estimate()
-        self.say(comparison(score_changes(estimate, truth)))
-        self.say(answers_judged(three_questions(truth), estimate, truth))
+        self.say(change_summary(score_changes(estimate, truth)))
+        self.say(answer_summary(example_questions(truth), estimate, truth))
 
     def evaluate(self) -> None:
         """The map against the truth."""
         self.say("5. How good is all of the map? It is scored against the truth by the field's own metrics.")
         from supermap_cli.truth_file import TRUTH_FILE  # noqa: PLC0415 - keeps start-up light
 
-        self.run("eval", "all", self.path(DB), self.path(TRUTH_FILE), "--plot", self.path(PICTURE))
+        self.run("eval", "all", self.path(DB), self.path(TRUTH_FILE), "--plot", self.path(PLOT))
 
-    def what_next(self, seconds: float) -> None:
-        """Where to go from here."""
-        self.say(
-            f"That was all of it, in {seconds / 60:.1f} minutes. {self.path(PICTURE)} shows the map over the truth."
-        )
+    def next_steps(self, seconds: float) -> None:
+        """Print commands to try next."""
+        self.say(f"That was all of it, in {seconds / 60:.1f} minutes. {self.path(PLOT)} shows the map over the truth.")
         self.say("Try next:")
-        one = next((instance.id for instance in self.estimate().objects), None)
-        about_one = (
-            (f"supermap show {one}", "all about one object, with its relations"),
-            (f"supermap history {one}", "where it stood when"),
+        instance_id = next((instance.id for instance in self.estimate().objects), None)
+        object_commands = (
+            (f"supermap show {instance_id}", "all about one object, with its relations"),
+            (f"supermap history {instance_id}", "where it stood when"),
         )
         typer.echo(f"  export SUPERMAP_DB={shlex.quote(self.path(DB))}")
         for command, what in (
             ("supermap show", "everything in the map now"),
-            *(about_one if one is not None else ()),
+            *(object_commands if instance_id is not None else ()),
             ("supermap demo --seed 2", "another world"),
             ("supermap simulate --help", "larger worlds, and one with a panorama camera and a LiDAR"),
             ("supermap inspect your-own.mcap", "what a build would use of your own recording"),
@@ -220,13 +221,13 @@ class Shown:
             typer.echo(f"  {command:<36} # {what}")
 
     def truth(self) -> GroundTruth:
-        """What was simulated: the names of the recordings, and questions that have an answer."""
+        """The truth of the simulated place."""
         from supermap_cli.truth_file import TRUTH_FILE, read_truth  # noqa: PLC0415 - keeps start-up light
 
         return read_truth(self.folder / TRUTH_FILE)
 
     def estimate(self) -> EstimatedMap:
-        """The map that was built, laid over the truth."""
+        """The map that was built, aligned with the truth."""
         from supermap_cli.evaluation.reading import read_map  # noqa: PLC0415 - keeps start-up light
         from supermap_cli.truth_file import TRUTH_FILE  # noqa: PLC0415
 
@@ -247,6 +248,6 @@ class Shown:
         if status := self.supermap.main(args=list(arguments), prog_name="supermap", standalone_mode=False):
             raise typer.Exit(status)
 
-    def _forget_the_last_map(self) -> None:
+    def _remove_old_map(self) -> None:
         for suffix in ("", "-wal", "-shm"):
             (self.folder / f"{DB}{suffix}").unlink(missing_ok=True)

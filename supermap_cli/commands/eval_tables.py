@@ -1,4 +1,4 @@
-"""The scores of a map for people: each figure with what it says, then what was wrong."""
+"""The scores of a map as tables: each figure with its meaning, then the errors."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ if TYPE_CHECKING:
 Cells = tuple[str, ...]
 
 POOR_IOU = 0.5
-"""Objects whose best instance shares no more of their points are listed."""
+"""Objects whose best instance has at most this IoU on points are listed. Chosen."""
 
 
 @dataclass(frozen=True)
 class Figure:
-    """One line of a section: a figure and what it says in plain words. `None`: there was no occasion for it."""
+    """One line of a section: a figure and its meaning in plain words. `None`: undefined."""
 
     name: str
     value: float | None
@@ -44,8 +44,8 @@ class Figure:
 
 
 @dataclass(frozen=True)
-class Mistakes:
-    """A list of what was wrong, under its heading."""
+class ErrorTable:
+    """A table of errors under its title."""
 
     title: str
     columns: Cells
@@ -58,32 +58,34 @@ def print_report(console: Console, report: Report) -> None:
     head = [f"{report.scenario}, seed {report.seed}", f"the robot's way off its true way: {off}", *_gaps(report)]
     console.print("; ".join(head) + "\n", markup=False)
     if report.map is not None:
-        _print_section(console, "Objects at the map's end", _of_objects(report.map), _wrong_objects(report.map))
+        _print_section(console, "Objects at the map's end", _object_figures(report.map), _wrong_objects(report.map))
     if report.change is not None:
-        _print_section(console, "Change", _of_change(report.change), _wrong_changes(report.change))
+        _print_section(console, "Change", _change_figures(report.change), _wrong_changes(report.change))
     if report.identity is not None:
-        _print_section(console, "Identity", _of_identity(report.identity), _wrong_identities(report.identity))
+        _print_section(console, "Identity", _identity_figures(report.identity), _wrong_identities(report.identity))
     if report.instances is not None:
         _print_section(
-            console, "Instances, on points", _of_instances(report.instances), _poor_instances(report.instances)
+            console, "Instances, on points", _instance_figures(report.instances), _poor_instances(report.instances)
         )
     if report.semantics is not None:
-        _print_section(console, "Semantics, on points", _of_semantics(report.semantics), _confusions(report.semantics))
+        _print_section(
+            console, "Semantics, on points", _semantic_figures(report.semantics), _confusions(report.semantics)
+        )
     if report.query is not None:
-        _print_section(console, "Questions", _of_answers(report.query), _wrong_answers(report.query))
+        _print_section(console, "Questions", _answer_figures(report.query), _wrong_answers(report.query))
 
 
 def _gaps(report: Report) -> Iterator[str]:
-    """What the truth knows of and the map does not."""
+    """Traversals of the truth that the map lacks, in words."""
     if names := report.not_mapped:
         yield f"judged without {', '.join(names)}: {'it is' if len(names) == 1 else 'they are'} not in the map"
     if names := report.partly_mapped:
         yield f"judged with a part of {', '.join(names)}: the rest is not in the map"
 
 
-def _print_section(console: Console, title: str, figures: Iterable[Figure], mistakes: Iterable[Mistakes]) -> None:
+def _print_section(console: Console, title: str, figures: Iterable[Figure], error_tables: Iterable[ErrorTable]) -> None:
     print_table(console, title, ("figure", "value#", "what it says"), (figure.cells for figure in figures))
-    for table in mistakes:
+    for table in error_tables:
         if table.rows:
             print_table(console, table.title, table.columns, table.rows)
 
@@ -91,7 +93,7 @@ def _print_section(console: Console, title: str, figures: Iterable[Figure], mist
 # -- objects
 
 
-def _of_objects(scores: ObjectScores) -> Iterator[Figure]:
+def _object_figures(scores: ObjectScores) -> Iterator[Figure]:
     yield from _precision_recall("", scores.labelled, "same label, boxes overlap (IoU > 0.1), centroids within 0.3 m")
     yield from _precision_recall(" without label", scores.unlabelled, "the same, whatever the label")
     yield Figure("label accuracy", scores.label_accuracy, "of those in place, the share that is rightly called")
@@ -107,15 +109,15 @@ def _precision_recall(suffix: str, scores: PrecisionRecall, right: str) -> Itera
     yield Figure(f"recall{suffix}", scores.recall, f"{scores.found} found, {scores.missed} missed")
 
 
-def _wrong_objects(scores: ObjectScores) -> Iterator[Mistakes]:
+def _wrong_objects(scores: ObjectScores) -> Iterator[ErrorTable]:
     for title, wrong in (("missed", scores.missed), ("false", scores.false)):
-        yield Mistakes(title, ("id", "label", "why"), tuple((obj.id, obj.label, obj.reason) for obj in wrong))
+        yield ErrorTable(title, ("id", "label", "why"), tuple((obj.id, obj.label, obj.reason) for obj in wrong))
 
 
 # -- change
 
 
-def _of_change(section: ChangeSection) -> Iterator[Figure]:
+def _change_figures(section: ChangeSection) -> Iterator[Figure]:
     recall, reported = section.recall, section.reported
     for pooling, scores, how in (
         ("per object", recall.per_object, "mean over changed places"),
@@ -150,7 +152,7 @@ def _of_change(section: ChangeSection) -> Iterator[Figure]:
     yield Figure("static reported", reported.static_reported, "things reported as changed that stand as before")
 
 
-def _wrong_changes(section: ChangeSection) -> Iterator[Mistakes]:
+def _wrong_changes(section: ChangeSection) -> Iterator[ErrorTable]:
     places = tuple(
         (
             f"{place.object_id} ({', '.join(place.changes)})",
@@ -160,7 +162,7 @@ def _wrong_changes(section: ChangeSection) -> Iterator[Mistakes]:
         )
         for place in section.recall.places
     )
-    yield Mistakes(
+    yield ErrorTable(
         "changed places: keyframes the map is right about (those before it came count in no recall)",
         ("place", "while there#", "after it left#", "before it came#"),
         places,
@@ -170,7 +172,7 @@ def _wrong_changes(section: ChangeSection) -> Iterator[Mistakes]:
         (change.kind, change.object_id, "reported as two changes" if change.reported_as_two else "")
         for change in reported.missed
     )
-    yield Mistakes("changes missed", ("what", "id", "but"), missed)
+    yield ErrorTable("changes missed", ("what", "id", "but"), missed)
     false = tuple(
         (
             change.kind,
@@ -179,15 +181,15 @@ def _wrong_changes(section: ChangeSection) -> Iterator[Mistakes]:
         )
         for change in reported.false
     )
-    yield Mistakes("changes falsely reported", ("what", "id", "but"), false)
+    yield ErrorTable("changes falsely reported", ("what", "id", "but"), false)
     not_shown = tuple((change,) for change in reported.unobservable)
-    yield Mistakes("changes that the images do not show: not judged", ("id",), not_shown)
+    yield ErrorTable("changes that the images do not show: not judged", ("id",), not_shown)
 
 
 # -- identity
 
 
-def _of_identity(scores: IdentityScores) -> Iterator[Figure]:
+def _identity_figures(scores: IdentityScores) -> Iterator[Figure]:
     yield Figure("instances per object", scores.instances_per_object, "1 is perfect: nothing is in the map twice")
     yield Figure("switches", scores.switches, f"how often one of {scores.static_objects} still things changed its id")
     yield Figure(
@@ -209,15 +211,15 @@ def _of_identity(scores: IdentityScores) -> Iterator[Figure]:
     yield Figure("AssA", scores.tracking.ass_a, "its association part")
 
 
-def _wrong_identities(scores: IdentityScores) -> Iterator[Mistakes]:
+def _wrong_identities(scores: IdentityScores) -> Iterator[ErrorTable]:
     several = tuple((obj.object_id, ", ".join(obj.instances)) for obj in scores.several)
-    yield Mistakes("in the map more than once", ("id", "as"), several)
+    yield ErrorTable("in the map more than once", ("id", "as"), several)
     lost = tuple(
         (obj.object_id, "-" if obj.distance_m is None else f"{obj.distance_m:.2f}", ", ".join(obj.instances) or "-")
         for obj in scores.relocated
         if obj.kept is None
     )
-    yield Mistakes("moved and not known again", ("id", "moved (m)#", "in the new place"), lost)
+    yield ErrorTable("moved and not known again", ("id", "moved (m)#", "in the new place"), lost)
     stale = tuple(
         (
             instance.instance_id,
@@ -230,14 +232,14 @@ def _wrong_identities(scores: IdentityScores) -> Iterator[Mistakes]:
         (passage.object_id, str(passage.observed), f"{passage.followed_share or 0:.2f}", ", ".join(passage.instances))
         for passage in scores.passages.broken
     )
-    yield Mistakes("people not followed as one", ("id", "observations#", "longest track#", "as"), broken)
-    yield Mistakes("stale", ("instance", "was", "could have been seen to be gone"), stale)
+    yield ErrorTable("people not followed as one", ("id", "observations#", "longest track#", "as"), broken)
+    yield ErrorTable("stale", ("instance", "was", "could have been seen to be gone"), stale)
 
 
 # -- instances and semantics, on points
 
 
-def _of_instances(scores: InstanceScores) -> Iterator[Figure]:
+def _instance_figures(scores: InstanceScores) -> Iterator[Figure]:
     right = "ScanNet's average precision: label and points right, mean over IoU .50 to .90 and over labels"
     yield Figure("AP", scores.ap, scores.note or right)
     yield Figure("AP50", scores.ap50, "the same at IoU .50")
@@ -248,16 +250,16 @@ def _of_instances(scores: InstanceScores) -> Iterator[Figure]:
     yield Figure("AP25 without label", scores.regardless_ap25, "the same at IoU .25")
 
 
-def _poor_instances(scores: InstanceScores) -> Iterator[Mistakes]:
+def _poor_instances(scores: InstanceScores) -> Iterator[ErrorTable]:
     poor = tuple(
         (obj.object_id, obj.instance_id or "-", f"{obj.iou:.2f}", str(obj.points))
         for obj in scores.objects
         if obj.iou <= POOR_IOU
     )
-    yield Mistakes(f"shared points at most {POOR_IOU}", ("object", "best instance", "IoU#", "its points#"), poor)
+    yield ErrorTable(f"shared points at most {POOR_IOU}", ("object", "best instance", "IoU#", "its points#"), poor)
 
 
-def _of_semantics(scores: SemanticScores) -> Iterator[Figure]:
+def _semantic_figures(scores: SemanticScores) -> Iterator[Figure]:
     for figures, what in (
         (scores.without_background, "objects only"),
         (scores.with_background, f"with background: {', '.join(scores.background_labels)} as one class"),
@@ -270,23 +272,23 @@ def _of_semantics(scores: SemanticScores) -> Iterator[Figure]:
         yield Figure(f"mean accuracy{suffix}", figures.mean_accuracy, "the same, mean over labels")
 
 
-def _confusions(scores: SemanticScores) -> Iterator[Mistakes]:
+def _confusions(scores: SemanticScores) -> Iterator[ErrorTable]:
     rows = tuple((confusion.true, confusion.predicted, str(confusion.voxels)) for confusion in scores.confusions)
-    yield Mistakes("mostly confused", ("is", "in the map", "voxels#"), rows)
+    yield ErrorTable("mostly confused", ("is", "in the map", "voxels#"), rows)
 
 
 # -- questions
 
 
-def _of_answers(scores: AnswerScores) -> Iterator[Figure]:
+def _answer_figures(scores: AnswerScores) -> Iterator[Figure]:
     right = f"share of {scores.asked} questions with exactly the right things"
     yield Figure("answered right", scores.exact, scores.note or right)
     yield Figure("overlap", scores.jaccard, "shared / all things of answer and truth (Jaccard), mean over questions")
 
 
-def _wrong_answers(scores: AnswerScores) -> Iterator[Mistakes]:
+def _wrong_answers(scores: AnswerScores) -> Iterator[ErrorTable]:
     rows = tuple((answer.text, ", ".join(answer.expected) or "nothing", _answered(answer)) for answer in scores.wrong)
-    yield Mistakes("answered wrong", ("question", "right would be", "the map says"), rows)
+    yield ErrorTable("answered wrong", ("question", "right would be", "the map says"), rows)
 
 
 def _answered(wrong: WrongAnswer) -> str:

@@ -27,10 +27,8 @@ Examples:
 """
 EXAMPLE = "\nExample:\n\n    supermap eval {} office.db office/truth.json{}\n"
 
-OFF_M = 0.5
-"""Where the robot's way in the map is off its true way by more than this, the user is asked whether they belong
-together.
-"""
+MAX_ALIGNMENT_RMSE_M = 0.5
+"""Metres; above, the user is asked whether map and truth belong together. Chosen."""
 
 Db = Annotated[str, typer.Argument(metavar="DB", help="The map database.")]
 Truth = Annotated[Path, typer.Argument(metavar="TRUTH", help="The ground truth of its recordings: truth.json.")]
@@ -109,7 +107,7 @@ def _evaluate(
         check_picture(plot)
     estimate, truth = read_map(db, truth_path)
     report = score(estimate, truth, sections)
-    _warn_if_off(report, truth_path)
+    _warn_if_misaligned(report, truth_path)
     if as_json:
         print_json(to_document(report))
     else:
@@ -118,9 +116,9 @@ def _evaluate(
         _draw(plot, estimate, truth, sections)
 
 
-def _warn_if_off(report: Report, truth_path: Path) -> None:
+def _warn_if_misaligned(report: Report, truth_path: Path) -> None:
     for traversal, rmse_m in report.alignment_rmse_m.items():
-        if rmse_m > OFF_M:
+        if rmse_m > MAX_ALIGNMENT_RMSE_M:
             err().print(
                 f"warning: the robot's way in {traversal} is {rmse_m:.1f} m off its true way: a lost odometry, "
                 f"or is {truth_path} the truth of other recordings?",
@@ -129,9 +127,9 @@ def _warn_if_off(report: Report, truth_path: Path) -> None:
 
 
 def _draw(path: Path, estimate: EstimatedMap, truth: GroundTruth, sections: Sequence[Section]) -> None:
-    from supermap_cli.evaluation.objects import score_objects as who_is_who  # noqa: PLC0415 - keeps start-up light
+    from supermap_cli.evaluation.objects import score_objects  # noqa: PLC0415 - keeps start-up light
     from supermap_cli.evaluation.plots import draw  # noqa: PLC0415
 
-    what = [section for section in ("map", "change") if section in sections]
-    draw(path, estimate, truth, who_is_who(estimate, truth), what=what)
+    panels = [section for section in ("map", "change") if section in sections]
+    draw(path, estimate, truth, score_objects(estimate, truth), panel_names=panels)
     err().print(f"drawn: {path}", markup=False)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from supermap_cli.commands.benchmark import KeepOption, SeedsOption, cell, parse_seeds, scored, tabulate
+from supermap_cli.commands.benchmark import KeepOption, SeedsOption, build_and_score, format_cell, parse_seeds, tabulate
 from supermap_cli.commands.common import JsonOption, kept_or_temporary, out, print_json
 from supermap_cli.commands.tables import print_table
 
@@ -76,7 +76,7 @@ def perception(
     from supermap_cli.query.views import to_document  # noqa: PLC0415 - keeps start-up light
 
     chosen = parse_seeds(seeds)
-    ways = ways_of_perceiving()
+    ways = perception_configs()
     tables = []
     with kept_or_temporary(keep) as folder:
         for scenario in scenarios or SCENARIOS:
@@ -87,8 +87,8 @@ def perception(
         print_json(to_document(PerceptionStudy(tuple(ways), tuple(tables))))
 
 
-def ways_of_perceiving() -> dict[str, PerceptionConfig]:
-    """The columns of the table."""
+def perception_configs() -> dict[str, PerceptionConfig]:
+    """Column of the table -> configuration of perception."""
     from supermap_cli.config import PerceptionConfig  # noqa: PLC0415 - keeps start-up light
 
     return {
@@ -105,12 +105,12 @@ def _compare(
     from supermap_cli.config import BuildConfig  # noqa: PLC0415 - keeps start-up light
 
     columns = []
-    for way in ways.values():
-        config = BuildConfig(perception=way)
-        figures = tabulate([scored(scenario, seed, folder / scenario / str(seed), config) for seed in seeds])
+    for perception_config in ways.values():
+        config = BuildConfig(perception=perception_config)
+        figures = tabulate([build_and_score(scenario, seed, folder / scenario / str(seed), config) for seed in seeds])
         columns.append({figure.name: figure.mean for figure in figures})
-    known = (name for name in FIGURES if any(column.get(name) is not None for column in columns))
-    return tuple(PerceptionFigure(name, tuple(column.get(name) for column in columns)) for name in known)
+    defined = (name for name in FIGURES if any(column.get(name) is not None for column in columns))
+    return tuple(PerceptionFigure(name, tuple(column.get(name) for column in columns)) for name in defined)
 
 
 def _print(console: Console, table: PerceptionTable, ways: tuple[str, ...]) -> None:
@@ -118,6 +118,6 @@ def _print(console: Console, table: PerceptionTable, ways: tuple[str, ...]) -> N
     print_table(
         console,
         "",
-        (title, *(f"{way}#" for way in ways)),
-        ((figure.name, *map(cell, figure.means)) for figure in table.figures),
+        (title, *(f"{perception_config}#" for perception_config in ways)),
+        ((figure.name, *map(format_cell, figure.means)) for figure in table.figures),
     )

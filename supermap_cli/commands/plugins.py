@@ -84,14 +84,14 @@ def _options(model: type[Options]) -> list[dict[str, Any]]:
         {
             "name": name,
             "required": field.is_required(),
-            "default": None if field.is_required() else _plain(field.get_default(call_default_factory=True)),
+            "default": None if field.is_required() else _json_value(field.get_default(call_default_factory=True)),
             "description": field.description or "",
         }
         for name, field in model.model_fields.items()
     ]
 
 
-def _plain(value: object) -> object:
+def _json_value(value: object) -> object:
     """A default as a JSON value."""
     return value if value is None or isinstance(value, bool | int | float | str) else str(value)
 

@@ -1,1 +1,1 @@
-"""What a build costs: time by stage, memory and disk, each measured in a process of its own."""
+"""Costs of a build: time by stage, memory and disk space, each measured in a process of its own."""

@@ -1,4 +1,4 @@
-"""`python -m supermap_cli.costs JOB RESULT`: makes one measurement, both files JSON."""
+"""`python -m supermap_cli.costs JOB RESULT`: runs one measurement; both files are JSON."""
 
 from __future__ import annotations
 
@@ -6,16 +6,16 @@ import json
 import sys
 from pathlib import Path
 
-from supermap_cli.costs.job import Job
-from supermap_cli.costs.measuring import measure
+from supermap_cli.costs.job import CostJob
+from supermap_cli.costs.measurements import measure
 from supermap_cli.errors import SupermapError
 from supermap_cli.query.views import to_document
 
 
 def main(job: Path, result: Path) -> None:
-    """What the user can mend is handed back like a result."""
+    """Run the job; a `SupermapError` is written to the result file like a result."""
     try:
-        found = {"run": to_document(measure(Job.model_validate_json(job.read_text(encoding="utf-8"))))}
+        found = {"run": to_document(measure(CostJob.model_validate_json(job.read_text(encoding="utf-8"))))}
     except SupermapError as error:
         found = {"error": {"what": error.what, "where": error.where, "cure": error.cure}}
     result.write_text(json.dumps(found), encoding="utf-8")

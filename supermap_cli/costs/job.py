@@ -1,4 +1,4 @@
-"""One measurement, as it is handed to the process that makes it, and what that process found."""
+"""A measurement as handed to its process, and the results of the processes."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ from supermap_cli.config import BuildConfig
 from supermap_cli.hookspecs import RecordingRequest
 from supermap_cli.timing import StageTiming
 
-Measured = Literal["build", "stages", "decode", "growth"]
+Measurement = Literal["build", "stages", "decode", "growth"]
 
 
-class Job(BaseModel):
-    """What to measure. `db` is a database that is not there yet; `objects` is for `growth`.
+class CostJob(BaseModel):
+    """What to measure. `db` is a database that does not exist yet; `objects` is for `growth`.
 
-    `build`: everything as `supermap build` does it; `stages`: the same with one stage at a time, so that none waits for
-    another; `decode`: the same keyframes and recorded detections, decoded and dropped; `growth`: the second half of the
-    first recording, mapped into what the first half left, filled up to so many objects.
+    `build`: as `supermap build` does it; `stages`: the same with one stage at a time, so that none waits for another;
+    `decode`: the same keyframes and recorded detections, decoded and dropped; `growth`: the second half of the first
+    recording, mapped into the map of the first half, which is grown to `objects` objects before.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    what: Measured
+    measurement: Measurement
     recordings: tuple[Path, ...]
     config: BuildConfig
-    wanted: RecordingRequest
+    request: RecordingRequest
     align: str
     db: Path
     objects: int = 0
@@ -36,7 +36,7 @@ class Job(BaseModel):
 
 @dataclass(frozen=True)
 class BuildRun:
-    """What a build as a whole took, in its own process; sizes in 10^6 bytes."""
+    """Costs of a build as a whole, in its own process; sizes in 10^6 bytes."""
 
     keyframes: int
     detections: int
@@ -51,7 +51,7 @@ class BuildRun:
 
 @dataclass(frozen=True)
 class StagesRun:
-    """What every stage took, over all recordings; `objects` stand in the map at the end."""
+    """Time of every stage over all recordings; `objects` is the count in the map at the end."""
 
     keyframes: int
     objects: int
@@ -60,7 +60,7 @@ class StagesRun:
 
 @dataclass(frozen=True)
 class DecodeRun:
-    """What it took to decode the keyframes with what was recorded for them, opening and calibration apart."""
+    """Costs of decoding the keyframes and their recorded detections, without opening and calibration."""
 
     keyframes: int
     total_s: float
@@ -68,7 +68,7 @@ class DecodeRun:
 
 
 Run = BuildRun | StagesRun | DecodeRun
-RESULTS: dict[Measured, type[BuildRun | StagesRun | DecodeRun]] = {
+RESULTS: dict[Measurement, type[BuildRun | StagesRun | DecodeRun]] = {
     "build": BuildRun,
     "stages": StagesRun,
     "decode": DecodeRun,

@@ -1,4 +1,4 @@
-"""What a process has in memory."""
+"""Memory of this process, in 10^6 bytes."""
 
 from __future__ import annotations
 
@@ -10,10 +10,9 @@ _STATUS = Path("/proc/self/status")
 
 
 def peak_memory_mb() -> float:
-    """The most memory this process had at a time, 10^6 bytes.
+    """Greatest resident memory of this process so far, 10^6 bytes.
 
-    Linux counts what the process had before it became this program into `ru_maxrss` (getrusage(2)), so it is asked
-    otherwise there.
+    On Linux `ru_maxrss` includes the memory before exec (getrusage(2)), so /proc/self/status is read there (proc(5)).
     """
     if (highest_mb := _status_mb("VmHWM")) is not None:
         return highest_mb
@@ -22,7 +21,7 @@ def peak_memory_mb() -> float:
 
 
 def memory_mb() -> float:
-    """What this process has in memory now, where Linux tells it; else the most it had."""
+    """Resident memory of this process now, 10^6 bytes; the greatest so far where /proc is missing."""
     return _status_mb("VmRSS") or peak_memory_mb()
 
 

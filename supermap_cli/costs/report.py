@@ -16,20 +16,22 @@ from supermap_cli.errors import EvaluationError
 from supermap_cli.timing import StageTiming
 from supermap_cli.version import __version__
 
-Kind = Literal["once", "perception", "mapping"]
+StageKind = Literal["once", "perception", "mapping"]
 
-ONCE = ("place", "restore")
-MAPPING = ("segment", "visibility", "track", "map", "graph", "record", "write")
-"""All that is done for a keyframe but decoding, odometry and neural inference."""
+ONE_TIME_STAGES = ("place", "restore")
+"""Stages that run once a traversal, not for every keyframe."""
+MAPPING_STAGES = ("segment", "visibility", "track", "map", "graph", "record", "write")
+"""All stages of a keyframe but decoding, odometry and neural inference."""
 
 PAPER_HZ = {"pose": 10.0, "map": 3.0, "segmentation": 1.0, "graph": 5.0}
-RATED = {
+"""Module -> updates a second on the robot, as the paper SuperMap states them."""
+STAGES_OF_MODULE = {
     "pose": ("odometry", "depth", "drift"),
     "map": ("visibility", "track", "map", "record", "write"),
     "segmentation": ("detect", "segment"),
     "graph": ("graph",),
 }
-"""The modules whose rates the paper names, and the stages that do their work here."""
+"""Module of the paper -> the stages that do its work here."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +39,7 @@ class StageCost:
     """One stage: `mean_ms` and `p95_ms` of its runs, `share` of all stages' time."""
 
     stage: str
-    kind: Kind
+    kind: StageKind
     runs: int
     total_s: float
     mean_ms: float
@@ -46,8 +48,8 @@ class StageCost:
 
 
 @dataclass(frozen=True)
-class Rate:
-    """How often a second a module could run if it had a core to itself, and how often the paper's does."""
+class ModuleRate:
+    """Updates a second of a module with a core to itself, beside the paper's; `ms` is its time for a keyframe."""
 
     module: str
     stages: tuple[str, ...]
@@ -57,7 +59,7 @@ class Rate:
 
 
 @dataclass(frozen=True)
-class WholeBuild:
+class BuildCost:
     """The build as `supermap build` does it, perception beside mapping: sizes in 10^6 bytes.
 
     `realtime_factor`: seconds of recording mapped in a second; `cores`: CPU seconds for a second of recording.
@@ -73,8 +75,8 @@ class WholeBuild:
 
 
 @dataclass(frozen=True)
-class Floor:
-    """What decoding the same keyframes and recorded detections takes: `ratio` is mapping in units of it.
+class DecodingBaseline:
+    """Cost of decoding the same keyframes and recorded detections; `ratio` is mapping in units of it.
 
     Milliseconds for a keyframe. `decode_ms` was measured in a process that did nothing else.
     """
@@ -86,8 +88,8 @@ class Floor:
 
 
 @dataclass(frozen=True)
-class Growth:
-    """Mapping time for a keyframe with at least so many objects in the map; `objects` stood in it at the end."""
+class MappingGrowth:
+    """Mapping time for a keyframe with at least `wanted` objects in the map; `objects` is the count at the end."""
 
     wanted: int
     objects: int
@@ -96,8 +98,8 @@ class Growth:
 
 
 @dataclass(frozen=True)
-class Change:
-    """A figure then and now; `ratio` is then / now."""
+class FigureChange:
+    """A figure of both documents; `ratio` is then / now."""
 
     figure: str
     then: float
@@ -106,16 +108,16 @@ class Change:
 
 
 @dataclass(frozen=True)
-class Comparison:
-    """Against an earlier document."""
+class BenchComparison:
+    """All figures compared with an earlier document."""
 
     document: str
-    changes: tuple[Change, ...]
+    changes: tuple[FigureChange, ...]
 
 
 @dataclass(frozen=True)
 class Machine:
-    """What it was measured with."""
+    """Cores, operating system and versions of a measurement."""
 
     cpus: int
     system: str
@@ -133,12 +135,12 @@ class Bench:
     keyframes: int
     detections: int
     objects: int
-    build: WholeBuild
+    build: BuildCost
     stages: tuple[StageCost, ...]
-    rates: tuple[Rate, ...]
-    floor: Floor
-    growth: tuple[Growth, ...] = ()
-    compared: Comparison | None = None
+    rates: tuple[ModuleRate, ...]
+    floor: DecodingBaseline
+    growth: tuple[MappingGrowth, ...] = ()
+    compared: BenchComparison | None = None
 
 
 def summarise(
@@ -148,7 +150,7 @@ def summarise(
     decode: DecodeRun,
     growth: Sequence[tuple[int, StagesRun]],
 ) -> Bench:
-    """The document of what the processes found."""
+    """The document made of the results of all measurements."""
     return Bench(
         recordings=tuple(map(str, recordings)),
         machine=this_machine(),
@@ -156,34 +158,34 @@ def summarise(
         keyframes=build.keyframes,
         detections=build.detections,
         objects=build.objects,
-        build=_whole(build),
-        stages=tuple(_costs(stages.timings)),
-        rates=tuple(_rates(stages)),
-        floor=_floor(stages, decode),
+        build=_build_cost(build),
+        stages=tuple(_stage_costs(stages.timings)),
+        rates=tuple(_module_rates(stages)),
+        floor=_decoding_baseline(stages, decode),
         growth=tuple(
-            Growth(wanted, stages_run.objects, stages_run.keyframes, mapping_ms(stages_run))
+            MappingGrowth(wanted, stages_run.objects, stages_run.keyframes, mapping_ms(stages_run))
             for wanted, stages_run in growth
         ),
     )
 
 
 def this_machine() -> Machine:
-    """Cores that this process may use, system and versions."""
+    """The machine this process runs on; only cores that it may use are counted."""
     cpus = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     return Machine(cpus, f"{platform.system()} {platform.machine()}", platform.python_version(), __version__)
 
 
 def mapping_ms(stages: StagesRun) -> float:
     """Milliseconds of all mapping stages for a keyframe."""
-    return _per_keyframe_ms(stages, MAPPING)
+    return _per_keyframe_ms(stages, MAPPING_STAGES)
 
 
 def _per_keyframe_ms(stages: StagesRun, names: Sequence[str]) -> float:
     return 1000 * sum(timing.total_s for timing in stages.timings if timing.stage in names) / max(stages.keyframes, 1)
 
 
-def _whole(build: BuildRun) -> WholeBuild:
-    return WholeBuild(
+def _build_cost(build: BuildRun) -> BuildCost:
+    return BuildCost(
         recorded_s=build.recorded_s,
         total_s=build.total_s,
         realtime_factor=build.recorded_s / max(build.total_s, 1e-9),
@@ -194,38 +196,40 @@ def _whole(build: BuildRun) -> WholeBuild:
     )
 
 
-def _costs(timings: Sequence[StageTiming]) -> Iterator[StageCost]:
+def _stage_costs(timings: Sequence[StageTiming]) -> Iterator[StageCost]:
     everything_s = sum(timing.total_s for timing in timings)
     for timing in timings:
-        kind: Kind = "once" if timing.stage in ONCE else "mapping" if timing.stage in MAPPING else "perception"
+        kind: StageKind = (
+            "once" if timing.stage in ONE_TIME_STAGES else "mapping" if timing.stage in MAPPING_STAGES else "perception"
+        )
         share = timing.total_s / max(everything_s, 1e-9)
         yield StageCost(timing.stage, kind, timing.runs, timing.total_s, timing.mean_ms, timing.p95_ms, share)
 
 
-def _rates(stages: StagesRun) -> Iterator[Rate]:
+def _module_rates(stages: StagesRun) -> Iterator[ModuleRate]:
     ran = {timing.stage for timing in stages.timings}
-    for module, names in RATED.items():
+    for module, names in STAGES_OF_MODULE.items():
         ms = _per_keyframe_ms(stages, names)
         if ms > 0:
             present = tuple(name for name in names if name in ran)
-            yield Rate(module, present, ms, 1000 / ms, PAPER_HZ[module])
+            yield ModuleRate(module, present, ms, 1000 / ms, PAPER_HZ[module])
 
 
-def _floor(stages: StagesRun, decode: DecodeRun) -> Floor:
+def _decoding_baseline(stages: StagesRun, decode: DecodeRun) -> DecodingBaseline:
     decode_ms = 1000 * decode.total_s / max(decode.keyframes, 1)
     mapping = mapping_ms(stages)
-    return Floor(decode_ms, mapping, mapping / max(decode_ms, 1e-9), decode.peak_memory_mb)
+    return DecodingBaseline(decode_ms, mapping, mapping / max(decode_ms, 1e-9), decode.peak_memory_mb)
 
 
-def compare(now: Bench, then: Bench, document: Path) -> Comparison:
-    """Every figure that both documents have."""
+def compare(now: Bench, then: Bench, document: Path) -> BenchComparison:
+    """Compare every figure that both documents have."""
     before = dict(_figures(then))
     changes = [
-        Change(name, before[name], value, before[name] / value if value > 0 else None)
+        FigureChange(name, before[name], value, before[name] / value if value > 0 else None)
         for name, value in _figures(now)
         if name in before
     ]
-    return Comparison(str(document), tuple(changes))
+    return BenchComparison(str(document), tuple(changes))
 
 
 def _figures(bench: Bench) -> Iterator[tuple[str, float]]:

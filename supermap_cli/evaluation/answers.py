@@ -1,4 +1,4 @@
-"""Questions in plain words, and whether the map names exactly the right things."""
+"""Scores of the answers to questions in plain words: exact match and Jaccard index."""
 
 from __future__ import annotations
 
@@ -26,11 +26,12 @@ class WrongAnswer:
 
 @dataclass(frozen=True)
 class AnswerScores:
-    """`exact` is the share of the `asked` questions whose answer is exactly the right set of things; `jaccard` the mean
-    over them of |right| / |expected or answered|, 1 where nothing is expected and nothing answered.
+    """`exact` is the share of the `asked` questions whose answer is exactly the right set of objects; `jaccard` the
+    mean over them of |right| / |expected or answered|, 1 where nothing is expected and nothing answered.
 
-    An instance stands for the true object that its newest state is (`matching.identify`: by place and time, whatever
-    the label, past places included). An instance that is nothing true, and a second one of the same object, are wrong.
+    An instance counts as the true object that its newest identified state is (`matching.identify`: by place and time,
+    whatever the label, past places included). An instance that is no true object, and a second one of an object, are
+    wrong.
     Objects that no image showed well (`known_truth`) are neither expected nor wrong; questions that only they answer
     are `left_out`. A question without an answer, or not understood, is answered wrong. `None` where nothing was asked.
 
@@ -47,41 +48,45 @@ class AnswerScores:
 
 
 def score_answers(estimate: EstimatedMap, truth: GroundTruth) -> AnswerScores:
-    """Judge the answers to the truth's questions."""
+    """Score the answers to the truth's questions."""
     known = known_truth(estimate, truth)
     if known.gap is not None:
         return AnswerScores(None, None, 0, tuple(question.text for question in truth.questions), (), known.gap)
     countable = {place.object.id for place in known.places if place.countable}
-    fair = [question for question in truth.questions if not question.answer or countable.intersection(question.answer)]
-    object_of = _object_of_instances(estimate, known)
+    scorable = [
+        question for question in truth.questions if not question.answer or countable.intersection(question.answer)
+    ]
+    object_by_instance = _object_by_instance(estimate, known)
     answers = {answer.text: answer.ids for answer in estimate.answers if answer.error is None}
-    judged = [_judge(question, answers.get(question.text), object_of, countable) for question in fair]
-    wrong = tuple(answer for answer in judged if answer.answered is None or answer.jaccard < 1)
+    compared = [
+        _compare_answer(question, answers.get(question.text), object_by_instance, countable) for question in scorable
+    ]
+    wrong = tuple(answer for answer in compared if answer.answered is None or answer.jaccard < 1)
     return AnswerScores(
-        exact=share(len(judged) - len(wrong), len(judged)),
-        jaccard=mean(answer.jaccard for answer in judged),
-        asked=len(judged),
-        left_out=tuple(question.text for question in truth.questions if question not in fair),
+        exact=share(len(compared) - len(wrong), len(compared)),
+        jaccard=mean(answer.jaccard for answer in compared),
+        asked=len(compared),
+        left_out=tuple(question.text for question in truth.questions if question not in scorable),
         wrong=wrong,
     )
 
 
-def _object_of_instances(estimate: EstimatedMap, known: KnownTruth) -> dict[str, str]:
+def _object_by_instance(estimate: EstimatedMap, known: KnownTruth) -> dict[str, str]:
     """Instance -> true object, by the newest of its states that is one."""
-    object_of = {}
+    object_by_instance = {}
     for instance, states in zip(estimate.objects, identify(estimate, known), strict=True):
         for state in states:
             if state is not None:
-                object_of[instance.id] = state.object_id
-    return object_of
+                object_by_instance[instance.id] = state.object_id
+    return object_by_instance
 
 
-def _judge(
-    question: TrueQuestion, ids: Sequence[str] | None, object_of: dict[str, str], countable: set[str]
+def _compare_answer(
+    question: TrueQuestion, ids: Sequence[str] | None, object_by_instance: dict[str, str], countable: set[str]
 ) -> WrongAnswer:
-    """The answer beside the expected one; right where its Jaccard index is 1 and there is an answer."""
+    """Compare an answer with the expected one; it is right where it exists and its Jaccard index is 1."""
     expected = countable.intersection(question.answer)
-    objects = [object_of.get(instance_id) for instance_id in ids or ()]
+    objects = [object_by_instance.get(instance_id) for instance_id in ids or ()]
     counted = Counter(object_id for object_id in objects if object_id is None or object_id in countable)
     right = sum(1 for object_id in counted if object_id in expected)
     union = len(expected) + sum(counted.values()) - right

@@ -14,17 +14,19 @@ import numpy as np
 from supermap_cli.evaluation.shares import mean
 from supermap_cli.geometry.arrays import BoolArray, FloatArray, IntArray, check_shape
 
-OVERLAPS = (0.5, 0.55, 0.6, 0.65, 0.7, 0.75, 0.8, 0.85, 0.9)
-"""What AP is the mean over: the script's np.arange(0.5, 0.95, 0.05), which ends at .90."""
+IOU_THRESHOLDS = (0.5, 0.55, 0.6, 0.65, 0.7, 0.75, 0.8, 0.85, 0.9)
+"""IoU thresholds that AP is the mean over: the script's np.arange(0.5, 0.95, 0.05), which ends at .90."""
 
-LOOSE_OVERLAP = 0.25
-SMALLEST = 100
-"""Points: smaller true instances are ignored, smaller predictions left out."""
+LOOSE_IOU_THRESHOLD = 0.25
+"""IoU threshold of AP25 (the script's `overlaps`)."""
+MIN_POINTS = 100
+"""True instances of fewer points are ignored, predictions of fewer left out (the script's `min_region_sizes`)."""
 
 VOID = -1
-"""The label of points that are not judged: a prediction that lies mostly there is neither right nor wrong."""
+"""Label of points that are not scored: a prediction that lies mostly there is neither right nor wrong."""
 
 NO_INSTANCE = -1
+"""Instance id of points that belong to no instance."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +40,7 @@ class InstancePrediction:
 
 @dataclass(frozen=True)
 class ClassPrecision:
-    """The average precision of one class over its `instances` true instances (of `SMALLEST` points at least)."""
+    """The average precision of one class over its `instances` true instances (of `MIN_POINTS` points at least)."""
 
     label: int
     instances: int
@@ -62,11 +64,11 @@ def instance_average_precision(
     gt_instances: IntArray,
     predictions: Sequence[InstancePrediction],
     *,
-    smallest: int = SMALLEST,
+    min_points: int = MIN_POINTS,
 ) -> AveragePrecision:
     """AP (mean over IoU thresholds .50, .55, ..., .90), AP50 and AP25 of predicted instances on n points.
 
-    `gt_labels` (n,) is each point's class, `VOID` where it is not judged; `gt_instances` (n,) the id of its instance,
+    `gt_labels` (n,) is each point's class, `VOID` where it is not scored; `gt_instances` (n,) the id of its instance,
     `NO_INSTANCE` for what belongs to none (a prediction there is wrong). Several scenes: put their points one after the
     other and number all instances apart.
 
@@ -79,15 +81,17 @@ def instance_average_precision(
     """
     check_shape("gt_labels", gt_labels, (None,))
     check_shape("gt_instances", gt_instances, (len(gt_labels),))
-    judged = [prediction for prediction in predictions if len(prediction.points) >= max(smallest, 1)]
+    scored = [prediction for prediction in predictions if len(prediction.points) >= max(min_points, 1)]
     classes = []
     for label in np.unique(gt_labels[(gt_labels != VOID) & (gt_instances != NO_INSTANCE)]).tolist():
         overlaps = _overlaps(
-            gt_labels, gt_instances, [prediction for prediction in judged if prediction.label == label], label
+            gt_labels, gt_instances, [prediction for prediction in scored if prediction.label == label], label
         )
-        large = overlaps.true_sizes >= smallest
+        large = overlaps.true_sizes >= min_points
         if large.any():
-            ap25, *rest = (_average_precision(overlaps, large, threshold) for threshold in (LOOSE_OVERLAP, *OVERLAPS))
+            ap25, *rest = (
+                _average_precision(overlaps, large, threshold) for threshold in (LOOSE_IOU_THRESHOLD, *IOU_THRESHOLDS)
+            )
             classes.append(ClassPrecision(label, int(large.sum()), sum(rest) / len(rest), rest[0], ap25))
     return AveragePrecision(
         mean(precision.ap for precision in classes),
@@ -134,7 +138,7 @@ def _overlaps(
 
 def _average_precision(overlaps: _Overlaps, large: BoolArray, threshold: float) -> float:
     """The area under the precision-recall curve of one class at one threshold."""
-    right, wrong = _verdicts(overlaps, large, threshold)
+    right, wrong = _classify_predictions(overlaps, large, threshold)
     confidences = np.array([*right, *wrong])
     is_right = np.arange(len(confidences)) < len(right)
     cuts = np.unique(confidences)[::-1]
@@ -145,21 +149,21 @@ def _average_precision(overlaps: _Overlaps, large: BoolArray, threshold: float) 
     return float((np.diff(recall) * (precision[1:] + precision[:-1]) / 2).sum())
 
 
-def _verdicts(overlaps: _Overlaps, large: BoolArray, threshold: float) -> tuple[list[float], list[float]]:
+def _classify_predictions(overlaps: _Overlaps, large: BoolArray, threshold: float) -> tuple[list[float], list[float]]:
     """The confidences of right and of wrong predictions.
 
     A prediction that could find two true instances (below IoU .5 only) finds the first.
     """
     enough = overlaps.iou > threshold
-    spent = np.zeros(len(overlaps.confidences), dtype=bool)
+    assigned = np.zeros(len(overlaps.confidences), dtype=bool)
     right, wrong = [], []
     for true in np.flatnonzero(large):
-        claims = np.flatnonzero(enough[:, true] & ~spent)
-        if len(claims):
-            spent[claims[0]] = True
-            *others, best = sorted(overlaps.confidences[claims].tolist())
+        candidates = np.flatnonzero(enough[:, true] & ~assigned)
+        if len(candidates):
+            assigned[candidates[0]] = True
+            *others, best = sorted(overlaps.confidences[candidates].tolist())
             right.append(best)
             wrong.extend(others)
     ignored = overlaps.void + overlaps.shared[:, ~large].sum(axis=1)
-    stray = ~enough.any(axis=1) & (ignored / overlaps.predicted_sizes <= threshold)
-    return right, wrong + overlaps.confidences[stray].tolist()
+    unmatched = ~enough.any(axis=1) & (ignored / overlaps.predicted_sizes <= threshold)
+    return right, wrong + overlaps.confidences[unmatched].tolist()

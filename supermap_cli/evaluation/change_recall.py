@@ -1,4 +1,6 @@
-"""Detection recall and change recall of changed objects, as the paper SuperMap measures them, frame by frame."""
+"""Detection recall and change recall of changed objects, frame by frame (the change detection metrics of the paper
+SuperMap).
+"""
 
 from __future__ import annotations
 
@@ -9,7 +11,7 @@ import numpy as np
 
 from supermap_cli.evaluation.estimate import EstimatedMap
 from supermap_cli.evaluation.known_truth import KnownTruth, known_truth
-from supermap_cli.evaluation.matching import MATCH_DISTANCE_M, centroids, same_label
+from supermap_cli.evaluation.matching import MAX_MATCH_DISTANCE_M, centroids, same_label
 from supermap_cli.evaluation.shares import mean, share
 from supermap_cli.geometry.arrays import BoolArray, FloatArray
 from supermap_cli.types.truth import GroundTruth
@@ -57,13 +59,13 @@ class ChangeRecallScores:
 
     Changed objects are those that appeared, disappeared or moved during or between mapped traversals, before the end of
     the map; what moved counts twice, as the old place that must become empty and the new one that must be filled. The
-    map is asked afterwards, for the time t of every mapped keyframe that had the place in view (>= 0.3 of its front
+    finished map is compared at the time t of every mapped keyframe that had the place in view (>= 0.3 of its front
     unhidden). While the object stood there, from the first image that showed it well (`known_truth`), t is a sample of
     the *appearance interval*: right if an instance of the label is believed to be there at t. After it has left, t is a
     sample of the *disappearance interval*: right if none is. Keyframes before it first came are in neither interval.
 
     An instance is there if its state at t (`EstimatedObject.state_at`) has its centroid within 0.3 m of the place's,
-    and no nearer to another place of the same object or to another thing of the label that stands at t.
+    and no nearer to another place of the same object or to another object of the label that stands at t.
 
     Two poolings, as the paper does not say which it means: `per_object` is the mean over changed places of their own
     shares, `per_frame` the share of all samples together. Two readings of change recall: `change_recall` asks every
@@ -78,10 +80,12 @@ class ChangeRecallScores:
 
 
 def score_change_recall(estimate: EstimatedMap, truth: GroundTruth) -> ChangeRecallScores:
-    """Ask the map at every keyframe about every changed place."""
+    """Compare the map with the truth at every keyframe for every changed place."""
     known = known_truth(estimate, truth)
-    beliefs = Beliefs(estimate, known)
-    rows = tuple(_changed_place(place, changes, beliefs) for place, changes in changed_places(known, truth).items())
+    believed_positions = BelievedPositions(estimate, known)
+    rows = tuple(
+        _changed_place(place, changes, believed_positions) for place, changes in changed_places(known, truth).items()
+    )
     there_right = sum(row.there_right for row in rows)
     there_samples = sum(row.there_samples for row in rows)
     both_right = there_right + sum(row.left_right for row in rows)
@@ -103,7 +107,7 @@ def score_change_recall(estimate: EstimatedMap, truth: GroundTruth) -> ChangeRec
 def changed_places(known: KnownTruth, truth: GroundTruth) -> dict[int, tuple[str, ...]]:
     """Every place (position in `known.places`) that a change of the mapped traversals filled or emptied, and how."""
     mapped = {traversal.name for traversal in known.traversals}
-    happened: dict[int, tuple[str, ...]] = {}
+    changes_of_place: dict[int, tuple[str, ...]] = {}
     for change in truth.changes:
         if not mapped.issuperset(change.between) or known.end_ns is None or change.stamp_ns > known.end_ns:
             continue
@@ -114,12 +118,12 @@ def changed_places(known: KnownTruth, truth: GroundTruth) -> dict[int, tuple[str
         ):
             place = known.place_of(change.object_id, index)
             if place is not None:
-                happened[place] = (*happened.get(place, ()), word)
-    return happened
+                changes_of_place[place] = (*changes_of_place.get(place, ()), word)
+    return changes_of_place
 
 
-class Beliefs:
-    """Where the map holds its instances to be, at every keyframe that the truth knows: (n, k, 3), NaN where nowhere."""
+class BelievedPositions:
+    """Centroids (n, k, 3) of the map's instances at every keyframe that the truth knows; NaN where one is absent."""
 
     def __init__(self, estimate: EstimatedMap, known: KnownTruth) -> None:
         self.known = known
@@ -131,27 +135,27 @@ class Beliefs:
                     self.centroids[row, k] = state.centroid
 
     def there(self, place: int) -> BoolArray:
-        """(k,): an instance of the place's label is held to be in the place, not in another one."""
-        wanted = self.known.places[place]
-        alike = [row for row, label in enumerate(self.labels) if same_label(label, wanted.object.label)]
-        believed = self.centroids[alike]
+        """(k,): the map has an instance of the place's label in the place, and not in another one."""
+        target = self.known.places[place]
+        same_class = [row for row, label in enumerate(self.labels) if same_label(label, target.object.label)]
+        believed = self.centroids[same_class]
         distance_m = self._distances_m(believed, [place])[0]
-        rivals = self._rivals(place)
-        rival_m = self._distances_m(believed, rivals)
-        rival_m[~self._competes(place, rivals)[:, None, :].repeat(len(alike), axis=1)] = np.inf
-        nearest_rival_m = rival_m.min(axis=0, initial=np.inf)
-        there: BoolArray = ((distance_m < MATCH_DISTANCE_M) & (distance_m <= nearest_rival_m)).any(axis=0)
+        competing = self._competing_places(place)
+        competing_m = self._distances_m(believed, competing)
+        competing_m[~self._competing_at(place, competing)[:, None, :].repeat(len(same_class), axis=1)] = np.inf
+        nearest_competing_m = competing_m.min(axis=0, initial=np.inf)
+        there: BoolArray = ((distance_m < MAX_MATCH_DISTANCE_M) & (distance_m <= nearest_competing_m)).any(axis=0)
         return there
 
-    def _rivals(self, place: int) -> list[int]:
-        """Other places of the object, and places of other things of its label."""
+    def _competing_places(self, place: int) -> list[int]:
+        """Other places of the object, and places of other objects of its label."""
         label = self.known.places[place].object.label
         return [k for k, other in enumerate(self.known.places) if k != place and same_label(other.object.label, label)]
 
-    def _competes(self, place: int, rivals: Sequence[int]) -> BoolArray:
-        """(r, k): a place of the object always does, one of another thing while that stands there."""
-        own = [self.known.places[k].object.id == self.known.places[place].object.id for k in rivals]
-        competes: BoolArray = self.known.present[list(rivals)] | np.array(own, dtype=bool)[:, None]
+    def _competing_at(self, place: int, competing: Sequence[int]) -> BoolArray:
+        """(r, k): which competing places count: those of the object always, those of others while they stand there."""
+        own = [self.known.places[k].object.id == self.known.places[place].object.id for k in competing]
+        competes: BoolArray = self.known.present[list(competing)] | np.array(own, dtype=bool)[:, None]
         return competes
 
     def _distances_m(self, believed: FloatArray, places: Sequence[int]) -> FloatArray:
@@ -162,14 +166,14 @@ class Beliefs:
         return distances_m
 
 
-def _changed_place(place: int, changes: tuple[str, ...], beliefs: Beliefs) -> ChangedPlace:
-    known = beliefs.known
-    there = beliefs.there(place)
-    asked_there, asked_left = known.in_view_with_object[place], known.in_view_left[place]
-    asked_before = known.in_view_empty[place] & ~asked_left
-    wrong = np.flatnonzero((asked_there & ~there) | (asked_left & there))
-    there_samples, there_right = int(asked_there.sum()), int((asked_there & there).sum())
-    left_samples, left_right = int(asked_left.sum()), int((asked_left & ~there).sum())
+def _changed_place(place: int, changes: tuple[str, ...], believed_positions: BelievedPositions) -> ChangedPlace:
+    known = believed_positions.known
+    there = believed_positions.there(place)
+    samples_there, samples_left = known.in_view_with_object[place], known.in_view_left[place]
+    samples_before = known.in_view_empty[place] & ~samples_left
+    wrong = np.flatnonzero((samples_there & ~there) | (samples_left & there))
+    there_samples, there_right = int(samples_there.sum()), int((samples_there & there).sum())
+    left_samples, left_right = int(samples_left.sum()), int((samples_left & ~there).sum())
     return ChangedPlace(
         object_id=known.places[place].object.id,
         label=known.places[place].object.label,
@@ -178,8 +182,8 @@ def _changed_place(place: int, changes: tuple[str, ...], beliefs: Beliefs) -> Ch
         there_right=there_right,
         left_samples=left_samples,
         left_right=left_right,
-        before_samples=int(asked_before.sum()),
-        before_right=int((asked_before & ~there).sum()),
+        before_samples=int(samples_before.sum()),
+        before_right=int((samples_before & ~there).sum()),
         detection_recall=share(there_right, there_samples),
         change_recall=share(there_right + left_right, there_samples + left_samples),
         first_wrong_ns=int(known.stamps_ns[wrong[0]]) if len(wrong) else None,

@@ -1,4 +1,4 @@
-"""What the map reports to have changed between its last two traversals, against what did."""
+"""Precision, recall and F1 of the changes that the map reports between its last two traversals."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from supermap_cli.evaluation.shares import PrecisionRecall, precision_recall
 from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.types.truth import GroundTruth
 
-PLACE_M = 0.5
-"""A change is reported in the right place if its centroids lie within this of the true ones."""
+MAX_CHANGE_OFFSET_M = 0.5
+"""Metres within which the centroids of a reported change must lie of the true ones. Chosen."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,9 @@ class MissedChange:
 
 @dataclass(frozen=True)
 class FalseChange:
-    """A reported change that is none; `unchanged_object` names the true object that stands there as before, if any."""
+    """A reported change without a true one; `unchanged_object`: id of the true object that stands there unchanged, if
+    any.
+    """
 
     kind: str
     instance_id: str
@@ -50,11 +52,11 @@ class ChangeScores:
     reported as a disappearance and an appearance is one missed and two false changes. `lenient` takes such a pair for
     the move, found.
 
-    Not judged, `unobservable`, are changes that the images do not show: a thing left and its place was not in view
-    afterwards, a thing came and its place had not been in view before, a thing was never shown well. Reports that touch
-    only places of such changes, or of what came and went within the two traversals, are neither right nor wrong.
-    `static_reported` counts false changes of things that stand as they stood. The scores are `None` where the map holds
-    fewer than two traversals.
+    Not scored, `unobservable`, are changes that images do not show: an object left and its place was not in view
+    afterwards, an object came and its place had not been in view before, an object was never shown well. Reports that
+    touch only places of such changes, or of what came and went within the two traversals, are neither right nor wrong.
+    `static_reported` counts false changes of unchanged objects. The scores are `None` where the map holds fewer than
+    two traversals.
     """
 
     between: tuple[str, str] | None
@@ -70,25 +72,25 @@ class ChangeScores:
 
 
 def score_changes(estimate: EstimatedMap, truth: GroundTruth) -> ChangeScores:
-    """Judge the reported changes."""
+    """Score the reported changes."""
     known = known_truth(estimate, truth)
     if len(known.traversals) < 2:
         return ChangeScores(None, None, None, None, None, None, 0, (), (), ())
     changes = net_changes(known)
-    reports = [Report.of(change, estimate) for change in estimate.changes]
-    verdict = _judge(reports, changes)
-    false = _false_rows(verdict.false, _unchanged_instances(estimate, known, changes))
+    reports = [ReportedChange.of(change, estimate) for change in estimate.changes]
+    matching = _match_changes(reports, changes)
+    false = _false_changes(matching.false, _unchanged_instances(estimate, known, changes))
     return ChangeScores(
         between=(known.traversals[-2].name, known.traversals[-1].name),
-        overall=verdict.of_kinds("appeared", "disappeared", "moved"),
-        appeared=verdict.of_kinds("appeared"),
-        disappeared=verdict.of_kinds("disappeared"),
-        moved=verdict.of_kinds("moved"),
-        lenient=verdict.lenient(),
+        overall=matching.of_kinds("appeared", "disappeared", "moved"),
+        appeared=matching.of_kinds("appeared"),
+        disappeared=matching.of_kinds("disappeared"),
+        moved=matching.of_kinds("moved"),
+        lenient=matching.lenient(),
         static_reported=sum(row.unchanged_object is not None for row in false),
         missed=tuple(
-            MissedChange(change.kind, change.object_id, change.label, change in verdict.as_two)
-            for change in verdict.missed
+            MissedChange(change.kind, change.object_id, change.label, change in matching.split_moves)
+            for change in matching.missed
         ),
         false=false,
         unobservable=tuple(f"{change.object_id} {change.kind}" for change in changes.unobservable),
@@ -96,16 +98,16 @@ def score_changes(estimate: EstimatedMap, truth: GroundTruth) -> ChangeScores:
 
 
 @dataclass(frozen=True, eq=False)
-class Report:
-    """A reported change with the ends (3,) that its kind has; what names no place lies where its instance lies."""
+class ReportedChange:
+    """A reported change with the positions (3,) that its kind has; without one, that of its instance is taken."""
 
     change: EstimatedChange
     before: FloatArray | None
     after: FloatArray | None
 
     @classmethod
-    def of(cls, change: EstimatedChange, estimate: EstimatedMap) -> Report:
-        """Complete a change by the map's instance."""
+    def of(cls, change: EstimatedChange, estimate: EstimatedMap) -> ReportedChange:
+        """Fill in missing positions from the map's instance."""
         own = next((instance.centroid for instance in estimate.objects if instance.id == change.object_id), None)
         before = change.position_before if change.position_before is not None else own
         after = change.position_after if change.position_after is not None else own
@@ -116,28 +118,30 @@ class Report:
         )
 
     def offset_m(self, change: NetChange) -> float:
-        """How far its ends lie from those of a true change of its kind, at most; infinite for another kind."""
+        """Greatest distance of its positions from those of a true change; infinite for another kind."""
         if self.change.kind != change.kind:
             return np.inf
         return max(_distance_m(self.before, change.before), _distance_m(self.after, change.after))
 
     def touches_only(self, places: Iterable[Place]) -> bool:
-        """Whether each of its ends lies in one of these places."""
+        """Whether each of its positions lies in one of these places."""
         ends = [end for end in (self.before, self.after) if end is not None]
-        return bool(ends) and all(any(_distance_m(end, place) < PLACE_M for place in places) for end in ends)
+        return bool(ends) and all(
+            any(_distance_m(end, place) < MAX_CHANGE_OFFSET_M for place in places) for end in ends
+        )
 
 
 @dataclass(frozen=True)
-class Verdict:
-    """True changes found and missed, false reports, and those missed moves that were reported as two changes."""
+class ChangeMatching:
+    """True changes found and missed, false reports, and the missed moves that were reported as two changes."""
 
     found: tuple[NetChange, ...]
     missed: tuple[NetChange, ...]
-    false: tuple[Report, ...]
-    as_two: tuple[NetChange, ...]
+    false: tuple[ReportedChange, ...]
+    split_moves: tuple[NetChange, ...]
 
     def of_kinds(self, *kinds: str) -> PrecisionRecall:
-        """The strict counts of some kinds of change."""
+        """Strict scores of some kinds of change."""
         return precision_recall(
             sum(change.kind in kinds for change in self.found),
             sum(report.change.kind in kinds for report in self.false),
@@ -145,15 +149,17 @@ class Verdict:
         )
 
     def lenient(self) -> PrecisionRecall:
-        """The counts if two halves of a move make a move."""
-        halved = len(self.as_two)
-        return precision_recall(len(self.found) + halved, len(self.false) - 2 * halved, len(self.missed) - halved)
+        """Scores in which a disappearance and an appearance make a move."""
+        split_count = len(self.split_moves)
+        return precision_recall(
+            len(self.found) + split_count, len(self.false) - 2 * split_count, len(self.missed) - split_count
+        )
 
 
-def _judge(reports: Sequence[Report], changes: NetChanges) -> Verdict:
+def _match_changes(reports: Sequence[ReportedChange], changes: NetChanges) -> ChangeMatching:
     offsets_m = np.array([[report.offset_m(change) for change in changes.judged] for report in reports])
     offsets_m = offsets_m.reshape(len(reports), len(changes.judged))
-    pairs = match_one_to_one(offsets_m < PLACE_M, 1 - np.minimum(offsets_m / PLACE_M, 1.0))
+    pairs = match_one_to_one(offsets_m < MAX_CHANGE_OFFSET_M, 1 - np.minimum(offsets_m / MAX_CHANGE_OFFSET_M, 1.0))
     right, found = {row for row, _ in pairs}, {column for _, column in pairs}
     missed = tuple(change for column, change in enumerate(changes.judged) if column not in found)
     false = tuple(
@@ -161,30 +167,34 @@ def _judge(reports: Sequence[Report], changes: NetChanges) -> Verdict:
         for row, report in enumerate(reports)
         if row not in right and not report.touches_only(changes.unjudged_places)
     )
-    return Verdict(
+    return ChangeMatching(
         found=tuple(change for column, change in enumerate(changes.judged) if column in found),
         missed=missed,
         false=false,
-        as_two=_moves_as_two(missed, false),
+        split_moves=_split_moves(missed, false),
     )
 
 
-def _moves_as_two(missed: Sequence[NetChange], false: Sequence[Report]) -> tuple[NetChange, ...]:
-    """The missed moves whose old place was reported empty and whose new place filled, each report used once."""
-    left = list(false)
-    as_two = []
+def _split_moves(missed: Sequence[NetChange], false: Sequence[ReportedChange]) -> tuple[NetChange, ...]:
+    """The missed moves that were reported as a disappearance and an appearance; no report is used twice."""
+    unused = list(false)
+    split_moves = []
     for change in (move for move in missed if move.kind == "moved"):
-        gone = next((report for report in left if report.offset_m(NetChange(change.before, None)) < PLACE_M), None)
-        came = next((report for report in left if report.offset_m(NetChange(None, change.after)) < PLACE_M), None)
-        if gone is not None and came is not None:
-            as_two.append(change)
-            left.remove(gone)
-            left.remove(came)
-    return tuple(as_two)
+        disappearance = next(
+            (report for report in unused if report.offset_m(NetChange(change.before, None)) < MAX_CHANGE_OFFSET_M), None
+        )
+        appearance = next(
+            (report for report in unused if report.offset_m(NetChange(None, change.after)) < MAX_CHANGE_OFFSET_M), None
+        )
+        if disappearance is not None and appearance is not None:
+            split_moves.append(change)
+            unused.remove(disappearance)
+            unused.remove(appearance)
+    return tuple(split_moves)
 
 
 def _unchanged_instances(estimate: EstimatedMap, known: KnownTruth, changes: NetChanges) -> dict[str, str]:
-    """Instance -> the unchanged true object that one of its states is."""
+    """Instance id -> id of the unchanged true object that one of its states is."""
     of_instance = {}
     for instance, states in zip(estimate.objects, identify(estimate, known), strict=True):
         for state in states:
@@ -193,7 +203,7 @@ def _unchanged_instances(estimate: EstimatedMap, known: KnownTruth, changes: Net
     return of_instance
 
 
-def _false_rows(false: Iterable[Report], unchanged: dict[str, str]) -> tuple[FalseChange, ...]:
+def _false_changes(false: Iterable[ReportedChange], unchanged: dict[str, str]) -> tuple[FalseChange, ...]:
     changes = [report.change for report in false]
     return tuple(
         FalseChange(change.kind, change.object_id, change.label, unchanged.get(change.object_id)) for change in changes
@@ -201,7 +211,7 @@ def _false_rows(false: Iterable[Report], unchanged: dict[str, str]) -> tuple[Fal
 
 
 def _distance_m(end: FloatArray | None, place: Place | None) -> float:
-    """From a reported end to a true one; infinite where one is missing, 0 where neither is."""
+    """Distance of a reported position from a true place; infinite where one of them is missing, 0 where both are."""
     if end is None or place is None:
         return 0.0 if end is None and place is None else np.inf
     return float(np.linalg.norm(end - place.centroid))

@@ -1,4 +1,4 @@
-"""The map under evaluation, as values in the truth's world frame. The metrics see nothing else of it."""
+"""The map under evaluation as values in the truth's world frame: the only input of the metrics besides the truth."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from supermap_cli.types.memory import Presence
 
 @dataclass(frozen=True)
 class EstimatedState:
-    """An instance's stay in one place, as the memory has it: believed there from `first_seen_ns` until `gone_ns`."""
+    """A state of an instance: in the map it stands in one place from `first_seen_ns` until `gone_ns`."""
 
     first_seen_ns: int
     last_seen_ns: int
@@ -22,13 +22,13 @@ class EstimatedState:
     label: str
 
     def believed_at(self, stamp_ns: int) -> bool:
-        """Whether the memory holds, asked afterwards, that it stood there at that time."""
+        """Whether the finished map has it there at that time."""
         return self.first_seen_ns <= stamp_ns and (self.gone_ns is None or stamp_ns < self.gone_ns)
 
 
 @dataclass(frozen=True)
 class EstimatedObservation:
-    """One detection that the map gave to an instance: when, and where it saw it (3,)."""
+    """One detection that the map assigned to an instance: its stamp and centroid (3,)."""
 
     stamp_ns: int
     centroid: FloatArray
@@ -55,7 +55,7 @@ class EstimatedObject:
         check_shape("points", self.points, (None, 3))
 
     def state_at(self, stamp_ns: int) -> EstimatedState | None:
-        """Where the memory holds that it stood at a time; the newest state counts where two do."""
+        """The state at a time in the finished map; the newest one where two overlap."""
         return next((state for state in reversed(self.states) if state.believed_at(stamp_ns)), None)
 
 
@@ -82,12 +82,12 @@ class EstimatedAnswer:
 
 @dataclass(frozen=True)
 class EstimatedMap:
-    """All that the metrics need of a map, laid over the truth.
+    """All that the metrics need of a map, aligned with the truth.
 
     `objects` are all believed instances, present or absent (doubted ones are left out). `keyframes_ns` (k,) are the
-    stamps of all mapped images, of all traversals; `alignment_rmse_m` says how well the robot's way in the map fits its
-    true way after the alignment, by traversal. `doubted` are the instances that are believed in no more, as who walked
-    by is: only who is followed how far asks for them.
+    stamps of all mapped images, of all traversals; `alignment_rmse_m` is the error of the robot's trajectory in the map
+    against the true one after the alignment, by traversal. `doubted` are the demoted instances, people who walked by
+    among them: only the scores of person passages use them.
     """
 
     objects: tuple[EstimatedObject, ...]

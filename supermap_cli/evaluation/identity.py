@@ -1,4 +1,4 @@
-"""Is one thing one thing? Doubles, switches, what kept its identity when it moved, and what stays on as a ghost."""
+"""Identity over time: duplicates, switches, relocated objects, stale instances, person passages, IDF1, HOTA."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ import numpy as np
 
 from supermap_cli.evaluation.estimate import EstimatedMap, EstimatedObject
 from supermap_cli.evaluation.known_truth import KnownTruth, known_truth
-from supermap_cli.evaluation.matching import Identified, closeness, identify
+from supermap_cli.evaluation.matching import TrueIdentity, closeness, identify
 from supermap_cli.evaluation.passages import PassageScores, score_passages
 from supermap_cli.evaluation.shares import mean, share
-from supermap_cli.evaluation.switches import Switch, observers_of_static_objects, switches
+from supermap_cli.evaluation.switches import IdentitySwitch, observers_of_static_objects, switches
 from supermap_cli.evaluation.tracking import TrackingScores, score_tracking
 from supermap_cli.types.truth import GroundTruth
 
@@ -27,8 +27,8 @@ class ObjectInstances:
 
 
 @dataclass(frozen=True)
-class Relocated:
-    """An object that moved: which instances came to its new place, and the one that had stood at the old one."""
+class RelocatedObject:
+    """A moved object: the instances at its new place, and the one of them with a state at the old place (`kept`)."""
 
     object_id: str
     label: str
@@ -38,7 +38,7 @@ class Relocated:
 
 
 @dataclass(frozen=True)
-class Stale:
+class StaleInstance:
     """A present instance in a place that its object has left; `seen_empty`: a keyframe afterwards had it in view."""
 
     instance_id: str
@@ -49,7 +49,7 @@ class Stale:
 
 @dataclass(frozen=True)
 class IdentityScores:
-    """Who is who over time; which instance is which true object says `matching.identify`, whatever the labels.
+    """Identity scores; instances are identified with true objects by `matching.identify`, whatever the labels.
 
     - `instances_per_object`: the mean number of instances, present or not, that are one countable object at some time,
       over the `found_objects` that are at least one; `several` lists those that are more, `never_found` the others.
@@ -63,7 +63,7 @@ class IdentityScores:
     - `stale`: present instances at the end that are near no standing object (`Closeness.near`) but near a place that an
       object has left; `stale_share` is their share of all present instances, `None` where there are none.
       `vacated_places` counts the well-shown places that are empty at the end and were in view since.
-    - `passages`: whether who walks by is followed as one.
+    - `passages`: whether a person who walks by is one instance.
     - `tracking`: IDF1 and HOTA.
     """
 
@@ -73,27 +73,27 @@ class IdentityScores:
     never_found: tuple[ObjectInstances, ...]
     switches: int
     static_objects: int
-    switched: tuple[Switch, ...]
+    switched: tuple[IdentitySwitch, ...]
     relocated_found: float | None
     relocated_kept: float | None
-    relocated: tuple[Relocated, ...]
+    relocated: tuple[RelocatedObject, ...]
     stale_share: float | None
     vacated_places: int
-    stale: tuple[Stale, ...]
+    stale: tuple[StaleInstance, ...]
     passages: PassageScores
     tracking: TrackingScores
 
 
 def score_identity(estimate: EstimatedMap, truth: GroundTruth) -> IdentityScores:
-    """Follow all identities through the map's time."""
+    """Score the identities of all instances over time."""
     known = known_truth(estimate, truth)
     identified = identify(estimate, known)
     objects = _instances_of_objects(estimate, known, identified)
     found = [obj for obj in objects if obj.instances]
     observers = observers_of_static_objects(estimate, known, identified)
     switched = switches(observers)
-    relocated = _relocated(estimate, truth, known, identified)
-    stale = _stale(estimate, known)
+    relocated = _relocated_objects(estimate, truth, known, identified)
+    stale = _stale_instances(estimate, known)
     return IdentityScores(
         instances_per_object=mean(len(obj.instances) for obj in found),
         found_objects=len(found),
@@ -114,9 +114,9 @@ def score_identity(estimate: EstimatedMap, truth: GroundTruth) -> IdentityScores
 
 
 def _instances_of_objects(
-    estimate: EstimatedMap, known: KnownTruth, identified: Sequence[Sequence[Identified | None]]
+    estimate: EstimatedMap, known: KnownTruth, identified: Sequence[Sequence[TrueIdentity | None]]
 ) -> list[ObjectInstances]:
-    """Every countable object with all instances that are it at some time."""
+    """Every countable object with all instances identified as it at some time."""
     labels = {place.object.id: place.object.label for place in known.places if place.countable}
     instances: dict[str, list[str]] = {object_id: [] for object_id in labels}
     for instance, states in zip(estimate.objects, identified, strict=True):
@@ -126,13 +126,13 @@ def _instances_of_objects(
     return [ObjectInstances(object_id, labels[object_id], tuple(ids)) for object_id, ids in instances.items()]
 
 
-def _relocated(
+def _relocated_objects(
     estimate: EstimatedMap,
     truth: GroundTruth,
     known: KnownTruth,
-    identified: Sequence[Sequence[Identified | None]],
-) -> tuple[Relocated, ...]:
-    """Every true move between two places that images showed well."""
+    identified: Sequence[Sequence[TrueIdentity | None]],
+) -> tuple[RelocatedObject, ...]:
+    """Every true move between two countable places."""
     mapped = {traversal.name for traversal in known.traversals}
     rows = []
     for change in truth.changes:
@@ -143,29 +143,31 @@ def _relocated(
         if known.places[old].countable and known.places[new].countable:
             not_before_ns = int(known.stamps_ns[known.stamps_ns < change.stamp_ns].max(initial=0))
             there, both = [], []
-            for instance, what in zip(estimate.objects, identified, strict=True):
-                arrived = _states_in(new, instance, what, since_ns=not_before_ns)
+            for instance, identities in zip(estimate.objects, identified, strict=True):
+                arrived = _states_in(new, instance, identities, since_ns=not_before_ns)
                 if arrived:
                     there.append(instance.id)
-                if arrived and _states_in(old, instance, what) - arrived:
+                if arrived and _states_in(old, instance, identities) - arrived:
                     both.append(instance.id)
             label = known.places[new].object.label
-            rows.append(Relocated(change.object_id, label, change.distance_m, tuple(there), both[0] if both else None))
+            rows.append(
+                RelocatedObject(change.object_id, label, change.distance_m, tuple(there), both[0] if both else None)
+            )
     return tuple(rows)
 
 
 def _states_in(
-    place: int, instance: EstimatedObject, what: Sequence[Identified | None], *, since_ns: int = 0
+    place: int, instance: EstimatedObject, identities: Sequence[TrueIdentity | None], *, since_ns: int = 0
 ) -> set[int]:
     """Which states of an instance stand in a place, of those that begin at a time or later."""
     return {
         k
-        for k, (state, identified) in enumerate(zip(instance.states, what, strict=True))
+        for k, (state, identified) in enumerate(zip(instance.states, identities, strict=True))
         if identified is not None and place in identified.places and state.first_seen_ns >= since_ns
     }
 
 
-def _stale(estimate: EstimatedMap, known: KnownTruth) -> tuple[Stale, ...]:
+def _stale_instances(estimate: EstimatedMap, known: KnownTruth) -> tuple[StaleInstance, ...]:
     present = [instance for instance in estimate.objects if instance.presence == "present"]
     near = closeness(present, known.places).near
     standing = np.isin(np.arange(len(known.places)), known.standing)
@@ -175,10 +177,10 @@ def _stale(estimate: EstimatedMap, known: KnownTruth) -> tuple[Stale, ...]:
         if len(left) and not (row & standing).any():
             newest = int(left[-1])
             place = known.places[newest]
-            rows.append(Stale(instance.id, instance.label, place.object.id, _seen_empty(newest, known)))
+            rows.append(StaleInstance(instance.id, instance.label, place.object.id, _seen_empty(newest, known)))
     return tuple(rows)
 
 
 def _seen_empty(place: int, known: KnownTruth) -> bool:
-    """Whether an object has left a place, and a keyframe since then had it in view."""
+    """Whether an object has left a place, and a keyframe since then had the place in view."""
     return bool(known.in_view_left[place].any())

@@ -1,4 +1,4 @@
-"""ScanNet's instance segmentation figures of the map at its end."""
+"""ScanNet's instance segmentation scores of the map at its end."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from supermap_cli.evaluation.average_precision import (
+    MIN_POINTS,
     NO_INSTANCE,
-    SMALLEST,
     VOID,
     AveragePrecision,
     InstancePrediction,
@@ -18,12 +18,12 @@ from supermap_cli.evaluation.average_precision import (
 from supermap_cli.evaluation.estimate import EstimatedMap, EstimatedObject
 from supermap_cli.evaluation.known_truth import known_truth
 from supermap_cli.evaluation.matching import same_label
-from supermap_cli.evaluation.surface import NOBODY, SeenSurface, nearest_instances, seen_surface
+from supermap_cli.evaluation.surface import UNASSIGNED, SeenSurface, nearest_instances, seen_surface
 from supermap_cli.geometry.arrays import IntArray
 from supermap_cli.types.truth import GroundTruth
 
 BACKGROUND = 0
-"""The class of the building's points; no prediction has it. The objects' classes follow."""
+"""Class of the building's points; no prediction has it. The objects' classes are 1, 2, ..."""
 
 
 @dataclass(frozen=True)
@@ -55,13 +55,13 @@ class InstanceScores:
     mean over labels; and the same over all instances together, whatever the label, as if all had one (`regardless_`,
     which is no mean over labels).
 
-    The points are the samples of all surfaces that images showed, as things stand at the end. True instances are the
+    The points are the samples of all surfaces that images showed, as objects stand at the end. True instances are the
     countable objects (of 100 points or more; `too_small` names the others); points of ignored objects are void; the
     building is background, where an instance is wrong (the script would take it for void). Predictions are the present
     instances; the samples of one are those to which it has the nearest point of the map, within 5 cm. So no sample has
-    two instances, although ScanNet would let it: an object that the map holds twice is shared out between the two.
-    `None` where there is no true instance, and where the map lacks a part of the truth's traversals: which surface was
-    seen is known for all of them together only. `note` says so.
+    two instances, although ScanNet would let it: the points of an object that is in the map twice are divided between
+    the two. `None` where there is no true instance, and where the map lacks a part of the truth's traversals: which
+    surface was seen is known for all of them together only. `note` says so.
     """
 
     ap: float | None
@@ -77,7 +77,7 @@ class InstanceScores:
 
 
 def score_instances(estimate: EstimatedMap, truth: GroundTruth) -> InstanceScores:
-    """Judge the shapes of the present instances."""
+    """Score the shapes of the present instances."""
     known = known_truth(estimate, truth)
     if known.gap is not None:
         return InstanceScores(None, None, None, None, None, None, (), (), (), known.gap)
@@ -102,7 +102,7 @@ def score_instances(estimate: EstimatedMap, truth: GroundTruth) -> InstanceScore
             for precision in by_label.classes
         ),
         objects=objects,
-        too_small=tuple(obj.object_id for obj in objects if obj.points < SMALLEST),
+        too_small=tuple(obj.object_id for obj in objects if obj.points < MIN_POINTS),
     )
 
 
@@ -129,12 +129,12 @@ def _precision(
 
 def _overlaps(surface: SeenSurface, present: Sequence[EstimatedObject], nearest: IntArray) -> tuple[ObjectOverlap, ...]:
     rows = []
-    sizes = np.bincount(nearest[nearest != NOBODY], minlength=len(present))
+    sizes = np.bincount(nearest[nearest != UNASSIGNED], minlength=len(present))
     for k, place in enumerate(surface.places):
         if not place.countable:
             continue
         own = nearest[surface.place == k]
-        shared = np.bincount(own[own != NOBODY], minlength=len(present))
+        shared = np.bincount(own[own != UNASSIGNED], minlength=len(present))
         iou = shared / np.maximum(sizes + len(own) - shared, 1)
         best = present[int(np.argmax(iou))] if shared.any() else None
         rows.append(

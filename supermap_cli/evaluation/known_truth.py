@@ -1,10 +1,10 @@
-"""What of the truth a map can be held to: the mapped traversals, where things stood, and what the images showed of it.
+"""The part of the ground truth that a map can be scored against: mapped traversals, object places, their visibility.
 
-A map is judged as it is at its end, the last mapped keyframe. Traversals with no keyframe in the map do not count. An
-object is *countable* in a place if some image, taken while it stood there and not after the end, showed at least
-`COUNTABLE_PIXELS` pixels of it and `COUNTABLE_VISIBLE` of its front; what no image showed so well is *ignored*: it need
-not be found, and finding it is no error (as COCO's crowds and ScanNet's void points). Only images near a mapped
-keyframe count, within `NEAR_KEYFRAME_NS`: a map cannot know what the others showed.
+A map is scored at its end, the last mapped keyframe. Traversals without a keyframe in the map do not count. An object
+is *countable* in a place if some image, taken while it stood there and not after the end, showed at least
+`MIN_COUNTABLE_PIXELS` pixels and `MIN_COUNTABLE_SHARE` of its front; an object that no image showed so well is
+*ignored*: it need not be found, and finding it is no error (as COCO's crowds and ScanNet's void points). Only images
+within `MAX_KEYFRAME_OFFSET_NS` of a mapped keyframe count.
 """
 
 from __future__ import annotations
@@ -19,24 +19,30 @@ from supermap_cli.geometry.arrays import BoolArray, Float32Array, FloatArray, In
 from supermap_cli.geometry.boxes import Box3D
 from supermap_cli.types.truth import GroundTruth, TrueObject, TrueSightings, TrueState, TrueTraversal
 
-COUNTABLE_PIXELS = 100
-COUNTABLE_VISIBLE = 0.2
-IN_VIEW = 0.3
-"""A place is in view of a keyframe that shows at least this share of its front side."""
+MIN_COUNTABLE_PIXELS = 100
+"""Pixels of an object that an image must show for it to be countable. Chosen."""
+MIN_COUNTABLE_SHARE = 0.2
+"""Share of an object's front side that an image must show for it to be countable. Chosen."""
+MIN_IN_VIEW_SHARE = 0.3
+"""Share of a place's front side that a keyframe must show to have the place in view. Chosen."""
 
-SAME_IMAGE_NS = 50_000_000
-"""A keyframe is the truth's image whose stamp is nearest, if not farther than this."""
+IMAGE_TOLERANCE_NS = 50_000_000
+"""Nanoseconds (50 ms) up to which a keyframe and the nearest image of the truth are the same image. Chosen."""
 
-NEAR_KEYFRAME_NS = 250_000_000
-"""An image shows the map something only if a keyframe was taken within this time of it."""
+MAX_KEYFRAME_OFFSET_NS = 250_000_000
+"""Nanoseconds (0.25 s) to the nearest keyframe within which an image counts as seen by the map. Chosen."""
 
-MARGIN_NS = 2_000_000_000
-"""A traversal is mapped in part if its first or last keyframe lies farther than this from its first or last image."""
+MAX_UNMAPPED_MARGIN_NS = 2_000_000_000
+"""Nanoseconds (2 s) between the first or last image and keyframe of a traversal; beyond, it is mapped in part. Chosen.
+"""
 
 
 @dataclass(frozen=True, eq=False)
 class Place:
-    """One stay of a true object. `well_seen_ns`: the first image that showed it well there; `None`: not countable."""
+    """One state of a true object, as a place.
+
+    `well_seen_ns`: stamp of the first image that showed it well there; `None`: not countable.
+    """
 
     object: TrueObject
     index: int
@@ -44,14 +50,12 @@ class Place:
 
     @property
     def state(self) -> TrueState:
-        """The stay itself."""
+        """The true state."""
         return self.object.states[self.index]
 
     @property
     def centroid(self) -> FloatArray:
-        """Mean (3,) of that part of the object's surface there which the images showed (of all of it where they showed
-        none): a map can know no more.
-        """
+        """Mean (3,) of the part of the object's surface that images showed (of all of it where they showed none)."""
         return self._centroid
 
     @cached_property
@@ -70,7 +74,7 @@ class Place:
 
     @property
     def countable(self) -> bool:
-        """Whether the images showed it well enough that a map should know of it."""
+        """Whether images showed it well enough that a map should contain it."""
         return self.well_seen_ns is not None
 
     def overlaps(self, first_ns: int, last_ns: int) -> bool:
@@ -83,7 +87,7 @@ class Place:
 class KnownTruth:
     """The truth as far as the mapped images show it.
 
-    `places` (p) are all stays of all objects that began before the end. `stamps_ns` (k,) are the mapped keyframes that
+    `places` (p) are all states of all objects that began before the end. `stamps_ns` (k,) are the mapped keyframes that
     the truth has an image of; `visible` (p, k) is the share of each place's front that each shows, whether or not the
     object is there.
 
@@ -101,16 +105,16 @@ class KnownTruth:
 
     @property
     def gap(self) -> str | None:
-        """What the map lacks of the truth's traversals, in words; `None` where it is whole.
+        """Which of the truth's traversals the map lacks, in words; `None` if none.
 
-        What the truth tells of all traversals together (surfaces seen, answers) cannot be held against less.
+        Truth about all traversals together (seen surfaces, answers) cannot score a map of fewer.
         """
         lacks = [*self.not_mapped, *(f"a part of {name}" for name in self.partly_mapped)]
         return f"not judged: the map lacks {' and '.join(lacks)}" if lacks else None
 
     @cached_property
     def standing(self) -> tuple[int, ...]:
-        """The places that are taken at the end."""
+        """The places that are occupied at the end."""
         end_ns = self.end_ns
         return tuple(k for k, place in enumerate(self.places) if end_ns is not None and place.state.covers(end_ns))
 
@@ -125,13 +129,13 @@ class KnownTruth:
         states = [place.state for place in self.places]
         since = np.array([first if state.since_ns is None else state.since_ns for state in states], np.int64)
         until = np.array([last if state.until_ns is None else state.until_ns for state in states], np.int64)
-        taken: BoolArray = (since[:, None] <= stamps_ns[None, :]) & (stamps_ns[None, :] < until[:, None])
-        return taken
+        occupied: BoolArray = (since[:, None] <= stamps_ns[None, :]) & (stamps_ns[None, :] < until[:, None])
+        return occupied
 
     @cached_property
     def in_view(self) -> BoolArray:
-        """(p, k): at least `IN_VIEW` of the place's front side is to be seen."""
-        view: BoolArray = self.visible >= IN_VIEW
+        """(p, k): the keyframe shows at least `MIN_IN_VIEW_SHARE` of the place's front side."""
+        view: BoolArray = self.visible >= MIN_IN_VIEW_SHARE
         return view
 
     @cached_property
@@ -154,37 +158,37 @@ class KnownTruth:
         return self.in_view_empty & (np.array(until, np.int64)[:, None] <= self.stamps_ns[None, :])
 
     def place_of(self, object_id: str, index: int | None) -> int | None:
-        """The position in `places` of an object's stay; `None` where it is none or began after the end."""
-        return self._positions.get((object_id, index)) if index is not None else None
+        """Index into `places` of an object's state; `None` where there is none or it began after the end."""
+        return self._index_of_place.get((object_id, index)) if index is not None else None
 
     def position(self, place: Place) -> int:
-        """Where a place stands in `places`."""
-        return self._positions[place.object.id, place.index]
+        """Index of a place in `places`."""
+        return self._index_of_place[place.object.id, place.index]
 
     @cached_property
-    def _positions(self) -> dict[tuple[str, int], int]:
+    def _index_of_place(self) -> dict[tuple[str, int], int]:
         return {(place.object.id, place.index): k for k, place in enumerate(self.places)}
 
 
 def known_truth(estimate: EstimatedMap, truth: GroundTruth) -> KnownTruth:
-    """Cut the truth down to what the map's keyframes can have shown."""
+    """Reduce the truth to what the map's keyframes can have shown."""
     keyframes_ns = np.sort(estimate.keyframes_ns)
     mapped = tuple(traversal for traversal in truth.traversals if len(_keyframes_in(traversal, keyframes_ns)))
     end_ns = int(keyframes_ns[-1]) if len(keyframes_ns) else None
     images = [images_of(traversal, keyframes_ns) for traversal in mapped]
-    stays = [
+    states = [
         (number, index)
         for number, obj in enumerate(truth.objects)
         for index, state in enumerate(obj.states)
         if end_ns is not None and (state.since_ns is None or state.since_ns <= end_ns)
     ]
-    row_of = {stay: row for row, stay in enumerate(stays)}
+    row_of = {state_key: row for row, state_key in enumerate(states)}
     visible = [
         _visible(traversal.sightings, frames, row_of) for traversal, (frames, _) in zip(mapped, images, strict=True)
     ]
     stamps_ns = np.concatenate([np.zeros(0, np.int64), *(stamps for _, stamps in images)])
-    well_seen = _well_seen(mapped, keyframes_ns)
-    places = tuple(Place(truth.objects[number], index, well_seen.get((number, index))) for number, index in stays)
+    well_seen = _first_well_seen_ns(mapped, keyframes_ns)
+    places = tuple(Place(truth.objects[number], index, well_seen.get((number, index))) for number, index in states)
     return KnownTruth(
         traversals=mapped,
         not_mapped=tuple(
@@ -206,7 +210,9 @@ def _is_partly_mapped(traversal: TrueTraversal, keyframes_ns: IntArray) -> bool:
     """Whether keyframes are missing at a mapped traversal's beginning or end."""
     own_ns = _keyframes_in(traversal, keyframes_ns)
     images_ns = traversal.stamps_ns if len(traversal.stamps_ns) else np.array([traversal.start_ns, traversal.end_ns])
-    return bool(own_ns[0] - images_ns[0] > MARGIN_NS or images_ns[-1] - own_ns[-1] > MARGIN_NS)
+    return bool(
+        own_ns[0] - images_ns[0] > MAX_UNMAPPED_MARGIN_NS or images_ns[-1] - own_ns[-1] > MAX_UNMAPPED_MARGIN_NS
+    )
 
 
 def images_of(traversal: TrueTraversal, keyframes_ns: IntArray) -> tuple[IntArray, IntArray]:
@@ -215,7 +221,7 @@ def images_of(traversal: TrueTraversal, keyframes_ns: IntArray) -> tuple[IntArra
     if not len(traversal.stamps_ns):
         return np.zeros(0, np.int64), np.zeros(0, np.int64)
     nearest = _nearest(stamps_ns, traversal.stamps_ns)
-    close = np.abs(traversal.stamps_ns[nearest] - stamps_ns) <= SAME_IMAGE_NS
+    close = np.abs(traversal.stamps_ns[nearest] - stamps_ns) <= IMAGE_TOLERANCE_NS
     return nearest[close], stamps_ns[close]
 
 
@@ -230,26 +236,26 @@ def _visible(sightings: TrueSightings, frames: IntArray, row_of: dict[tuple[int,
     """Visibility (p, k) of all places in the chosen frames of one traversal."""
     n_frames = int(max(sightings.frame.max(initial=-1), frames.max(initial=-1))) + 1
     visible = np.zeros((len(row_of), n_frames), np.float32)
-    stays = zip(sightings.object.tolist(), sightings.state.tolist(), strict=True)
-    rows = np.array([row_of.get(stay, -1) for stay in stays], np.int64)
+    states = zip(sightings.object.tolist(), sightings.state.tolist(), strict=True)
+    rows = np.array([row_of.get(state_key, -1) for state_key in states], np.int64)
     known = rows >= 0
     visible[rows[known], sightings.frame[known]] = sightings.visible[known]
     return visible[:, frames]
 
 
-def _well_seen(traversals: tuple[TrueTraversal, ...], keyframes_ns: IntArray) -> dict[tuple[int, int], int]:
-    """When each stay (object, state) was first shown well, where it was, by an image near a keyframe."""
+def _first_well_seen_ns(traversals: tuple[TrueTraversal, ...], keyframes_ns: IntArray) -> dict[tuple[int, int], int]:
+    """(object, state) -> stamp of the first image near a keyframe that showed it well."""
     first: dict[tuple[int, int], int] = {}
     for traversal in traversals:
         seen = traversal.sightings
         stamps_ns = traversal.stamps_ns[seen.frame]
-        well = seen.present & (seen.pixels >= COUNTABLE_PIXELS) & (seen.visible >= COUNTABLE_VISIBLE)
+        well = seen.present & (seen.pixels >= MIN_COUNTABLE_PIXELS) & (seen.visible >= MIN_COUNTABLE_SHARE)
         nearest_ns = keyframes_ns[_nearest(stamps_ns, keyframes_ns)]
-        well &= (seen.state >= 0) & (np.abs(nearest_ns - stamps_ns) <= NEAR_KEYFRAME_NS)
+        well &= (seen.state >= 0) & (np.abs(nearest_ns - stamps_ns) <= MAX_KEYFRAME_OFFSET_NS)
         well &= stamps_ns <= keyframes_ns[-1]
         for number, index, stamp_ns in zip(
             seen.object[well].tolist(), seen.state[well].tolist(), stamps_ns[well].tolist(), strict=True
         ):
-            stay = (number, index)
-            first[stay] = min(stamp_ns, first.get(stay, stamp_ns))
+            state_key = (number, index)
+            first[state_key] = min(stamp_ns, first.get(state_key, stamp_ns))
     return first

@@ -1,4 +1,4 @@
-"""Who is who: which estimated thing is which true one."""
+"""Matching of estimated with true objects: gates, one-to-one assignment, identity of states."""
 
 from __future__ import annotations
 
@@ -13,12 +13,14 @@ from supermap_cli.evaluation.known_truth import KnownTruth
 from supermap_cli.geometry.arrays import BoolArray, FloatArray
 from supermap_cli.geometry.boxes import Box3D, box_iou
 
-MATCH_IOU = 0.1
-MATCH_DISTANCE_M = 0.3
+MIN_MATCH_IOU = 0.1
+"""3D IoU of boxes above which two may match: low, because a robot sees objects from some sides only. Chosen."""
+MAX_MATCH_DISTANCE_M = 0.3
+"""Metres between centroids below which two may match. Chosen."""
 
 
-class Placed(Protocol):
-    """Whatever stands somewhere: an instance, one of its states, a true place."""
+class Locatable(Protocol):
+    """Anything with a centroid and a box in the world: an instance, one of its states, a true place."""
 
     @property
     def centroid(self) -> FloatArray:
@@ -31,9 +33,9 @@ class Placed(Protocol):
 
 @dataclass(frozen=True)
 class Closeness:
-    """How n estimated things lie to m true ones: `iou` (n, m) of their boxes, `distance_m` (n, m) of their centroids.
+    """Box IoU (n, m) and centroid distance (n, m) of n estimated and m true objects.
 
-    `near` (n, m) is the gate that all matching shares: IoU > `MATCH_IOU` and distance < `MATCH_DISTANCE_M`.
+    `near` (n, m) is the gate that all matching shares: IoU > `MIN_MATCH_IOU` and distance < `MAX_MATCH_DISTANCE_M`.
     """
 
     iou: FloatArray
@@ -41,12 +43,12 @@ class Closeness:
 
     @property
     def near(self) -> BoolArray:
-        """(n, m): close enough to be the same thing in the same place."""
-        gate: BoolArray = (self.iou > MATCH_IOU) & (self.distance_m < MATCH_DISTANCE_M)
+        """(n, m): close enough to be the same object in the same place."""
+        gate: BoolArray = (self.iou > MIN_MATCH_IOU) & (self.distance_m < MAX_MATCH_DISTANCE_M)
         return gate
 
 
-def closeness(estimated: Sequence[Placed], true: Sequence[Placed]) -> Closeness:
+def closeness(estimated: Sequence[Locatable], true: Sequence[Locatable]) -> Closeness:
     """Compare all pairs."""
     iou = np.array([[box_iou(one.box, other.box) for other in true] for one in estimated], np.float64)
     offsets = centroids(estimated)[:, None, :] - centroids(true)[None, :, :]
@@ -54,9 +56,9 @@ def closeness(estimated: Sequence[Placed], true: Sequence[Placed]) -> Closeness:
     return Closeness(rounded_off, np.linalg.norm(offsets, axis=2))
 
 
-def centroids(things: Sequence[Placed]) -> FloatArray:
-    """The centroids (n, 3) of n things."""
-    return np.array([thing.centroid for thing in things], np.float64).reshape(-1, 3)
+def centroids(objects: Sequence[Locatable]) -> FloatArray:
+    """The centroids (n, 3) of n objects."""
+    return np.array([obj.centroid for obj in objects], np.float64).reshape(-1, 3)
 
 
 def same_label(first: str, second: str) -> bool:
@@ -78,31 +80,31 @@ def match_one_to_one(allowed: BoolArray, preference: FloatArray) -> tuple[tuple[
 
     if not allowed.any():
         return ()
-    more_than_all_preferences = min(allowed.shape) + 1
-    gain = np.where(allowed, more_than_all_preferences + preference, 0.0)
+    pair_bonus = min(allowed.shape) + 1
+    gain = np.where(allowed, pair_bonus + preference, 0.0)
     rows, columns = linear_sum_assignment(gain, maximize=True)
     return tuple((int(r), int(c)) for r, c in zip(rows, columns, strict=True) if allowed[r, c])
 
 
 @dataclass(frozen=True)
-class Identified:
-    """What one state of an instance is: a true object, in one or more of its places (positions in `places`)."""
+class TrueIdentity:
+    """The true object that a state of an instance is, and the places (indices into `places`) it was matched with."""
 
     object_id: str
     places: frozenset[int]
 
 
-def identify(estimate: EstimatedMap, known: KnownTruth) -> tuple[tuple[Identified | None, ...], ...]:
-    """For every instance, what each of its states is; `None` where nothing true stood there then.
+def identify(estimate: EstimatedMap, known: KnownTruth) -> tuple[tuple[TrueIdentity | None, ...], ...]:
+    """For every instance, the true identity of each of its states; `None` where no object stood there then.
 
     A state is the object whose place it is near (`Closeness.near`, whatever the label) and that stood there at some
-    time between the state's first and last sight; among several the one with the greatest IoU. What the map went on
-    believing after it last saw the thing does not count here.
+    time between the state's first and last observation; among several the one with the greatest IoU. The time after
+    the last observation does not count.
     """
     return tuple(_identify(instance.states, known) for instance in estimate.objects)
 
 
-def _identify(states: Sequence[EstimatedState], known: KnownTruth) -> tuple[Identified | None, ...]:
+def _identify(states: Sequence[EstimatedState], known: KnownTruth) -> tuple[TrueIdentity | None, ...]:
     close = closeness(states, known.places)
     near = close.near
     for row, state in enumerate(states):
@@ -111,9 +113,9 @@ def _identify(states: Sequence[EstimatedState], known: KnownTruth) -> tuple[Iden
     return tuple(_identified(near[row], close.iou[row], known) for row in range(len(states)))
 
 
-def _identified(near: BoolArray, iou: FloatArray, known: KnownTruth) -> Identified | None:
+def _identified(near: BoolArray, iou: FloatArray, known: KnownTruth) -> TrueIdentity | None:
     if not near.any():
         return None
     best = known.places[int(np.argmax(np.where(near, iou, -1.0)))].object.id
     places = frozenset(int(k) for k in np.flatnonzero(near) if known.places[k].object.id == best)
-    return Identified(best, places)
+    return TrueIdentity(best, places)

@@ -1,4 +1,4 @@
-"""What really changed between the last two mapped traversals, and whether the images show it."""
+"""True changes between the last two mapped traversals, and whether images show them."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ import numpy as np
 from supermap_cli.evaluation.known_truth import KnownTruth, Place
 from supermap_cli.types.truth import TrueChangeKind
 
-MOVED_M = 0.1
-"""Two places of an object whose centroids lie nearer than this are one place."""
+MIN_MOVE_M = 0.1
+"""Metres between centroids below which two places of an object count as one. Chosen."""
 
 
 @dataclass(frozen=True, eq=False)
 class NetChange:
-    """How an object stands otherwise at the end of the later traversal than at the end of the earlier one."""
+    """The difference of an object's place between the ends of two traversals."""
 
     before: Place | None
     after: Place | None
 
     @property
     def kind(self) -> TrueChangeKind:
-        """By which of the two places there is."""
+        """The kind of change, by which of the two places exist."""
         return "appeared" if self.before is None else "disappeared" if self.after is None else "moved"
 
     @property
@@ -33,19 +33,19 @@ class NetChange:
 
     @property
     def object_id(self) -> str:
-        """What changed."""
+        """The changed object's id."""
         return self.places[0].object.id
 
     @property
     def label(self) -> str:
-        """What it is."""
+        """The changed object's label."""
         return self.places[0].object.label
 
 
 @dataclass(frozen=True)
 class NetChanges:
-    """What is `judged`, what the images do not show (`unobservable`), the places of that and of all that came and went
-    within the two traversals (`unjudged_places`), and the `unchanged` objects: those that stand as they stood.
+    """`judged` are the changes that are scored, `unobservable` those that images do not show; `unjudged_places` the
+    places of the latter and of what came and went within the two traversals; `unchanged` the ids of the other objects.
     """
 
     judged: tuple[NetChange, ...]
@@ -55,7 +55,7 @@ class NetChanges:
 
 
 def net_changes(known: KnownTruth) -> NetChanges:
-    """Compare how things stood at the last keyframes of the last two mapped traversals (there must be two)."""
+    """Compare the objects' places at the last keyframes of the last two mapped traversals (there must be two)."""
     before_ns, after_ns = _last_keyframe_ns(known, -2), _last_keyframe_ns(known, -1)
     judged, unobservable, unchanged = [], [], set()
     for object_id, own in groupby(known.places, key=lambda place: place.object.id):
@@ -65,7 +65,7 @@ def net_changes(known: KnownTruth) -> NetChanges:
         if before is None and after is None:
             continue
         change = NetChange(before, after)
-        if change.kind == "moved" and _distance_m(change) < MOVED_M:
+        if change.kind == "moved" and _distance_m(change) < MIN_MOVE_M:
             unchanged.add(object_id)
         elif _observable(change, known, before_ns):
             judged.append(change)
@@ -91,13 +91,13 @@ def _last_keyframe_ns(known: KnownTruth, which: int) -> int:
 
 
 def _distance_m(change: NetChange) -> float:
-    """How far the object as a whole moved, whatever of it was seen."""
+    """Distance that the whole object moved, whatever part of it was seen."""
     first, last = change.places[0].state, change.places[-1].state
     return float(np.linalg.norm(last.centroid - first.centroid))
 
 
 def _observable(change: NetChange, known: KnownTruth, before_ns: int) -> bool:
-    """Whether images of the two traversals showed the thing wherever it stood, and that the place it left is empty or
+    """Whether images of the two traversals showed the object wherever it stood, and that the place it left is empty or
     the place it came to had been.
     """
     span = known.stamps_ns >= known.traversals[-2].start_ns

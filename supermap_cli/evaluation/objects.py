@@ -1,4 +1,4 @@
-"""The object map at its end: precision, recall and F1 of what it says is there."""
+"""Precision, recall and F1 of the objects in the map at its end."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from supermap_cli.evaluation.estimate import EstimatedMap, EstimatedObject
 from supermap_cli.evaluation.known_truth import KnownTruth, Place, known_truth
 from supermap_cli.evaluation.matching import (
-    MATCH_DISTANCE_M,
+    MAX_MATCH_DISTANCE_M,
     Closeness,
     closeness,
     label_agreement,
@@ -22,13 +22,14 @@ from supermap_cli.geometry.arrays import BoolArray
 from supermap_cli.types.truth import GroundTruth
 
 PERSON = "person"
+"""Label of people, who are no part of the map."""
 
 Pairs = tuple[tuple[int, int], ...]
 
 
 @dataclass(frozen=True)
 class MatchedObject:
-    """An instance that is a true object, by the labelled matching."""
+    """An instance matched with a true object, by the labelled matching."""
 
     object_id: str
     instance_id: str
@@ -39,7 +40,7 @@ class MatchedObject:
 
 @dataclass(frozen=True)
 class UnmatchedObject:
-    """A true object that the map misses, or an instance that is none, and why."""
+    """A true object that the map misses, or an instance without a true object, and why."""
 
     id: str
     label: str
@@ -56,7 +57,7 @@ class ObjectScores:
 
     `centroid_error_m` and `iou` are means over the labelled matches, `label_accuracy` is the share of label-free
     matches whose label is right: each `None` where there are no such matches. `people` are present instances labelled
-    "person": burnt into the map, and wrong in both scores. `missed` and `false` belong to the labelled matching.
+    "person": left in the map, and wrong in both scores. `missed` and `false` belong to the labelled matching.
     """
 
     labelled: PrecisionRecall
@@ -75,9 +76,9 @@ class ObjectScores:
 
 
 def score_objects(estimate: EstimatedMap, truth: GroundTruth) -> ObjectScores:
-    """Judge what the map holds to be there at its end."""
+    """Score the present instances of the map at its end."""
     known = known_truth(estimate, truth)
-    comparison = EndOfMap(estimate, known)
+    comparison = FinalMapComparison(estimate, known)
     labelled, unlabelled = comparison.match(with_label=True), comparison.match(with_label=False)
     matched = tuple(comparison.matched(pair) for pair in labelled)
     labels_right = sum(bool(comparison.agrees[pair]) for pair in unlabelled)
@@ -98,7 +99,7 @@ def score_objects(estimate: EstimatedMap, truth: GroundTruth) -> ObjectScores:
     )
 
 
-class EndOfMap:
+class FinalMapComparison:
     """Present instances (n) beside the countable objects (m) that stand at the end, all pairs compared."""
 
     def __init__(self, estimate: EstimatedMap, known: KnownTruth) -> None:
@@ -121,12 +122,12 @@ class EndOfMap:
         return match_one_to_one(allowed, self.close.iou)
 
     def count(self, pairs: Pairs) -> PrecisionRecall:
-        """Right, wrong and missing under a matching."""
+        """Precision and recall of a matching."""
         judged = len(self.present) - int(self.ignored.sum())
         return precision_recall(len(pairs), judged - len(pairs), len(self.countable) - len(pairs))
 
     def matched(self, pair: tuple[int, int]) -> MatchedObject:
-        """A pair in words and figures."""
+        """A matched pair with its errors."""
         instance, place = self.present[pair[0]], self.countable[pair[1]]
         error_m, iou = float(self.close.distance_m[pair]), float(self.close.iou[pair])
         return MatchedObject(place.object.id, instance.id, place.object.label, error_m, iou)
@@ -141,12 +142,12 @@ class EndOfMap:
         )
 
     def false(self, pairs: Pairs) -> tuple[UnmatchedObject, ...]:
-        """Instances that are no object, and what stands in their place."""
+        """Instances without an object, and what stands in their place."""
         right = {row for row, _ in pairs}
         objects = {row: self.countable[column].object.id for row, column in pairs}
-        taken = {object_id: self.present[row].id for row, object_id in objects.items()}
+        instance_ids = {object_id: self.present[row].id for row, object_id in objects.items()}
         return tuple(
-            UnmatchedObject(instance.id, instance.label, self._why_false(row, taken))
+            UnmatchedObject(instance.id, instance.label, self._why_false(row, instance_ids))
             for row, instance in enumerate(self.present)
             if row not in right and not self.ignored[row]
         )
@@ -168,7 +169,7 @@ class EndOfMap:
             f"{self.close.distance_m[nearest, column]:.2f} m away, IoU {self.close.iou[nearest, column]:.2f}"
         )
 
-    def _why_false(self, row: int, taken: dict[str, str]) -> str:
+    def _why_false(self, row: int, instance_ids: dict[str, str]) -> str:
         instance = self.present[row]
         if same_label(instance.label, PERSON):
             return "a person is no part of the map"
@@ -177,7 +178,7 @@ class EndOfMap:
             place = self.countable[columns[np.argmax(self.close.iou[row, columns])]]
             if not same_label(instance.label, place.object.label):
                 return f"{place.object.id} stands there, a {place.object.label}"
-            return f"{place.object.id} stands there, which is {taken.get(place.object.id, 'another instance')}"
+            return f"{place.object.id} stands there, which is {instance_ids.get(place.object.id, 'another instance')}"
         former = [place for k, place in enumerate(self.known.places) if k not in self.known.standing]
         if gone := [place for place, near in zip(former, closeness([instance], former).near[0], strict=True) if near]:
             return f"{gone[0].object.id} stood there and does so no more"
@@ -193,6 +194,6 @@ class EndOfMap:
 def _nearest_within(place: Place, instances: Sequence[EstimatedObject]) -> EstimatedObject | None:
     """The instance of the place's label whose centroid is nearest, if within the gate's distance."""
     offsets = [(float(np.linalg.norm(instance.centroid - place.centroid)), k) for k, instance in enumerate(instances)]
-    alike = [offset for offset in offsets if same_label(instances[offset[1]].label, place.object.label)]
-    distance_m, k = min(alike, default=(np.inf, -1))
-    return instances[k] if distance_m < MATCH_DISTANCE_M else None
+    same_class = [offset for offset in offsets if same_label(instances[offset[1]].label, place.object.label)]
+    distance_m, k = min(same_class, default=(np.inf, -1))
+    return instances[k] if distance_m < MAX_MATCH_DISTANCE_M else None

@@ -1,4 +1,4 @@
-"""Pictures of an evaluation: the map over the truth seen from above, and what changed over time."""
+"""Plots of an evaluation: the map over the truth from above, and the changes over time."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from supermap_cli.errors import EvaluationError
-from supermap_cli.evaluation.change_recall import Beliefs, changed_places
+from supermap_cli.evaluation.change_recall import BelievedPositions, changed_places
 from supermap_cli.evaluation.estimate import EstimatedMap
 from supermap_cli.evaluation.known_truth import KnownTruth, Place, known_truth
 from supermap_cli.evaluation.objects import ObjectScores
@@ -23,40 +23,51 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 GOOD, MISSED, FALSE, IGNORED = "#1a7f4b", "#d97706", "#c1121f", "#8a8a8a"
-WAY, WALL = "#7aa6d8", "#b8b8b8"
-ROW_IN = 0.26
+TRAJECTORY, WALL = "#7aa6d8", "#b8b8b8"
+WIDTH_IN, MAP_HEIGHT_IN, CHANGE_MARGIN_IN = 10.0, 7.0, 1.2
+"""Inches: width of the plot, height of the map's panel, height of the changes' panel besides its rows."""
+ROW_HEIGHT_IN = 0.26
+"""Inches of a row of the plot of changes."""
+GAP_SHARE = 0.04
+"""Gap between two traversals on the time axis, as a share of their total length."""
+DPI = 130
+"""Dots per inch of a .png."""
 SUFFIXES = (".png", ".svg", ".pdf")
 
 
-def draw(path: Path, estimate: EstimatedMap, truth: GroundTruth, scores: ObjectScores, *, what: Sequence[str]) -> None:
-    """Write a picture (.png, .svg or .pdf) of what is asked for: "map", "change", or both below each other, as far as
-    anything changed.
+def draw(
+    path: Path, estimate: EstimatedMap, truth: GroundTruth, scores: ObjectScores, *, panel_names: Sequence[str]
+) -> None:
+    """Write a plot (.png, .svg or .pdf) with the panels "map", "change" or both, one below the other; "change" is left
+    out where nothing changed.
 
-    `scores` says who is who at the map's end.
+    `scores` are those of the objects at the map's end.
 
     Raises `EvaluationError` where the file cannot be written.
     """
     known = known_truth(estimate, truth)
     changed = list(changed_places(known, truth))
-    if not changed and "map" in what:
-        what = ["map"]
-    heights = {"map": 7.0, "change": 1.2 + ROW_IN * max(len(changed), 1)}
-    figure = _figure((10.0, sum(heights[name] for name in what)))
-    panels = figure.subplots(len(what), squeeze=False, height_ratios=[heights[panel_name] for panel_name in what])[:, 0]
-    for panel, panel_name in zip(panels, what, strict=True):
+    if not changed and "map" in panel_names:
+        panel_names = ["map"]
+    heights = {"map": MAP_HEIGHT_IN, "change": CHANGE_MARGIN_IN + ROW_HEIGHT_IN * max(len(changed), 1)}
+    figure = _figure((WIDTH_IN, sum(heights[name] for name in panel_names)))
+    panels = figure.subplots(len(panel_names), squeeze=False, height_ratios=[heights[name] for name in panel_names])[
+        :, 0
+    ]
+    for panel, panel_name in zip(panels, panel_names, strict=True):
         if panel_name == "map":
             _draw_map(panel, estimate, truth, scores)
         else:
             _draw_changes(panel, estimate, known, changed)
     try:
-        figure.savefig(path, dpi=130)
+        figure.savefig(path, dpi=DPI)
     except (OSError, ValueError) as error:
         cure = "name another file with --plot"
         raise EvaluationError(f"the picture cannot be written: {error}", where=str(path), cure=cure) from error
 
 
 def check_picture(path: Path) -> None:
-    """Whether a picture can be drawn to a file, before anything is computed for it. Raises `EvaluationError` if not."""
+    """Check that a plot can be written to a file. Raises `EvaluationError` if not."""
     folder = path.parent
     if path.suffix.lower() not in SUFFIXES:
         raise EvaluationError("a picture of an unknown kind", where=str(path), cure="name a .png, .svg or .pdf file")
@@ -85,7 +96,7 @@ def _draw_map(panel: Axes, estimate: EstimatedMap, truth: GroundTruth, scores: O
         x, y = np.concatenate(walls).T
         panel.scatter(x, y, s=0.3, color=WALL, linewidths=0, rasterized=True)
     for traversal in truth.traversals:
-        panel.plot(*traversal.T_world_base[:, :2, 3].T, color=WAY, lw=0.8, zorder=1)
+        panel.plot(*traversal.T_world_base[:, :2, 3].T, color=TRAJECTORY, lw=0.8, zorder=1)
     right = {match.object_id for match in scores.matched}
     missed = {obj.id for obj in scores.missed}
     for true in truth.objects:
@@ -100,7 +111,7 @@ def _draw_map(panel: Axes, estimate: EstimatedMap, truth: GroundTruth, scores: O
             colour = GOOD if instance.id in right else FALSE if instance.id in false else IGNORED
             _outline(panel, instance.box, colour, style="-", text=instance.id, filled=True)
     kinds = [("right", GOOD, "-"), ("its true box", GOOD, "--"), ("missed", MISSED, "--"), ("false", FALSE, "-")]
-    _explain(panel, [*kinds, ("hardly shown: not judged", IGNORED, "--"), ("the robot's true way", WAY, "-")])
+    _add_legend(panel, [*kinds, ("hardly shown: not judged", IGNORED, "--"), ("the robot's true way", TRAJECTORY, "-")])
     panel.set(aspect="equal", xlabel="x (m)", ylabel="y (m)", title=f"The map over the truth: {truth.scenario}")
 
 
@@ -118,18 +129,18 @@ def _outline(panel: Axes, box: Box3D, colour: str, *, style: str, text: str, fil
 
 
 class TimeAxis:
-    """Sensor time on paper: the traversals side by side in seconds, with a gap for the time between them."""
+    """Sensor time on the plot's axis: the traversals side by side in seconds, with gaps between them."""
 
     def __init__(self, traversals: Sequence[TrueTraversal]) -> None:
         lengths_s = [(traversal.end_ns - traversal.start_ns) / 1e9 for traversal in traversals]
-        starts_s = np.cumsum([0.0, *(length_s + 0.04 * sum(lengths_s) for length_s in lengths_s)])[:-1]
+        starts_s = np.cumsum([0.0, *(length_s + GAP_SHARE * sum(lengths_s) for length_s in lengths_s)])[:-1]
         self.spans = [
             (traversal.start_ns, traversal.end_ns, float(start_s))
             for traversal, start_s in zip(traversals, starts_s, strict=True)
         ]
 
     def at(self, stamps_ns: IntArray) -> FloatArray:
-        """Where stamps (n,) within the traversals stand on paper (n,)."""
+        """Seconds on the axis (n,) of stamps (n,); NaN outside the traversals."""
         seconds = np.full(len(stamps_ns), np.nan)
         for start_ns, end_ns, start_s in self.spans:
             within = (stamps_ns >= start_ns) & (stamps_ns <= end_ns)
@@ -137,7 +148,7 @@ class TimeAxis:
         return seconds
 
     def bars(self, since_ns: int | None, until_ns: int | None) -> list[tuple[float, float]]:
-        """An interval as (start, length) bars in seconds on paper, one for each traversal it touches."""
+        """An interval as (start, length) bars in seconds on the axis, one for each traversal it overlaps."""
         bars = []
         for start_ns, end_ns, start_s in self.spans:
             low_ns = start_ns if since_ns is None else max(since_ns, start_ns)
@@ -148,28 +159,27 @@ class TimeAxis:
 
 
 def _draw_changes(panel: Axes, estimate: EstimatedMap, known: KnownTruth, changed: Sequence[int]) -> None:
-    """A row for each changed place: the truth above; below it where the map holds it to be there, and every keyframe
-    that had the place in view while the thing stood there or after it had left, which is what `change_recall` rests
-    on: green where the map is right, red where not.
+    """Draw a row for each changed place: above, when the object stood there; below, when the map has it there, and the
+    samples of `change_recall`, green where the map is right and red where not.
     """
-    axis, beliefs = TimeAxis(known.traversals), Beliefs(estimate, known)
+    axis, believed_positions = TimeAxis(known.traversals), BelievedPositions(estimate, known)
     seconds = axis.at(known.stamps_ns)
     for row, k in enumerate(changed):
-        place, believed = known.places[k], beliefs.there(k)
+        place, believed = known.places[k], believed_positions.there(k)
         panel.broken_barh(axis.bars(place.state.since_ns, place.state.until_ns), (row - 0.4, 0.35), color=GOOD)
-        panel.plot(seconds[believed], np.full(believed.sum(), row + 0.15), "s", ms=1.5, color=WAY)
+        panel.plot(seconds[believed], np.full(believed.sum(), row + 0.15), "s", ms=1.5, color=TRAJECTORY)
         there, left = known.in_view_with_object[k], known.in_view_left[k]
         right, wrong = (there & believed) | (left & ~believed), (there & ~believed) | (left & believed)
-        for asked, colour in ((right, GOOD), (wrong, FALSE)):
-            panel.plot(seconds[asked], np.full(asked.sum(), row + 0.3), "|", ms=5, color=colour)
+        for samples, colour in ((right, GOOD), (wrong, FALSE)):
+            panel.plot(seconds[samples], np.full(samples.sum(), row + 0.3), "|", ms=5, color=colour)
     for traversal, (start_ns, end_ns, start_s) in zip(known.traversals, axis.spans, strict=True):
         panel.axvspan(start_s, start_s + (end_ns - start_ns) / 1e9, color="#f3f3f3", zorder=0)
         panel.text(start_s, -0.95, f" {traversal.name}", fontsize=7, va="center")
     panel.set_yticks(range(len(changed)), [_row_name(known.places[k]) for k in changed], fontsize=7)
     panel.set(ylim=(max(len(changed), 1) - 0.4, -1.3), xlabel="time within the traversals (s)")
     panel.set_title("What changed: when it stood where, and what the map holds")
-    kinds = [("stands there", GOOD, "-"), ("the map holds it to be there", WAY, "s")]
-    _explain(panel, [*kinds, ("in view: the map is right", GOOD, "|"), ("in view: the map is wrong", FALSE, "|")])
+    kinds = [("stands there", GOOD, "-"), ("the map holds it to be there", TRAJECTORY, "s")]
+    _add_legend(panel, [*kinds, ("in view: the map is right", GOOD, "|"), ("in view: the map is wrong", FALSE, "|")])
 
 
 def _row_name(place: Place) -> str:
@@ -177,7 +187,7 @@ def _row_name(place: Place) -> str:
     return place.object.id + (f", place {place.index + 1}" if len(place.object.states) > 1 else "")
 
 
-def _explain(panel: Axes, entries: Sequence[tuple[str, str, str]]) -> None:
+def _add_legend(panel: Axes, entries: Sequence[tuple[str, str, str]]) -> None:
     """A legend of (text, colour, style) beside the panel; the style is that of a line, or a marker."""
     handles = [panel.plot([], [], style, color=colour, label=text)[0] for text, colour, style in entries]
     panel.legend(handles=handles, fontsize=7, loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False)

@@ -1,4 +1,4 @@
-"""A map as the metrics see it: what the memory holds and answers, laid over the truth."""
+"""Reads a map for evaluation: objects, changes and answers, in the truth's world frame and time."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from supermap_cli.evaluation.estimate import (
     EstimatedObservation,
     EstimatedState,
 )
-from supermap_cli.evaluation.overlay import lay_over_truth
+from supermap_cli.evaluation.truth_alignment import align_to_truth
 from supermap_cli.geometry.arrays import FloatArray, IntArray
 from supermap_cli.geometry.boxes import Box3D
 from supermap_cli.geometry.se3 import transform_points
@@ -36,12 +36,12 @@ from supermap_cli.truth_file import read_truth
 from supermap_cli.types.memory import StateRecord
 from supermap_cli.types.truth import GroundTruth
 
-CHANGES = ("appeared", "disappeared", "moved")
-"""What of a diff says that the world changed; the rest is what stayed, or what nobody can tell."""
+CHANGE_KINDS = ("appeared", "disappeared", "moved")
+"""Kinds of a diff's rows that are changes; the others are unchanged or unknown."""
 
 
 def read_map(db: str, truth_path: Path) -> tuple[EstimatedMap, GroundTruth]:
-    """A map database, laid over its truth.
+    """Read a map database and its truth, and align the two.
 
     Raises `TruthError` or `MemoryStoreError` for what cannot be read, `EvaluationError` where the two do not match.
     """
@@ -51,30 +51,30 @@ def read_map(db: str, truth_path: Path) -> tuple[EstimatedMap, GroundTruth]:
 
 
 def read_estimate(reader: MapReader, truth: GroundTruth) -> EstimatedMap:
-    """All that the metrics need of a map, in the truth's world frame; answers and changes come by the same ways as for
-    `supermap query` and `supermap diff`.
+    """All that the metrics need of a map, in the truth's world frame; answers and changes are those of `supermap query`
+    and `supermap diff`.
 
     Raises `EvaluationError` where map and truth do not belong together.
     """
-    overlay = lay_over_truth(reader, truth)
-    to_world = ToWorld(overlay.T_world_map, _in_recorded_order(reader))
+    alignment = align_to_truth(reader, truth)
+    to_world = WorldTransform(alignment.T_world_map, _spans_in_recorded_order(reader))
     return EstimatedMap(
         objects=tuple(_object(reader, instance, to_world) for instance in reader.believed),
         changes=_changes(reader, to_world),
         answers=tuple(_answer(reader, question.text) for question in truth.questions),
         keyframes_ns=_keyframes_ns(reader),
-        T_world_map=overlay.T_world_map,
-        alignment_rmse_m=overlay.rmse_m,
+        T_world_map=alignment.T_world_map,
+        alignment_rmse_m=alignment.rmse_m,
         doubted=tuple(
             _object(reader, instance, to_world) for instance in reader.instances if instance.presence == "doubted"
         ),
     )
 
 
-def _in_recorded_order(reader: MapReader) -> tuple[TraversalSpan, ...]:
-    """The map's traversals, whose times are those of the truth but for shifted clocks.
+def _spans_in_recorded_order(reader: MapReader) -> tuple[TraversalSpan, ...]:
+    """The traversals of the map with their clock shifts.
 
-    Raises `EvaluationError` where they were built in another order than recorded: what appeared in the one order
+    Raises `EvaluationError` where they were built in another order than recorded: what appeared in one order
     disappeared in the other.
     """
     stretches = traversal_spans(reader.traversals)
@@ -89,21 +89,21 @@ def _in_recorded_order(reader: MapReader) -> tuple[TraversalSpan, ...]:
 
 
 @dataclass(frozen=True)
-class ToWorld:
-    """Brings what stands in the map frame into the world, and what has the map's time into the recordings'.
+class WorldTransform:
+    """Transforms positions from the map frame to the world, and stamps from the map's time to the recordings' own.
 
-    The frames differ by a turn about z and a translation.
+    The frames differ by a rotation about z and a translation.
     """
 
     T_world_map: FloatArray
     stretches: tuple[TraversalSpan, ...]
 
     def time(self, stamp_ns: int) -> int:
-        """A time by the clock of its recording."""
+        """A stamp by the clock of its recording."""
         return recording_stamp_ns(self.stretches, stamp_ns)
 
     def times(self, *stamps_ns: int | None) -> Iterator[int | None]:
-        """Such times."""
+        """Several stamps, `None` staying `None`."""
         return (None if stamp_ns is None else self.time(stamp_ns) for stamp_ns in stamps_ns)
 
     def points(self, points_map: FloatArray) -> FloatArray:
@@ -120,7 +120,7 @@ class ToWorld:
         return Box3D(self.point(box_map.center), box_map.size, box_map.yaw + turn)
 
 
-def _object(reader: MapReader, instance: StoredInstance, to_world: ToWorld) -> EstimatedObject:
+def _object(reader: MapReader, instance: StoredInstance, to_world: WorldTransform) -> EstimatedObject:
     return EstimatedObject(
         id=instance.id,
         label=instance.label,
@@ -138,19 +138,19 @@ def _object(reader: MapReader, instance: StoredInstance, to_world: ToWorld) -> E
 
 
 def _confidence(instance: StoredInstance) -> float:
-    """The probability that it is real and what its label says."""
+    """Probability that it exists and has its label."""
     exists = 1 / (1 + np.exp(-instance.existence_log_odds))
     return float(exists * instance.label_belief.get(instance.label, 0.0))
 
 
 def _solid_points(reader: MapReader, instance: StoredInstance) -> FloatArray:
-    """(n, 3) centres of the voxels that the map takes for the object's, in the map frame."""
+    """(n, 3) centres of the object's occupied voxels, in the map frame."""
     voxels = voxel_map_from_cloud(reader.voxels(instance))
     solid = voxels.solid()
     return voxels.centers()[solid] if solid.any() else voxels.centers()
 
 
-def _state(state: StateRecord, label: str, to_world: ToWorld) -> EstimatedState:
+def _state(state: StateRecord, label: str, to_world: WorldTransform) -> EstimatedState:
     gone_ns, empty_before_ns = to_world.times(state.gone_ns, state.empty_before_ns)
     return EstimatedState(
         first_seen_ns=to_world.time(state.first_seen_ns),
@@ -163,8 +163,8 @@ def _state(state: StateRecord, label: str, to_world: ToWorld) -> EstimatedState:
     )
 
 
-def _changes(reader: MapReader, to_world: ToWorld) -> tuple[EstimatedChange, ...]:
-    """What the map says of the change between its last two traversals."""
+def _changes(reader: MapReader, to_world: WorldTransform) -> tuple[EstimatedChange, ...]:
+    """The changes that the map reports between its last two traversals."""
     if len(reader.traversals) < 2:
         return ()
 
@@ -181,7 +181,7 @@ def _changes(reader: MapReader, to_world: ToWorld) -> tuple[EstimatedChange, ...
             distance_m=change.distance_m if change.kind == "moved" else None,
         )
         for change in diff(reader).changes
-        if change.kind in CHANGES
+        if change.kind in CHANGE_KINDS
     )
 
 

@@ -1,4 +1,4 @@
-"""All scores of one map, as they leave the program."""
+"""All scores of one map: the document of `supermap eval`."""
 
 from __future__ import annotations
 
@@ -20,11 +20,12 @@ from supermap_cli.types.truth import GroundTruth
 Section = Literal["map", "change", "identity", "instances", "semantics", "query"]
 SECTIONS: tuple[Section, ...] = get_args(Section)
 OPTIONAL = {"optional": True}
+"""Field metadata: left out of the JSON document where the field is `None`."""
 
 
 @dataclass(frozen=True)
 class ChangeSection:
-    """The paper's recall of changed objects, and what the map reports as changed (as Khronos counts it)."""
+    """The paper's recalls of changed objects, and precision and recall of reported changes (as in Khronos)."""
 
     recall: ChangeRecallScores
     reported: ChangeScores
@@ -32,8 +33,8 @@ class ChangeSection:
 
 @dataclass(frozen=True)
 class Report:
-    """The scores asked for. `alignment_rmse_m`: how far, by traversal, the robot's way in the map is off its true way
-    once the map is laid over the truth. Of the truth's traversals, `not_mapped` are not in the map and `partly_mapped`
+    """The requested scores. `alignment_rmse_m`: by traversal, the error of the robot's trajectory in the map against
+    the true one after the alignment. Of the truth's traversals, `not_mapped` are not in the map and `partly_mapped`
     only in part.
     """
 
@@ -51,7 +52,7 @@ class Report:
 
 
 def score(estimate: EstimatedMap, truth: GroundTruth, sections: Collection[Section] = SECTIONS) -> Report:
-    """Score a map in the sections asked for."""
+    """Score a map in the given sections."""
     known = known_truth(estimate, truth)
     return Report(
         scenario=truth.scenario,

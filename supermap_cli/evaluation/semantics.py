@@ -1,4 +1,4 @@
-"""Semantic segmentation figures of the map at its end, as in the open-vocabulary mapping literature.
+"""Semantic segmentation scores of the map at its end, as in the open-vocabulary mapping literature.
 
 Sources: ConceptGraphs (Gu et al., ICRA 2024; conceptgraph/utils/eval.py), HOV-SG (Werby et al., RSS 2024;
 hovsg/utils/metric.py), ConceptFusion (Jatavallabhula et al., RSS 2023); the four figures are those of Long et al.,
@@ -22,13 +22,17 @@ from supermap_cli.geometry.voxels import pack_keys, voxel_keys
 from supermap_cli.types.truth import GroundTruth
 
 VOXEL_M = 0.05
+"""Edge of the scored voxels in metres. Chosen."""
 VOID = -1
+"""Label of voxels that are not scored."""
 BACKGROUND = 0
+"""Label of the building."""
 OTHER = 1
-"""Every label that the truth does not have: always wrong. The truth's labels follow."""
+"""Stands for every label that the truth does not have; always wrong. The truth's labels are 2, 3, ..."""
 
 BACKGROUND_NAME = "background"
-MOST_CONFUSED = 10
+MAX_CONFUSIONS = 10
+"""Confused pairs of labels that are listed."""
 
 
 @dataclass(frozen=True)
@@ -104,7 +108,7 @@ class Confusion:
 
 @dataclass(frozen=True)
 class SemanticScores:
-    """Figures over the labels, on voxels of 5 cm that hold surface which images showed, as things stand at the end.
+    """Figures over the labels, on voxels of 5 cm that hold surface which images showed, as objects stand at the end.
 
     *Background* is the building, `background_labels` (walls, floor, ceiling, doors, windows), one class; what the map
     holds no instance of within 5 cm is predicted as background. A voxel's true label is that of most of its surface
@@ -127,7 +131,7 @@ class SemanticScores:
 
 
 def score_semantics(estimate: EstimatedMap, truth: GroundTruth) -> SemanticScores:
-    """Judge what the map calls every visible surface."""
+    """Score the labels of all seen surfaces."""
     known = known_truth(estimate, truth)
     if known.gap is not None:
         nothing = SemanticFigures(None, None, None, None)
@@ -192,4 +196,4 @@ def _true_labels(surface: SeenSurface, names: list[str]) -> IntArray:
 def _confusions(true: IntArray, predicted: IntArray, names: list[str]) -> tuple[Confusion, ...]:
     wrong = (true != VOID) & (true != predicted)
     counts = Counter(zip(true[wrong].tolist(), predicted[wrong].tolist(), strict=True))
-    return tuple(Confusion(names[a], names[b], voxels) for (a, b), voxels in counts.most_common(MOST_CONFUSED))
+    return tuple(Confusion(names[a], names[b], voxels) for (a, b), voxels in counts.most_common(MAX_CONFUSIONS))

@@ -1,4 +1,4 @@
-"""Identity switches: which instance the observations of a true object belong to, along its keyframes."""
+"""Identity switches of static objects: changes of the instance that observations of an object belong to."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ import numpy as np
 
 from supermap_cli.evaluation.estimate import EstimatedMap, EstimatedObject
 from supermap_cli.evaluation.known_truth import KnownTruth, Place
-from supermap_cli.evaluation.matching import Identified, centroids
+from supermap_cli.evaluation.matching import TrueIdentity, centroids
 from supermap_cli.geometry.arrays import BoolArray, FloatArray, IntArray
 from supermap_cli.geometry.boxes import Box3D
 
-REACH_M = 0.15
-"""An observation is of a true object if its centroid lies within the object's box, enlarged by this on every side."""
+BOX_MARGIN_M = 0.15
+"""Metres by which an object's box is enlarged on every side to contain the centroids of its observations. Chosen."""
 
-Observers = dict[str, dict[int, list[str]]]
-"""True object -> keyframe -> the instances that observed it then, the nearest observation first."""
+ObserversByKeyframe = dict[str, dict[int, list[str]]]
+"""True object id -> stamp of a keyframe -> instances that observed it then, nearest observation first."""
 
 
 @dataclass(frozen=True)
-class Switch:
+class IdentitySwitch:
     """At a keyframe, a static object's observations come from another instance than before."""
 
     object_id: str
@@ -31,8 +31,8 @@ class Switch:
     after: str
 
 
-def switches(observers: Observers) -> tuple[Switch, ...]:
-    """Every change of instance along an object's keyframes; while the last instance goes on observing, none."""
+def switches(observers: ObserversByKeyframe) -> tuple[IdentitySwitch, ...]:
+    """All switches along the keyframes of every object; as long as the current instance observes it, there is none."""
     found = []
     for object_id, at in observers.items():
         current: str | None = None
@@ -40,15 +40,15 @@ def switches(observers: Observers) -> tuple[Switch, ...]:
             if current in instances:
                 continue
             if current is not None:
-                found.append(Switch(object_id, stamp_ns, current, instances[0]))
+                found.append(IdentitySwitch(object_id, stamp_ns, current, instances[0]))
             current = instances[0]
     return tuple(found)
 
 
 def observers_of_static_objects(
-    estimate: EstimatedMap, known: KnownTruth, identified: Sequence[Sequence[Identified | None]]
-) -> Observers:
-    """Who observed those objects that stood in one place all the time, and when.
+    estimate: EstimatedMap, known: KnownTruth, identified: Sequence[Sequence[TrueIdentity | None]]
+) -> ObserversByKeyframe:
+    """Which instances observed the static objects (those that stood in one place all the time), and when.
 
     An observation is of the object that its instance's state then is (`identified`), if it lies within reach of that
     object's box, else of the object standing then with the nearest centroid among those within reach.
@@ -83,23 +83,23 @@ def _observations(instance: EstimatedObject) -> tuple[FloatArray, IntArray]:
 
 
 def _own_object(
-    instance: EstimatedObject, states: Sequence[Identified | None], stamps_ns: IntArray
+    instance: EstimatedObject, states: Sequence[TrueIdentity | None], stamps_ns: IntArray
 ) -> list[str | None]:
-    """The true object that an instance is at each of these times."""
+    """(n,): id of the true object that an instance is at each stamp; `None` where it is none."""
     own: list[str | None] = [None] * len(stamps_ns)
-    for state, what in zip(instance.states, states, strict=True):
+    for state, identity in zip(instance.states, states, strict=True):
         for k in np.flatnonzero((state.first_seen_ns <= stamps_ns) & (stamps_ns <= state.last_seen_ns)):
-            own[k] = what.object_id if what is not None else None
+            own[k] = identity.object_id if identity is not None else None
     return own
 
 
 def _observed_places(
     points: FloatArray, stamps_ns: IntArray, own: Sequence[str | None], known: KnownTruth
 ) -> list[tuple[int, int]]:
-    """Pairs (observation, place) of those n observations that are of some object."""
+    """(observation, place) of those of n observations that are of an object."""
     if not len(points) or not known.places:
         return []
-    fits = within([place.box for place in known.places], points, REACH_M) & known.present_at(stamps_ns).T
+    fits = within([place.box for place in known.places], points, BOX_MARGIN_M) & known.present_at(stamps_ns).T
     ids = [place.object.id for place in known.places]
     is_own = fits & np.array([[place_id == one for place_id in ids] for one in own], dtype=bool)
     candidates = np.where(is_own.any(axis=1, keepdims=True), is_own, fits)

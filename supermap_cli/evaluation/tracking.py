@@ -1,4 +1,4 @@
-"""IDF1 and HOTA: the map over its keyframes, as if it were a tracker; computed by the package `trackeval`."""
+"""IDF1 and HOTA of the map as a tracker over its keyframes, computed by the package `trackeval`."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from supermap_cli.evaluation.known_truth import KnownTruth
 from supermap_cli.evaluation.matching import Closeness, closeness
 from supermap_cli.geometry.arrays import BoolArray, FloatArray, IntArray
 
-NEIGHBOUR_M = 1.0
-"""Where nothing true stands or stood, an instance is in view if the nearest true place within this is."""
+MAX_NEIGHBOUR_DISTANCE_M = 1.0
+"""Metres to the nearest true place whose view decides for an instance that is near no true place. Chosen."""
 
-MISSING = 'IDF1 and HOTA need the package trackeval: pip install "supermap-cli[eval]"'
+MISSING_TRACKEVAL = 'IDF1 and HOTA need the package trackeval: pip install "supermap-cli[eval]"'
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class TrackingScores:
 
 @dataclass(frozen=True)
 class Track:
-    """One state of one instance and the keyframes (k,) at which the map believes it to be in force."""
+    """One state of one instance, the keyframes (k,) at which the map has it there, and those that observed it."""
 
     instance: int
     state: EstimatedState
@@ -57,7 +57,7 @@ class Track:
 
 
 def score_tracking(estimate: EstimatedMap, known: KnownTruth) -> TrackingScores:
-    """Compare what was in view with what the map believed to be in view, keyframe by keyframe."""
+    """Compare true objects in view with the map's instances in view, keyframe by keyframe."""
     tracks = _tracks(estimate, known)
     close = closeness([track.state for track in tracks], known.places)
     data = _sequence(known, tracks, close.iou, _in_view(known, tracks, close))
@@ -67,7 +67,7 @@ def score_tracking(estimate: EstimatedMap, known: KnownTruth) -> TrackingScores:
     try:
         from trackeval.metrics import HOTA, Identity  # noqa: PLC0415 - optional, heavy
     except ImportError:
-        return TrackingScores(None, None, None, None, *counts, note=MISSING)
+        return TrackingScores(None, None, None, None, *counts, note=MISSING_TRACKEVAL)
     identity = Identity({"PRINT_CONFIG": False}).eval_sequence(data)
     hota = HOTA().eval_sequence(data)
     hota_mean, det_a, ass_a = (float(np.mean(hota[name])) for name in ("HOTA", "DetA", "AssA"))
@@ -75,7 +75,7 @@ def score_tracking(estimate: EstimatedMap, known: KnownTruth) -> TrackingScores:
 
 
 def _tracks(estimate: EstimatedMap, known: KnownTruth) -> list[Track]:
-    """All states that are believed at some keyframe; the newest one where two of an instance are."""
+    """All states that hold at some keyframe; where two of an instance do, the newest one."""
     stamps_ns = known.stamps_ns.tolist()
     tracks = []
     for number, instance in enumerate(estimate.objects):
@@ -100,27 +100,27 @@ def _in_view(known: KnownTruth, tracks: list[Track], close: Closeness) -> BoolAr
             continue
         counts[row] = track.observed
         nearest = int(np.argmin(close.distance_m[row])) if len(known.places) else None
-        if nearest is not None and close.distance_m[row, nearest] < NEIGHBOUR_M:
+        if nearest is not None and close.distance_m[row, nearest] < MAX_NEIGHBOUR_DISTANCE_M:
             counts[row] |= track.believed & known.in_view[nearest]
     return counts
 
 
 def _place_of_track(near: IntArray, iou: FloatArray, known: KnownTruth) -> IntArray:
-    """(k,): at every keyframe the place, among the near ones, that an instance stands for."""
+    """(k,): at every keyframe the place, among the near ones, that an instance is matched with."""
     preference = known.present[near] + iou[near][:, None] / 2
     place: IntArray = near[np.argmax(preference, axis=0)]
     return place
 
 
 def _sequence(known: KnownTruth, tracks: list[Track], iou: FloatArray, in_view: BoolArray) -> dict[str, Any]:
-    """A sequence as trackeval wants it: ids from 0 without gaps, and the similarities of each time step."""
+    """A sequence in the form of trackeval: contiguous ids from 0, and the similarities of each time step."""
     names = [place.object.id for place in known.places]
     steps = [
         (np.flatnonzero(places), np.flatnonzero(shown))
         for places, shown in zip(known.in_view_with_object.T, in_view.T, strict=True)
     ]
-    n_true, true_ids = _without_gaps([[names.index(names[k]) for k in places] for places, _ in steps])
-    n_tracked, tracked_ids = _without_gaps([[tracks[row].instance for row in shown] for _, shown in steps])
+    n_true, true_ids = _contiguous_ids([[names.index(names[k]) for k in places] for places, _ in steps])
+    n_tracked, tracked_ids = _contiguous_ids([[tracks[row].instance for row in shown] for _, shown in steps])
     return {
         "num_timesteps": len(steps),
         "num_gt_ids": n_true,
@@ -133,8 +133,8 @@ def _sequence(known: KnownTruth, tracks: list[Track], iou: FloatArray, in_view: 
     }
 
 
-def _without_gaps(steps: list[list[int]]) -> tuple[int, list[IntArray]]:
-    """How many different ids there are, and each step's with the smallest as 0, the next as 1, ..."""
-    ids = sorted({id_ for step in steps for id_ in step})
-    number = {id_: k for k, id_ in enumerate(ids)}
-    return len(ids), [np.array([number[id_] for id_ in step], np.int64) for step in steps]
+def _contiguous_ids(steps: list[list[int]]) -> tuple[int, list[IntArray]]:
+    """The number of different ids, and each step's ids renumbered 0, 1, ... in ascending order."""
+    ids = sorted({identifier for step in steps for identifier in step})
+    number = {identifier: k for k, identifier in enumerate(ids)}
+    return len(ids), [np.array([number[identifier] for identifier in step], np.int64) for step in steps]

@@ -17,7 +17,7 @@ Outline = list[tuple[float, float]]
 
 @dataclass(frozen=True)
 class Reach:
-    """How far from a box another may lie: along the floor, and upwards or downwards; in metres.
+    """Range around a box in which another may lie, in metres: along the floor, and upwards or downwards.
 
     `rise_m`: at least so far above the second's upper face lies the first's lower one.
     """
@@ -115,10 +115,10 @@ def footprint_overlap_m2(first: Box3D, second: Box3D) -> float:
 
 
 def displacement_m(first: Box3D, second: Box3D) -> float:
-    """How far a thing has moved between two boxes of it.
+    """Distance in metres that an object moved between two boxes of it.
 
-    By their middles, which depend less than its points' mean on the sides that were seen; and upwards by whichever of
-    top and bottom moved less, because the other may have been hidden once.
+    Horizontally that of the boxes' centres, which depend less than the points' mean on the sides that were seen;
+    vertically that of the top or the bottom, whichever moved less, because the other may have been occluded once.
     """
     low, high = abs(second.z_min - first.z_min), abs(second.z_max - first.z_max)
     return float(np.hypot(np.linalg.norm(second.center[:2] - first.center[:2]), min(low, high)))
@@ -137,7 +137,7 @@ def _corners(polygon: FloatArray) -> Outline:
 
 
 def _clipped(polygon: Outline, window: Outline) -> Outline:
-    """`clip_convex` on plain numbers: arrays of four corners cost many times what there is to reckon."""
+    """`clip_convex` on plain numbers: numpy costs many times the computation for four corners."""
     start_x, start_y = window[-1]
     for end_x, end_y in window:
         if not polygon:

@@ -19,10 +19,12 @@ from numpy.polynomial import Polynomial
 from supermap_cli.errors import CalibrationError
 from supermap_cli.geometry.arrays import BoolArray, Float32Array, FloatArray
 
-_NEAREST_M = 1e-6
-_NEWTON_STEPS = 20
-_NEWTON_TOLERANCE = 1e-10
-_LARGEST_TAN = math.tan(math.radians(89.5))
+_MIN_DEPTH_M = 1e-6
+"""Metres: points nearer than this, or behind the camera, are not projected."""
+_NEWTON_STEPS, _NEWTON_TOLERANCE = 20, 1e-10
+"""Undistortion: at most so many steps of Newton's method, until a step is smaller (normalised image coordinates)."""
+_MAX_TAN = math.tan(math.radians(89.5))
+"""Tangent of the widest angle to the axis that a pinhole can have."""
 
 
 class Camera(Protocol):
@@ -194,7 +196,7 @@ class PinholeCamera(_PixelRays):
     def project(self, points_camera: FloatArray) -> tuple[FloatArray, BoolArray]:
         """See `Camera.project`; points behind the camera or beyond the distortion's fold are not on the image."""
         x, y, z = points_camera[:, 0], points_camera[:, 1], points_camera[:, 2]
-        seen = z > _NEAREST_M
+        seen = z > _MIN_DEPTH_M
         depth = np.where(seen, z, 1.0)
         x, y = x / depth, y / depth
         if self._coefficients is not None:
@@ -265,10 +267,10 @@ class FisheyeCamera(_PixelRays):
     def _largest_theta(self) -> float:
         """The smaller of 89.5 degrees and where the polynomial folds back."""
         if not self.distortion:
-            return math.atan(_LARGEST_TAN)
+            return math.atan(_MAX_TAN)
         k1, k2, k3, k4 = self.distortion
         fold = _smallest_positive_root(Polynomial([1, 3 * k1, 5 * k2, 7 * k3, 9 * k4]))
-        return min(math.sqrt(fold), math.atan(_LARGEST_TAN))
+        return min(math.sqrt(fold), math.atan(_MAX_TAN))
 
     def _distorted(self, theta: FloatArray) -> FloatArray:
         k1, k2, k3, k4 = self.distortion or (0.0, 0.0, 0.0, 0.0)
@@ -280,7 +282,7 @@ class FisheyeCamera(_PixelRays):
         x, y, z = points_camera[:, 0], points_camera[:, 1], points_camera[:, 2]
         r = np.hypot(x, y)
         theta = np.arctan2(r, z)
-        seen = (theta < self._largest_theta) & (z > _NEAREST_M)
+        seen = (theta < self._largest_theta) & (z > _MIN_DEPTH_M)
         scale = np.where(r > 1e-12, self._distorted(np.where(seen, theta, 0.0)) / np.where(r > 1e-12, r, 1.0), 0.0)
         u, v = self.fx * x * scale + self.cx, self.fy * y * scale + self.cy
         return np.column_stack([u, v]), seen & self._on_image(u, v)
@@ -341,7 +343,7 @@ class EquirectangularCamera(_PixelRays):
         v = (np.arctan2(y, np.hypot(x, z)) / np.pi + 0.5) * self.height - 0.5
         u = np.where(u >= self.width - 0.5, u - self.width, u)
         v = np.clip(v, -0.5, np.nextafter(self.height - 0.5, 0))
-        return np.column_stack([u, v]), self.depth_of(points_camera) > _NEAREST_M
+        return np.column_stack([u, v]), self.depth_of(points_camera) > _MIN_DEPTH_M
 
     def depth_of(self, points_camera: FloatArray) -> FloatArray:
         """The range."""

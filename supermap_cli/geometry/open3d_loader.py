@@ -13,14 +13,14 @@ from typing import Any
 
 from supermap_cli.errors import SupermapError
 
-_PLOTTING = "open3d.visualization.draw_plotly"
+_PLOTTING_MODULE = "open3d.visualization.draw_plotly"
 
 
 @cache
 def load_open3d() -> Any:
     """Import open3d once and return the module; its own warnings, which go to stdout, are silenced.
 
-    open3d's shared library needs `libusb-1.0.so.0` (for depth cameras that nobody asked for), which bare systems lack.
+    open3d's shared library needs `libusb-1.0.so.0` (for its depth camera drivers), which bare systems lack.
     The copy in the wheel `libusb-package` is loaded before: it carries that soname, so the dynamic linker takes it.
 
     Raises `SupermapError` with the cure when open3d cannot be imported.
@@ -52,25 +52,25 @@ def _preload_libusb() -> None:
 
 @contextmanager
 def _plotting_deferred() -> Iterator[None]:
-    """Let open3d find a stand-in for its plotly functions: the true ones pull in dash, half of the import's time."""
+    """Give open3d a stub of its plotly module: the real one imports dash, half of the import's time."""
     if "open3d" in sys.modules:
         yield
         return
-    stand_in = ModuleType(_PLOTTING)
-    stand_in.__getattr__ = _late_plotting  # type: ignore[method-assign]  # PEP 562: any name asked of the module
-    sys.modules[_PLOTTING] = stand_in
+    stub = ModuleType(_PLOTTING_MODULE)
+    stub.__getattr__ = _deferred_plot_function  # type: ignore[method-assign]  # PEP 562: any name asked of the module
+    sys.modules[_PLOTTING_MODULE] = stub
     try:
         yield
     finally:
-        sys.modules.pop(_PLOTTING, None)
+        sys.modules.pop(_PLOTTING_MODULE, None)
 
 
-def _late_plotting(name: str) -> Callable[..., Any]:
+def _deferred_plot_function(name: str) -> Callable[..., Any]:
     """A function that imports the true plotting module when it is called."""
     if name.startswith("__"):
         raise AttributeError(name)
 
     def plot(*arguments: Any, **keywords: Any) -> Any:
-        return getattr(importlib.import_module(_PLOTTING), name)(*arguments, **keywords)
+        return getattr(importlib.import_module(_PLOTTING_MODULE), name)(*arguments, **keywords)
 
     return plot

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from supermap_cli.geometry.arrays import FloatArray
 
-_UNTURNED = np.eye(4)
+_IDENTITY = np.eye(4)
 
 
 def check_transform(name: str, T: FloatArray) -> None:
@@ -17,13 +17,13 @@ def check_transform(name: str, T: FloatArray) -> None:
     if not np.isfinite(T).all():
         raise ValueError(f"{name}: holds NaN or infinity")
     R = T[:3, :3]
-    if np.abs(R @ R.T - _UNTURNED[:3, :3]).max() > 1e-4 or np.linalg.det(R) < 0:
+    if np.abs(R @ R.T - _IDENTITY[:3, :3]).max() > 1e-4 or np.linalg.det(R) < 0:
         raise ValueError(f"{name}: its rotation is not orthonormal")
 
 
 def make_transform(R: ArrayLike, t: ArrayLike) -> FloatArray:
     """Build a transform from a rotation (3, 3) and a translation (3,)."""
-    T = _UNTURNED.copy()
+    T = _IDENTITY.copy()
     T[:3, :3] = R
     T[:3, 3] = t
     return T

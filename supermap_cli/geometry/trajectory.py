@@ -1,4 +1,4 @@
-"""Where the robot was at any time: a stream of poses, interpolated."""
+"""The robot's trajectory: a stream of poses, interpolated at any stamp."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ from supermap_cli.errors import OdometryError
 from supermap_cli.geometry.arrays import BoolArray, FloatArray, IntArray
 from supermap_cli.geometry.se3 import quaternion_xyzw_from_rotation
 
-_FIRST_CAPACITY = 256
+_INITIAL_CAPACITY = 256
+"""Poses that the arrays hold at first; they double when full."""
 
 
 class TimedPose(Protocol):
@@ -44,9 +45,9 @@ class Trajectory:
         self._max_gap_ns = round(max_gap_s * 1e9)
         self._hold_ns = round(hold_s * 1e9)
         self._count = 0
-        self._stamps_ns: IntArray = np.empty(_FIRST_CAPACITY, np.int64)
-        self._positions: FloatArray = np.empty((_FIRST_CAPACITY, 3))
-        self._rotations_xyzw: FloatArray = np.empty((_FIRST_CAPACITY, 4))
+        self._stamps_ns: IntArray = np.empty(_INITIAL_CAPACITY, np.int64)
+        self._positions: FloatArray = np.empty((_INITIAL_CAPACITY, 3))
+        self._rotations_xyzw: FloatArray = np.empty((_INITIAL_CAPACITY, 4))
 
     def __len__(self) -> int:
         """How many poses have been pulled so far."""

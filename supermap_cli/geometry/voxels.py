@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from supermap_cli.geometry.arrays import BoolArray, FloatArray, Int32Array, IntArray, UInt8Array
 
 _BITS = 21
-_OFFSET = 1 << (_BITS - 1)
-_MASK = (1 << _BITS) - 1
+"""Bits of a code for each axis: three fit into an int64."""
+_OFFSET, _MASK = 1 << (_BITS - 1), (1 << _BITS) - 1
+"""Added to an index, so that it is positive; all bits of one index."""
 
 
 def voxel_keys(points: NDArray[np.floating], voxel_m: float) -> Int32Array:
@@ -46,17 +47,19 @@ def is_member(codes: IntArray, sorted_codes: IntArray) -> BoolArray:
     """(n,) which codes are among the sorted ones."""
     if not len(sorted_codes):
         return np.zeros(len(codes), dtype=bool)
-    at = np.minimum(np.searchsorted(sorted_codes, codes), len(sorted_codes) - 1)
-    member: BoolArray = sorted_codes[at] == codes
+    index = np.minimum(np.searchsorted(sorted_codes, codes), len(sorted_codes) - 1)
+    member: BoolArray = sorted_codes[index] == codes
     return member
 
 
 _STEPS = np.stack(np.meshgrid(*[[-1, 0, 1]] * 3, indexing="ij"), axis=-1).reshape(-1, 3).astype(np.int64)
 _NEIGHBOUR_CODES = (_STEPS[:, 0] << (2 * _BITS)) + (_STEPS[:, 1] << _BITS) + _STEPS[:, 2]
 _FORWARD_STEPS, _FORWARD_CODES = _STEPS[_NEIGHBOUR_CODES > 0], _NEIGHBOUR_CODES[_NEIGHBOUR_CODES > 0]
+"""Steps to the 26 neighbours (and 0), as indices (27, 3) and as differences of codes; those to the 13 of greater codes.
+"""
 
-_MOST_CELLS = 1 << 22
-"""Sets of voxels that span a larger block than this are searched instead of being laid out in it (4 MB)."""
+_MAX_CELLS = 1 << 22
+"""Cells of the largest block (4 MB); sets of voxels that span more are searched as sorted codes instead."""
 
 
 @dataclass(frozen=True)
@@ -105,7 +108,7 @@ def block_around(keys: Int32Array) -> VoxelBlock | None:
     low, high = keys.min(axis=0).astype(np.int64) - 2, keys.max(axis=0).astype(np.int64) + 3
     x, y, z = (int(side) for side in high - low)
     block = VoxelBlock(low, (x, y, z))
-    return block if block.cells <= _MOST_CELLS else None
+    return block if block.cells <= _MAX_CELLS else None
 
 
 def dilate_codes(codes: IntArray) -> IntArray:
@@ -165,9 +168,9 @@ def _neighbour_pairs(codes: IntArray) -> Iterator[tuple[IntArray, IntArray]]:
         return
     for step in _FORWARD_CODES:
         wanted = codes + step
-        at = np.minimum(np.searchsorted(codes, wanted), len(codes) - 1)
-        first = np.flatnonzero(codes[at] == wanted)
-        yield first, at[first]
+        index = np.minimum(np.searchsorted(codes, wanted), len(codes) - 1)
+        first = np.flatnonzero(codes[index] == wanted)
+        yield first, index[first]
 
 
 def _forward_neighbours(codes: IntArray) -> IntArray:
@@ -176,8 +179,8 @@ def _forward_neighbours(codes: IntArray) -> IntArray:
     block = block_around(keys)
     if block is None:
         wanted = codes[:, None] + _FORWARD_CODES
-        at = np.minimum(np.searchsorted(codes, wanted), len(codes) - 1)
-        return np.where(codes[at] == wanted, at, -1)
+        index = np.minimum(np.searchsorted(codes, wanted), len(codes) - 1)
+        return np.where(codes[index] == wanted, index, -1)
     positions = block.positions(keys)
     numbers = np.full(block.cells, -1, np.int32)
     numbers[positions] = np.arange(len(codes), dtype=np.int32)
@@ -187,9 +190,9 @@ def _forward_neighbours(codes: IntArray) -> IntArray:
 
 def neighbouring(codes: IntArray) -> tuple[IntArray, IntArray]:
     """(m,) and (m,) positions of all pairs of neighbours (26-connected) among sorted voxel codes, each pair once."""
-    at = _forward_neighbours(codes)
-    first, step = np.nonzero(at >= 0)
-    return first, at[first, step]
+    index = _forward_neighbours(codes)
+    first, step = np.nonzero(index >= 0)
+    return first, index[first, step]
 
 
 def connected_components(codes: IntArray) -> IntArray:
@@ -199,10 +202,10 @@ def connected_components(codes: IntArray) -> IntArray:
     from scipy.sparse import csr_array  # noqa: PLC0415 - keeps scipy out of light commands
     from scipy.sparse.csgraph import connected_components as components  # noqa: PLC0415
 
-    at = _forward_neighbours(codes)
-    joined = at >= 0
-    starts = np.concatenate([[0], np.cumsum(np.count_nonzero(joined, axis=1))])
-    graph = csr_array((np.ones(starts[-1]), at[joined], starts), shape=(len(codes), len(codes)))
+    index = _forward_neighbours(codes)
+    is_neighbour = index >= 0
+    starts = np.concatenate([[0], np.cumsum(np.count_nonzero(is_neighbour, axis=1))])
+    graph = csr_array((np.ones(starts[-1]), index[is_neighbour], starts), shape=(len(codes), len(codes)))
     _, labels = components(graph, directed=False)
     order = np.argsort(-np.bincount(labels), kind="stable")
     rank = np.empty_like(order)
@@ -216,7 +219,7 @@ def distinct_keys(keys: Int32Array) -> Int32Array:
     low = keys.min(axis=0)
     sides = keys.max(axis=0) - low + 1
     cells = int(np.prod(sides, dtype=np.int64))
-    if cells > _MOST_CELLS:
+    if cells > _MAX_CELLS:
         return np.unique(keys, axis=0)
     marked = np.zeros(sides, bool)
     marked[tuple((keys - low).T)] = True

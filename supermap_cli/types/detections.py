@@ -1,4 +1,4 @@
-"""What a detector says of one image."""
+"""Detections of one image, their masks, and tracks."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from supermap_cli.types.sensing import MAIN_CAMERA
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """One label a detector considers, with its score in [0, 1]."""
+    """A label that a detector considers, with its score in [0, 1]."""
 
     label: str
     score: float
@@ -105,7 +105,7 @@ class Detections:
 
 
 def no_detections(stamp_ns: int, camera_id: str = MAIN_CAMERA) -> Detections:
-    """An image in which nothing was found (which is evidence too)."""
+    """The detections of an image without any; evidence of absence, unlike no image."""
     return Detections(stamp_ns, np.zeros((0, 4), np.float32), np.zeros(0, np.float32), (), (), camera_id)
 
 
@@ -113,8 +113,8 @@ def no_detections(stamp_ns: int, camera_id: str = MAIN_CAMERA) -> Detections:
 class TrackPrior:
     """Where the map expects a tracked object in the coming image (SuperMap, hybrid state: c = pi(K T_CW X)).
 
-    `box_xyxy` is (4,) float32, the object's projected 3D box; `hidden` says that something stands before it, so that
-    its not being detected says nothing and the track is kept.
+    `box_xyxy` is (4,) float32, the object's projected 3D box; `hidden`: it is occluded, so that a
+    missing detection is no evidence and the track is kept.
     """
 
     track_id: int

@@ -1,6 +1,6 @@
-"""What the mapping engine keeps of a thing beside what everybody may read, to go on with it in the next build.
+"""State of an object that only the mapping engine reads, stored to resume the object in the next build.
 
-In an `InstanceRecord`, and in the memory, it is a JSON document (`engine_state`).
+In an `InstanceRecord` and in the database it is a JSON document (`engine_state`).
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ from supermap_cli.errors import MemoryStoreError
 
 @dataclass(frozen=True)
 class EngineState:
-    """`label_logs`, `unseen_log` and `looks` are those of the belief over labels; `viewpoints` how it was looked at, by
-    cell: supporting looks, all looks and the sum of their log ratios; `state_*` the state it stands in, `gone_ns` since
-    when it stands nowhere; `best_crop` how good the best picture of it was.
+    """`label_logs`, `unseen_log` and `looks` are those of the label belief. `viewpoints`: cell of viewing directions ->
+    supporting views, all views, and the sum of their log likelihood ratios. `state_*` is the current state, `gone_ns`
+    the stamp since which there is none; `best_crop` is the quality of the best image crop.
     """
 
     label_logs: Mapping[str, float]
@@ -36,11 +36,13 @@ class EngineState:
 
     @classmethod
     def of(cls, document: Mapping[str, Any]) -> EngineState:
-        """From what `to_document` made. Raises `MemoryStoreError` for anything else."""
+        """Read what `to_document` wrote. Raises `MemoryStoreError` for anything else."""
         try:
             values = {field.name: document[field.name] for field in fields(cls)}
-            state = cls(**values | {"viewpoints": {name: _cell(kept) for name, kept in values["viewpoints"].items()}})
-            if state._is_whole():
+            state = cls(
+                **values | {"viewpoints": {name: _cell(stored) for name, stored in values["viewpoints"].items()}}
+            )
+            if state._is_valid():
                 return state
         except (KeyError, TypeError, ValueError, AttributeError):
             pass
@@ -49,21 +51,21 @@ class EngineState:
             cure="run `supermap db check`, and go back to a sound copy of the database",
         )
 
-    def _is_whole(self) -> bool:
+    def _is_valid(self) -> bool:
         reals = [*self.label_logs.values(), self.unseen_log, self.looks, self.best_crop]
         reals += [cell[2] for cell in self.viewpoints.values()]
-        whole = [self.state_index, self.state_first_seen_ns]
-        whole += [stamp_ns for stamp_ns in (self.state_empty_before_ns, self.gone_ns) if stamp_ns is not None]
+        integers = [self.state_index, self.state_first_seen_ns]
+        integers += [stamp_ns for stamp_ns in (self.state_empty_before_ns, self.gone_ns) if stamp_ns is not None]
         return (
             bool(self.label_logs)
             and all(map(math.isfinite, reals))
-            and all(isinstance(number, int) for number in whole)
+            and all(isinstance(number, int) for number in integers)
         )
 
 
-def _cell(kept: list[float] | int) -> tuple[int, int, float]:
-    """Memories of version 0.1 kept the number of supporting looks only."""
-    if isinstance(kept, int):
-        return kept, kept, 0.0
-    supports, looks, log_ratios = kept
+def _cell(stored: list[float] | int) -> tuple[int, int, float]:
+    """A cell of `viewpoints`; databases of version 0.1 stored the number of supporting views only."""
+    if isinstance(stored, int):
+        return stored, stored, 0.0
+    supports, looks, log_ratios = stored
     return int(supports), int(looks), float(log_ratios)

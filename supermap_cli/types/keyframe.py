@@ -1,4 +1,4 @@
-"""The moment that is mapped: an image, its depth, and where the camera stood."""
+"""A keyframe: an image, its depth, and the camera's pose in the map."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from supermap_cli.types.sensing import MAIN_CAMERA
 
 @dataclass(frozen=True)
 class Keyframe:
-    """An image placed in the map.
+    """An image with depth and pose.
 
     `rgb` (h, w, 3) uint8; `depth_m` (h, w) float32 in the measure of `Camera.depth_of`, 0 = no return;
     `T_map_camera` and `T_map_base` at the image's stamp. `returns_camera` (n, 3) are the LiDAR's returns that the depth
-    was drawn of, in the optical frame; `None` where the depth is a camera's own. `camera_id` names the camera.
+    was rendered from, in the optical frame; `None` where the depth is a camera's own. `camera_id` names the camera.
     """
 
     stamp_ns: int

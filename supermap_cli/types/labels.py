@@ -1,6 +1,8 @@
-"""What labels say by themselves."""
+"""Classes of labels."""
 
 from __future__ import annotations
 
 DYNAMIC_CLASSES = frozenset({"person", "people", "pedestrian", "man", "woman", "child", "dog", "cat", "bird"})
-"""Classes that move by themselves: one that stands still is no part of the room."""
+"""Labels of people and animals, which move by themselves: they are no part of the static map even while they stand
+still.
+"""

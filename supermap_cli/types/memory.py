@@ -1,4 +1,4 @@
-"""What the 4D memory keeps, as values. Row ids belong to the store; an object's `number` is its identity in the map."""
+"""The contents of the 4D memory as values. Row ids belong to the store; `number` is an object's identity in the map."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from supermap_cli.types.detections import Hypothesis
 from supermap_cli.types.sensing import MAIN_CAMERA
 
 Presence = Literal["present", "absent", "doubted"]
-"""Absent: its place was seen empty. Doubted: nobody saw it go, but nothing says any more that it was ever real."""
+"""Absent: its place was seen empty. Doubted: demoted, because the evidence for its existence was outweighed later."""
 
 TemporalKind = Literal["appeared", "persisted", "moved", "disappeared", "reappeared", "merged", "split", "candidate"]
 
@@ -22,7 +22,7 @@ class KeyframeRecord:
     """One keyframe as stored.
 
     `depth_png` is a small 16-bit millimetre PNG (0 = no return) in the measure of the camera, `depth_step` pixels of
-    the camera apart in u and v: with the pose it says later which space was seen empty at that time. `camera` is the
+    the camera apart in u and v: with the pose it tells later which space was seen empty then. `camera` is the
     camera's JSON form (`geometry.cameras.camera_to_json`), `camera_id` its name among those of the rig.
     """
 
@@ -39,7 +39,7 @@ class KeyframeRecord:
 
 @dataclass(frozen=True)
 class Observation:
-    """What one detection said of one instance; never changed once written.
+    """One detection assigned to one instance; never changed once written.
 
     `centroid_map` is (3,) metres; `evidence_for` and `evidence_against` count the object's points that the keyframe
     supported and contradicted; `camera_id` names the keyframe's camera.
@@ -107,8 +107,8 @@ class StateRecord:
 
 @dataclass(frozen=True)
 class Visit:
-    """How often one traversal looked at one instance's place: keyframes in which it was supported, in which its place
-    was in view and unobstructed, and in which its place was seen empty.
+    """Keyframes of one traversal in which an instance was supported, in which its place was in view and not occluded,
+    and in which its place was seen empty.
     """
 
     object_number: int
@@ -121,10 +121,10 @@ class Visit:
 
 @dataclass(frozen=True)
 class InstanceRecord:
-    """One confirmed object as it is believed to be now.
+    """One confirmed object as the map has it now.
 
     `label_belief` sums to 1; `existence_log_odds` > 0 means present; `embedding` (d,) float32 unit length or `None`;
-    `engine_state` is what the mapping engine needs to go on, as JSON numbers and strings (`types.engine_state`).
+    `engine_state` is for the mapping engine, as JSON numbers and strings (`types.engine_state`).
     """
 
     number: int
@@ -157,7 +157,7 @@ class SpatialEdge:
 
 @dataclass(frozen=True)
 class TemporalEdge:
-    """What happened between two states, within the bounds [not_before_ns, not_after_ns].
+    """A change between two states, within the bounds [not_before_ns, not_after_ns].
 
     `from_number` and `to_number` differ for merges, splits and identity candidates; `distance_m` is for moves.
     """
@@ -175,7 +175,7 @@ class TemporalEdge:
 
 @dataclass(frozen=True)
 class MapDelta:
-    """All that a batch of whole keyframes changed: written in one transaction.
+    """All changes of a batch of whole keyframes: written in one transaction.
 
     Instances, states, visits and spatial edges replace what is stored under the same key (number; number and index;
     number; subject, relation, object and since_ns); keyframes, observations and temporal edges are only ever added.

@@ -1,7 +1,7 @@
-"""Values as bytes and back, exactly: what a stopped build goes on from.
+"""Packs values as bytes and back, exactly: the checkpoints that a stopped build resumes from.
 
 **Format**: the four bytes ``SMC1``, then a zlib stream of a uint32 n (little-endian), n bytes of JSON (UTF-8), and the
-bytes of the arrays that the JSON speaks of, one after the other. What JSON knows stands for itself, but for
+bytes of the arrays that the JSON refers to, one after the other. JSON's own types are stored as they are; the others as
 
     {"array": [start, length], "dtype": "<f8", "shape": [3, 2], "order": "C"}   an array, or a scalar of numpy's
     {"bytes": [start, length]}
@@ -26,24 +26,26 @@ import numpy as np
 
 MAGIC = b"SMC1"
 _LENGTH = struct.Struct("<I")
-_FAST = 1
+"""Length of the JSON part in bytes."""
+_COMPRESSION_LEVEL = 1
+"""zlib's fastest: checkpoints are written while a build waits."""
 
-LeftOut = Mapping[type, Collection[str]]
-"""The dataclasses that are packed -> their fields that are not: these have their default afterwards."""
+OmittedFields = Mapping[type, Collection[str]]
+"""Packed dataclass -> its fields that are omitted; they have their default after unpacking."""
 
 
 class PackingError(ValueError):
     """The bytes are no packed value, or speak of classes that are not expected."""
 
 
-def pack(value: object, classes: LeftOut) -> bytes:
+def pack(value: object, classes: OmittedFields) -> bytes:
     """A value of plain types, numpy arrays and `classes` as bytes. Raises `TypeError` for any other."""
     packer = _Packer(classes)
     text = json.dumps(packer.packed(value), ensure_ascii=False, allow_nan=False, separators=(",", ":")).encode()
-    return MAGIC + zlib.compress(b"".join((_LENGTH.pack(len(text)), text, *packer.chunks)), _FAST)
+    return MAGIC + zlib.compress(b"".join((_LENGTH.pack(len(text)), text, *packer.chunks)), _COMPRESSION_LEVEL)
 
 
-def unpack(blob: bytes, classes: LeftOut) -> Any:
+def unpack(blob: bytes, classes: OmittedFields) -> Any:
     """The value that was packed. Raises `PackingError` for anything else."""
     if not blob.startswith(MAGIC):
         raise PackingError("a packed value does not start with SMC1")
@@ -60,39 +62,39 @@ def unpack(blob: bytes, classes: LeftOut) -> Any:
 
 @dataclass
 class _Packer:
-    classes: LeftOut
+    classes: OmittedFields
     chunks: list[bytes] = field(default_factory=list)
     _end: int = 0
 
     def packed(self, value: object) -> object:
         if value is None or type(value) in {bool, int, str} or (type(value) is float and math.isfinite(value)):
             return value
-        return [self.packed(item) for item in value] if isinstance(value, list) else self._marked(value)
+        return [self.packed(item) for item in value] if isinstance(value, list) else self._tagged(value)
 
-    def _marked(self, value: object) -> dict[str, object]:
+    def _tagged(self, value: object) -> dict[str, object]:
         match value:
             case np.ndarray() | np.generic():
-                marked = self._array(value)
+                tagged = self._array(value)
             case float():
-                marked = {"float": repr(value)}
+                tagged = {"float": repr(value)}
             case bytes():
-                marked = {"bytes": self._chunk(value)}
+                tagged = {"bytes": self._chunk(value)}
             case tuple():
-                marked = {"tuple": [self.packed(item) for item in value]}
+                tagged = {"tuple": [self.packed(item) for item in value]}
             case set() | frozenset():
-                marked = {"set": [self.packed(item) for item in value]}
+                tagged = {"set": [self.packed(item) for item in value]}
             case Mapping():
-                marked = {"dict": [[self.packed(key), self.packed(item)] for key, item in value.items()]}
+                tagged = {"dict": [[self.packed(key), self.packed(item)] for key, item in value.items()]}
             case _:
-                marked = self._instance(value)
-        return marked
+                tagged = self._instance(value)
+        return tagged
 
     def _instance(self, value: object) -> dict[str, object]:
-        left_out = self.classes.get(type(value))
-        if left_out is None:
+        omitted = self.classes.get(type(value))
+        if omitted is None:
             raise TypeError(f"a {type(value).__qualname__} cannot be packed")
-        kept = [attribute.name for attribute in fields(value) if attribute.name not in left_out]  # type: ignore[arg-type]
-        return {"is": type(value).__name__, "has": {name: self.packed(getattr(value, name)) for name in kept}}
+        names = [attribute.name for attribute in fields(value) if attribute.name not in omitted]  # type: ignore[arg-type]
+        return {"is": type(value).__name__, "has": {name: self.packed(getattr(value, name)) for name in names}}
 
     def _array(self, value: np.ndarray[Any, Any] | np.generic) -> dict[str, object]:
         """The order of the numbers in memory is kept, too: sums over them are the same to the last bit."""
@@ -121,19 +123,19 @@ class _Unpacker:
     def value(self, tree: Any) -> Any:
         if isinstance(tree, list):
             return [self.value(item) for item in tree]
-        return self._marked(tree) if isinstance(tree, dict) else tree
+        return self._tagged(tree) if isinstance(tree, dict) else tree
 
-    def _marked(self, tree: dict[str, Any]) -> Any:
+    def _tagged(self, tree: dict[str, Any]) -> Any:
         value: Any
         match tree:
-            case {"array": at, "dtype": dtype, "shape": shape}:
-                value = self._array(np.frombuffer(self._chunk(at), np.dtype(dtype)), shape, tree.get("order", "C"))
-            case {"is": name, "has": has}:
-                value = self._instance(self.classes[name], has)
+            case {"array": span, "dtype": dtype, "shape": shape}:
+                value = self._array(np.frombuffer(self._chunk(span), np.dtype(dtype)), shape, tree.get("order", "C"))
+            case {"is": name, "has": values}:
+                value = self._instance(self.classes[name], values)
             case {"float": text}:
                 value = float(text)
-            case {"bytes": at}:
-                value = bytes(self._chunk(at))
+            case {"bytes": span}:
+                value = bytes(self._chunk(span))
             case {"tuple": items}:
                 value = tuple(self.value(item) for item in items)
             case {"set": items}:
@@ -148,20 +150,20 @@ class _Unpacker:
     def _array(flat: np.ndarray[Any, Any], shape: list[int] | None, order: Literal["C", "F"]) -> Any:
         return flat[0] if shape is None else flat.reshape(shape, order=order).copy(order="K")
 
-    def _chunk(self, at: list[int]) -> memoryview:
-        start, length = at
+    def _chunk(self, span: list[int]) -> memoryview:
+        start, length = span
         if start < 0 or length < 0 or start + length > len(self.chunks):
             raise PackingError("a packed value ends before its arrays do")
         return self.chunks[start : start + length]
 
-    def _instance(self, kind: type, has: dict[str, Any]) -> Any:
-        made: Any = object.__new__(kind)
+    def _instance(self, kind: type, values: dict[str, Any]) -> Any:
+        instance: Any = object.__new__(kind)
         for attribute in fields(kind):
-            if attribute.name in has:
-                value = self.value(has[attribute.name])
+            if attribute.name in values:
+                value = self.value(values[attribute.name])
             elif callable(attribute.default_factory):
                 value = attribute.default_factory()
             else:
                 value = attribute.default
-            object.__setattr__(made, attribute.name, value)
-        return made
+            object.__setattr__(instance, attribute.name, value)
+        return instance

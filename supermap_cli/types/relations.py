@@ -142,9 +142,9 @@ class Pair:
 
 @dataclass(frozen=True)
 class SpatialPredicate:
-    """A named relation: `holds(pair, slack)` gives a confidence in (0, 1], or 0 where it does not hold.
+    """A named relation: `holds(pair, slack)` returns a confidence in (0, 1], or 0 where the relation does not hold.
 
-    `slack` is 1 for a relation that begins and more for one that held before: hysteresis, so that edges do not flicker.
+    `slack` is 1 for a new relation and greater for one that held before: hysteresis, so that edges do not flicker.
     """
 
     name: str

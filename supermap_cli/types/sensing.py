@@ -1,4 +1,4 @@
-"""What sensors give: camera frames, LiDAR sweeps, IMU samples, poses."""
+"""Sensor messages: camera frames, LiDAR sweeps, IMU samples, poses."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ class CameraFrame:
     `rgb` is (h, w, 3) uint8. `depth_m` is (h, w) float32 metres on the colour camera's own pixels, in the measure of
     `Camera.depth_of` (z for a pinhole, range for a panorama), 0 = no return; `None` where the rig has a LiDAR instead.
     `T_base_camera` places the optical frame (z forward) in the robot's base at the stamp. `returns_camera` (n, 3) are
-    the LiDAR's returns that `depth_m` was drawn of, in the optical frame; `None` where the depth is a camera's own.
-    `camera_id` names the camera among those of the rig.
+    the LiDAR's returns that `depth_m` was rendered from, in the optical frame; `None` where the depth is a camera's
+    own. `camera_id` names the camera among those of the rig.
     """
 
     stamp_ns: int

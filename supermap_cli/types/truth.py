@@ -1,6 +1,6 @@
 """Ground truth of a recording or of several of one place, as values. `truth_file` reads and writes them as JSON.
 
-The world frame is level (z up) and belongs to the truth; a map is laid over it by the robot's true poses. Times are
+The world frame is level (z up) and belongs to the truth; maps are aligned with it by the robot's true poses. Times are
 sensor time in nanoseconds. Everything in here may come from the simulator or from an annotated data set.
 """
 
@@ -46,7 +46,7 @@ class TrueState:
 
 @dataclass(frozen=True)
 class TrueMotion:
-    """An object on its way (carried, or a person walking): centres (k, 3) in the world at `stamps_ns` (k,)."""
+    """A moving object (carried, or a person walking): centres (k, 3) in the world at `stamps_ns` (k,)."""
 
     stamps_ns: IntArray
     centers_world: FloatArray
@@ -57,7 +57,7 @@ class TrueMotion:
 
 @dataclass(frozen=True)
 class TrueObject:
-    """One real thing. `states` are in the order of time; a person has none, only motions (one a passage).
+    """One real object. `states` are in the order of time; a person has none, only motions (one a passage).
 
     `surface_object` (n, 3) float32 are samples of its surface in its own frame, `surface_seen` (n,) says which of them
     any image of any visit really showed.
@@ -76,11 +76,11 @@ class TrueObject:
         check_shape("surface_seen", self.surface_seen, (len(self.surface_object),))
 
     def state_at(self, stamp_ns: int) -> TrueState | None:
-        """Where it stands at a time; `None` when it is gone, not yet there, or moving."""
+        """Its state at a time; `None` when it is gone, not yet there, or moving."""
         return next((state for state in self.states if state.covers(stamp_ns)), None)
 
     def surface_world(self, state: TrueState, *, only_seen: bool = True) -> FloatArray:
-        """Samples (n, 3) of its surface in the world while it stands so."""
+        """Samples (n, 3) of its surface in the world in a state."""
         chosen = self.surface_object[self.surface_seen] if only_seen else self.surface_object
         return transform_points(state.T_world_object, chosen.astype(np.float64))
 
@@ -98,12 +98,12 @@ class TrueSurface:
 
 @dataclass(frozen=True)
 class TrueSightings:
-    """How each image shows each place, n rows: a struct of arrays.
+    """Visibility of each place in each image, n rows: a struct of arrays.
 
     `frame` (n,) indexes the traversal's `stamps_ns`, `object` (n,) the truth's `objects`, `state` (n,) the object's
     states (-1: in motion). `present` (n,): the object is there. `in_image` and `visible` (n,) float32 in [0, 1]: the
-    share of the place's front side that falls into the image, and that besides nothing stands before, whether or not
-    the object is there. `pixels` (n,): what the image shows of the object. `distance_m` (n,) float32 to the camera.
+    share of the place's front side that falls into the image, and the share that is not occluded either, whether or not
+    the object is there. `pixels` (n,): the object's pixels in the image. `distance_m` (n,) float32 to the camera.
     Rows with in_image = 0 are left out.
     """
 
@@ -148,7 +148,7 @@ class TrueTraversal:
 
 @dataclass(frozen=True)
 class TrueChange:
-    """What became of an object at `stamp_ns` (`until_ns`: when it stood again, for moves).
+    """A change of an object at `stamp_ns` (`until_ns`: when it stood again, for moves).
 
     `from_state` and `to_state` index its states; `distance_m` is how far its centroid moved. `between` names the two
     traversals it happened between, or twice the one it happened in.
@@ -174,7 +174,7 @@ class TrueQuestion:
 
 @dataclass(frozen=True)
 class GroundTruth:
-    """All that is true of one place and its traversals (in the order of time)."""
+    """Ground truth of one place and its traversals (in the order of time)."""
 
     scenario: str
     seed: int

@@ -9,7 +9,7 @@ import pytest
 
 from supermap_cli.commands import bench
 from supermap_cli.commands.bench_numbers import parse_objects
-from supermap_cli.costs.report import MAPPING, read_bench
+from supermap_cli.costs.report import MAPPING_STAGES, read_bench
 from supermap_cli.errors import ConfigError, EvaluationError, SupermapError
 from support import synthetic_room as room
 from support.cli import document, supermap
@@ -40,7 +40,7 @@ def test_the_document_says_what_a_build_costs(earlier):
     found = json.loads(earlier.read_text(encoding="utf-8"))
     assert found["keyframes"] > 0
     assert found["objects"] > 0
-    assert {stage["stage"] for stage in found["stages"] if stage["kind"] == "mapping"} == set(MAPPING)
+    assert {stage["stage"] for stage in found["stages"] if stage["kind"] == "mapping"} == set(MAPPING_STAGES)
     assert sum(stage["share"] for stage in found["stages"]) == pytest.approx(1)
     mapping_s = sum(stage["total_s"] for stage in found["stages"] if stage["kind"] == "mapping")
     floor = found["floor"]

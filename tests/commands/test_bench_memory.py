@@ -9,23 +9,23 @@ from pathlib import Path
 
 import pytest
 
-from supermap_cli.commands.bench_memory import parse_two
+from supermap_cli.commands.bench_memory import parse_two_sizes
 from supermap_cli.costs.memory import report
-from supermap_cli.costs.memory.asking import MemoryJob, ask
-from supermap_cli.costs.memory.building import RARE, RARE_OF_EACH, rooms_for
-from supermap_cli.costs.memory.filling import Made, make_memory
+from supermap_cli.costs.memory.question_cost import QuestionJob, measure_question
 from supermap_cli.costs.memory.questions import questions
-from supermap_cli.costs.memory.visits import LOOKS, SHORT_ROOMS, courses
+from supermap_cli.costs.memory.rooms import INSTANCES_PER_RARE_CLASS, RARE_CLASSES, room_count
+from supermap_cli.costs.memory.synthetic_memory import WrittenCounts, make_memory
+from supermap_cli.costs.memory.traversals import KEYFRAMES_PER_ROOM, ROOMS_OF_SHORT_TRAVERSAL, plan_traversals
 from supermap_cli.errors import ConfigError, EvaluationError
 from supermap_cli.memory import open_store
 from supermap_cli.memory.checking import check
 from support.cli import document, supermap
 
-THINGS, TRAVERSALS = 400, 24
+OBJECTS, TRAVERSALS = 400, 24
 
 
-def make(path: Path, seed: int = 2, things: int = THINGS) -> Made:
-    return make_memory(path, things, TRAVERSALS, seed, progress=lambda _: None)
+def make(path: Path, seed: int = 2, objects: int = OBJECTS) -> WrittenCounts:
+    return make_memory(path, objects, TRAVERSALS, seed, progress=lambda _: None)
 
 
 @pytest.fixture(scope="module")
@@ -58,12 +58,14 @@ def test_it_has_everything_that_a_memory_can_have(memory):
 
 
 def test_common_things_grow_with_it_and_rare_ones_do_not(memory, tmp_path):
-    make(tmp_path / "larger.db", things=3 * THINGS)
+    make(tmp_path / "larger.db", objects=3 * OBJECTS)
     few, many = (
         Counter(dict(rows(path, "SELECT label, count(*) FROM instance GROUP BY label")))
         for path in (memory, tmp_path / "larger.db")
     )
-    assert {few[label] for label in RARE} == {many[label] for label in RARE} == {RARE_OF_EACH}
+    assert (
+        {few[label] for label in RARE_CLASSES} == {many[label] for label in RARE_CLASSES} == {INSTANCES_PER_RARE_CLASS}
+    )
     assert many["chair"] == pytest.approx(3 * few["chair"], rel=0.1)
     (small,), (large,) = (
         rows(path, "SELECT (max(x) - min(x)) * (max(y) - min(y)) FROM instance")
@@ -81,33 +83,37 @@ def test_the_same_seed_makes_the_same_memory(memory, tmp_path):
 
 
 def test_the_first_and_the_last_traversals_are_short_and_all_rooms_are_seen():
-    planned = courses(100, rooms_for(20_000))
-    lengths = [len(course.rooms) for course in planned]
-    assert lengths[:2] == lengths[-2:] == [SHORT_ROOMS] * 2
-    assert min(lengths[2:-2]) > SHORT_ROOMS
-    looks = Counter(room for course in planned for room in course.rooms)
-    assert len(looks) == rooms_for(20_000)
-    assert sum(looks.values()) / len(looks) * LOOKS == pytest.approx(100, rel=0.05)
+    planned = plan_traversals(100, room_count(20_000))
+    lengths = [len(traversal.rooms) for traversal in planned]
+    assert lengths[:2] == lengths[-2:] == [ROOMS_OF_SHORT_TRAVERSAL] * 2
+    assert min(lengths[2:-2]) > ROOMS_OF_SHORT_TRAVERSAL
+    visits = Counter(room for traversal in planned for room in traversal.rooms)
+    assert len(visits) == room_count(20_000)
+    assert sum(visits.values()) / len(visits) * KEYFRAMES_PER_ROOM == pytest.approx(100, rel=0.05)
 
 
-@pytest.mark.parametrize("asked", questions(courses(TRAVERSALS, rooms_for(THINGS))), ids=lambda asked: asked.text)
-def test_every_question_can_be_asked(memory, monkeypatch, asked):
-    monkeypatch.setattr("supermap_cli.costs.memory.asking.REPEATS", 1)
-    run = ask(MemoryJob(db=memory, command=asked.command, arguments=asked.arguments))
+@pytest.mark.parametrize(
+    "question", questions(plan_traversals(TRAVERSALS, room_count(OBJECTS))), ids=lambda question: question.text
+)
+def test_every_question_can_be_asked(memory, monkeypatch, question):
+    monkeypatch.setattr("supermap_cli.costs.memory.question_cost.MAX_REPEATS", 1)
+    run = measure_question(QuestionJob(db=memory, command=question.command, arguments=question.arguments))
     assert min(run.first_ms, run.again_ms) > 0
-    assert run.listed > 0 or asked.kind in {"no such label", "inside", "attached", "beside"}
+    assert run.listed > 0 or question.kind in {"no such label", "inside", "attached", "beside"}
 
 
 def test_every_kind_of_command_is_asked():
-    asked = questions(courses(100, 56))
-    assert {question.command for question in asked} == {"query", "show", "history", "diff", "db info", "db sql"}
-    assert {question.bound for question in asked} == {"fixed", "listed", "grows"}
-    assert len({question.text for question in asked}) == len(asked)
+    planned = questions(plan_traversals(100, 56))
+    assert {question.command for question in planned} == {"query", "show", "history", "diff", "db info", "db sql"}
+    assert {question.bound for question in planned} == {"fixed", "listed", "grows"}
+    assert len({question.text for question in planned}) == len(planned)
 
 
 def test_both_memories_are_made_asked_and_kept(tmp_path, monkeypatch):
     chosen = [
-        question for question in questions(courses(6, rooms_for(60))) if question.text in {"query piano", "db info"}
+        question
+        for question in questions(plan_traversals(6, room_count(60)))
+        if question.text in {"query piano", "db info"}
     ]
     monkeypatch.setattr(report, "questions", lambda _: chosen)
     arguments = ("bench", "memory", "--instances", "60,180", "--traversals", "6", "--folder", tmp_path)
@@ -127,10 +133,10 @@ def test_both_memories_are_made_asked_and_kept(tmp_path, monkeypatch):
 
 def test_a_disk_that_is_too_small_is_an_error_before_anything_is_made(tmp_path):
     with pytest.raises(EvaluationError, match="GB are needed"):
-        report.check_disk(tmp_path, [10**12])
+        report.check_disk_space(tmp_path, [10**12])
 
 
 @pytest.mark.parametrize("text", ["", "1000", "1000,1000", "2000,1000", "1,2,3", "a,b"])
 def test_anything_but_a_small_and_a_large_number_is_an_error(text):
     with pytest.raises(ConfigError, match="write"):
-        parse_two(text)
+        parse_two_sizes(text)

@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 import typer
 
-from supermap_cli.commands.demo import answers_judged, comparison, demo, three_questions
+from supermap_cli.commands.demo import answer_summary, change_summary, demo, example_questions
 from supermap_cli.errors import SimulationError
 from supermap_cli.evaluation.changes import ChangeScores, FalseChange, MissedChange
 from supermap_cli.evaluation.estimate import EstimatedAnswer
@@ -47,11 +47,11 @@ def run(recorder: Recorder) -> None:
     demo(SimpleNamespace(find_root=lambda: SimpleNamespace(command=recorder)), recorder.folder, seed=3)  # type: ignore[arg-type]
 
 
-def questions(*asked: tuple[str, tuple[str, ...]], changed: Sequence[str] = "abcd") -> GroundTruth:
+def truth_of(*questions: tuple[str, tuple[str, ...]], changed: Sequence[str] = "abcd") -> GroundTruth:
     changes = tuple(
         TrueChange("disappeared", object_id, 0, None, 5, 5, None, ("monday", "tuesday")) for object_id in changed
     )
-    return GroundTruth("world", 0, (), (), (), changes, tuple(TrueQuestion(*question) for question in asked))
+    return GroundTruth("world", 0, (), (), (), changes, tuple(TrueQuestion(*question) for question in questions))
 
 
 def test_it_shows_what_it_runs_and_runs_what_it_shows(tmp_path, capsys):
@@ -105,15 +105,15 @@ def test_the_truth_of_another_world_is_left_alone(foreign, tmp_path, capsys):
 
 def test_it_tells_what_really_changed_then_what_the_map_says_and_how_far_that_is_right(tmp_path, capsys):
     run(Recorder(tmp_path / "demo"))
-    told = " ".join(capsys.readouterr().out.split())
-    truly = told.index("the cup is gone, the chair was moved by 3.61 m and a new vase is there")
-    assert truly < told.index("$ supermap diff") < told.index("the map found 3 of 3 true changes.")
+    described = " ".join(capsys.readouterr().out.split())
+    truly = described.index("the cup is gone, the chair was moved by 3.61 m and a new vase is there")
+    assert truly < described.index("$ supermap diff") < described.index("the map found 3 of 3 true changes.")
 
 
 def test_what_it_says_to_try_next_is_in_the_map(tmp_path, capsys):
     run(Recorder(tmp_path / "demo"))
-    (shown,) = re.findall(r"supermap show (\S+-\d+)", capsys.readouterr().out)
-    result = cli.supermap("show", shown, "--db", tmp_path / "demo" / "map.db")
+    (instance_id,) = re.findall(r"supermap show (\S+-\d+)", capsys.readouterr().out)
+    result = cli.supermap("show", instance_id, "--db", tmp_path / "demo" / "map.db")
     assert result.exit_code == 0, result.output
 
 
@@ -121,25 +121,25 @@ def test_what_was_missed_and_invented_is_said():
     missed = (MissedChange("moved", "armchair-1", "armchair", reported_as_two=True),)
     false = (FalseChange("disappeared", "book-1", "book", None), FalseChange("appeared", "mug-2", "mug", None))
     scores = replace(NOTHING_COMPARED, overall=precision_recall(3, 2, 1), missed=missed, false=false)
-    told = comparison(scores)
-    assert "found 3 of 4 true changes" in told
-    assert "It missed: armchair (moved, told as two)." in told
-    assert "did not happen so: book (disappeared) and mug (appeared)." in told
-    assert "nothing to compare" in comparison(NOTHING_COMPARED)
+    described = change_summary(scores)
+    assert "found 3 of 4 true changes" in described
+    assert "It missed: armchair (moved, told as two)." in described
+    assert "did not happen so: book (disappeared) and mug (appeared)." in described
+    assert "nothing to compare" in change_summary(NOTHING_COMPARED)
 
 
 def test_right_answers_are_counted():
     truth = evaluated.still_life()
     perfect = evaluated.perfect_map(truth)
-    assert answers_judged(("the table", "a piano"), perfect, truth) == "It answered all 2 questions above right."
-    assert "None of the questions" in answers_judged((), perfect, truth)
+    assert answer_summary(("the table", "a piano"), perfect, truth) == "It answered all 2 questions above right."
+    assert "None of the questions" in answer_summary((), perfect, truth)
 
 
 def test_wrong_answers_are_said_with_the_right_ones():
     truth = evaluated.still_life()
     answers = (EstimatedAnswer("the table", ()), EstimatedAnswer("a piano", ()))
-    told = answers_judged(("the table", "a piano"), replace(evaluated.perfect_map(truth), answers=answers), truth)
-    assert told == 'Of the 2 questions above it answered 1 wrong: "the table" (right: table-1).'
+    described = answer_summary(("the table", "a piano"), replace(evaluated.perfect_map(truth), answers=answers), truth)
+    assert described == 'Of the 2 questions above it answered 1 wrong: "the table" (right: table-1).'
 
 
 def test_it_ends_where_a_command_fails(tmp_path):
@@ -150,7 +150,7 @@ def test_it_ends_where_a_command_fails(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("asked", "chosen"),
+    ("questions", "chosen"),
     [
         ([], ()),
         ([("piano", ()), ("how many pianos", ())], ()),
@@ -163,10 +163,10 @@ def test_it_ends_where_a_command_fails(tmp_path):
         ([("bin earlier", ("a",)), ("where was the bin", ("a",))], ("where was the bin",)),
     ],
 )
-def test_questions_are_a_count_a_relation_and_one_about_the_past(asked, chosen):
-    assert three_questions(questions(*asked)) == chosen
+def test_questions_are_a_count_a_relation_and_one_about_the_past(questions, chosen):
+    assert example_questions(truth_of(*questions)) == chosen
 
 
 def test_the_question_about_the_past_is_of_something_that_changed():
-    asked = (("where was the plant", ("plant",)), ("bag earlier", ("bag",)))
-    assert three_questions(questions(*asked, changed=("bag",))) == ("bag earlier",)
+    questions = (("where was the plant", ("plant",)), ("bag earlier", ("bag",)))
+    assert example_questions(truth_of(*questions, changed=("bag",))) == ("bag earlier",)

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from supermap_cli.commands import perception
-from supermap_cli.commands.perception import PerceptionFigure, ways_of_perceiving
+from supermap_cli.commands.perception import PerceptionFigure, perception_configs
 from support.cli import document, supermap
 
 
@@ -15,7 +15,7 @@ def test_a_world_is_built_once_for_each_way_of_perceiving(tmp_path: Path) -> Non
     simulated = supermap("simulate", "tiny", "--seed", "2", "--seconds", "3", "--out", tmp_path / "tiny" / "2")
     assert simulated.exit_code == 0, simulated.output
     printed = document("perception", "eval", "perception", "tiny", "--seeds", "2", "--keep", tmp_path)
-    assert printed["ways"] == list(ways_of_perceiving())
+    assert printed["ways"] == list(perception_configs())
     (table,) = printed["tables"]
     assert (table["scenario"], table["seeds"]) == ("tiny", [2])
     figures = {figure["name"]: figure["means"] for figure in table["figures"]}
@@ -31,6 +31,6 @@ def test_the_table_names_the_ways(monkeypatch: pytest.MonkeyPatch) -> None:
     result = supermap("eval", "perception", "office", "--seeds", "1,2")
     assert result.exit_code == 0, result.output
     assert "office, mean of seeds 1, 2" in result.stdout
-    assert all(way in result.stdout for way in ways_of_perceiving())
+    assert all(perception_config in result.stdout for perception_config in perception_configs())
     (line,) = [line.split() for line in result.stdout.splitlines() if line.startswith("objects: F1")]
     assert line[2:] == ["0.900", "0.900", "0.875", "-"]

@@ -97,7 +97,7 @@ def test_shapes_are_checked():
         instance_average_precision(np.zeros(3, np.int64), np.zeros(4, np.int64), [])
 
 
-SMALLEST = 3
+MIN_POINTS = 3
 
 
 @st.composite
@@ -146,9 +146,9 @@ def plain_average_precision(labels, instances, predictions, label, threshold):
     masks = [
         (set(prediction.points.tolist()), prediction.confidence)
         for prediction in predictions
-        if prediction.label == label and len(prediction.points) >= SMALLEST
+        if prediction.label == label and len(prediction.points) >= MIN_POINTS
     ]
-    large = [true[k] for k in sorted(true) if len(true[k]) >= SMALLEST]
+    large = [true[k] for k in sorted(true) if len(true[k]) >= MIN_POINTS]
     if not large:
         return None
 
@@ -161,7 +161,7 @@ def plain_average_precision(labels, instances, predictions, label, threshold):
         used.update(claims[:1])
         ranked = sorted((masks[k][1] for k in claims), reverse=True)
         marks += [(confidence, rank == 0) for rank, confidence in enumerate(ranked)]
-    tiny = set().union(*(points for points in true.values() if len(points) < SMALLEST))
+    tiny = set().union(*(points for points in true.values() if len(points) < MIN_POINTS))
     for mask, confidence in masks:
         forgiven = (len(mask & void) + len(mask & tiny)) / len(mask) > threshold
         if not any(fits(mask, points) for points in true.values()) and not forgiven:
@@ -185,7 +185,7 @@ def mean_of_defined(values):
 @given(scenes())
 def test_it_agrees_with_a_plain_implementation(case):
     labels, instances, predictions = case
-    result = instance_average_precision(labels, instances, predictions, smallest=SMALLEST)
+    result = instance_average_precision(labels, instances, predictions, min_points=MIN_POINTS)
 
     def plain(threshold):
         return [plain_average_precision(labels, instances, predictions, label, threshold) for label in (CHAIR, TABLE)]

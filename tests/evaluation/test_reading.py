@@ -12,8 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from supermap_cli.errors import EvaluationError
-from supermap_cli.evaluation.overlay import fit_level, lay_over_truth
 from supermap_cli.evaluation.reading import read_estimate
+from supermap_cli.evaluation.truth_alignment import align_to_truth, fit_level_transform
 from supermap_cli.geometry.se3 import make_transform, transform_points
 from supermap_cli.memory import open_store
 from supermap_cli.memory.reading import MapReader
@@ -70,8 +70,8 @@ def read_drive(path: Path, poses: dict[float, np.ndarray], against: GroundTruth)
     delta = MapDelta(keyframes=tuple(keyframe(at, T) for at, T in poses.items()))
     m.make_memory(path, ("monday", (0, 100), delta))
     with open_store(str(path), read_only=True) as store, store.reader() as reader:
-        overlay = lay_over_truth(reader, against)
-    return overlay.T_world_map, overlay.rmse_m
+        alignment = align_to_truth(reader, against)
+    return alignment.T_world_map, alignment.rmse_m
 
 
 # -- laying the map over the truth
@@ -81,7 +81,7 @@ def read_drive(path: Path, poses: dict[float, np.ndarray], against: GroundTruth)
 def test_a_turn_about_the_vertical_and_a_shift_are_found_exactly(yaw_deg, x, y, z):
     points = np.array([[0.0, 0, 0], [1, 0, 0.5], [0, 2, 0], [3, 1, 1]])
     T = motion(yaw_deg, x, y, z)
-    np.testing.assert_allclose(fit_level(points, transform_points(T, points)), T, atol=1e-9)
+    np.testing.assert_allclose(fit_level_transform(points, transform_points(T, points)), T, atol=1e-9)
 
 
 def test_the_map_is_laid_over_the_truth_by_the_robots_way(tmp_path):

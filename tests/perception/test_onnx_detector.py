@@ -14,7 +14,7 @@ from supermap_cli.geometry.cameras import PinholeCamera
 from supermap_cli.types.sensing import CameraFrame
 from supermap_onnx import OnnxOptions
 from supermap_onnx.detector import OnnxDetector
-from supermap_onnx.layouts import EndToEnd, Ultralytics, Yolox, grid, recognise
+from supermap_onnx.layouts import EndToEnd, Ultralytics, Yolox, grid, recognise_layout
 from supermap_onnx.weights import find_model, parse_names
 from support.frames import frame, shared_file
 from support.tiny_onnx import write_constant_model
@@ -73,7 +73,7 @@ def test_an_image_without_objects_gives_no_detections(tmp_path: Path) -> None:
     ],
 )
 def test_layouts_are_told_apart_by_their_shapes(shapes: list[tuple[int, ...]], layout: object) -> None:
-    assert recognise([np.zeros(shape, np.float32) for shape in shapes], SIZE) == layout
+    assert recognise_layout([np.zeros(shape, np.float32) for shape in shapes], SIZE) == layout
 
 
 def test_yolox_boxes_are_decoded_and_the_letterbox_undone(tmp_path: Path) -> None:

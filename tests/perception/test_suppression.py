@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from supermap_cli.geometry.boxes import pairwise_iou
-from supermap_onnx.letterbox import fit
+from supermap_onnx.letterbox import fit_letterbox
 from supermap_onnx.suppression import suppress
 
 
@@ -58,7 +58,7 @@ def test_no_more_than_asked_for() -> None:
 
 @given(st.integers(1, 900), st.integers(1, 900), st.booleans(), st.floats(0, 1), st.floats(0, 1))
 def test_the_letterbox_is_undone(width: int, height: int, centred: bool, share_u: float, share_v: float) -> None:
-    letterbox = fit((height, width), (416, 640), centred=centred)
+    letterbox = fit_letterbox((height, width), (416, 640), centred=centred)
     u, v = share_u * width, share_v * height
     on_input = np.array([[u, v, u, v]]) * letterbox.scale + np.tile([letterbox.left, letterbox.top], 2)
     np.testing.assert_allclose(letterbox.to_image(on_input), [[u, v, u, v]], atol=1e-2)

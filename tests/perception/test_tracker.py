@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from supermap_bytetrack import ByteTrackOptions
-from supermap_bytetrack.kalman import begin, correct, predict
+from supermap_bytetrack.kalman import initiate, predict, update
 from supermap_bytetrack.tracker import ByteTracker
 from supermap_cli.types.detections import Detections, Hypothesis, TrackPrior, no_detections
 
@@ -133,16 +133,16 @@ def test_ids_are_unique_and_follow_their_detections(images: list[list[tuple[int,
 
 
 def test_the_filter_learns_a_constant_velocity() -> None:
-    states = begin(np.array([[0, 0, 40, 40]], np.float32), IMAGE[0])
+    states = initiate(np.array([[0, 0, 40, 40]], np.float32), IMAGE[0])
     for i in range(1, 15):
-        states = correct(predict(states, 0.3, IMAGE[0]), np.array([[30 * i, 0, 30 * i + 40, 40]], np.float32))
+        states = update(predict(states, 0.3, IMAGE[0]), np.array([[30 * i, 0, 30 * i + 40, 40]], np.float32))
     np.testing.assert_allclose(states.mean[0], [20 + 30 * 14, 20, 40, 40, 100, 0], atol=2)
 
 
 def test_uncertainty_grows_without_and_shrinks_with_a_measurement() -> None:
     box = np.array([[0, 0, 40, 40]], np.float32)
-    first = begin(box, IMAGE[0])
+    first = initiate(box, IMAGE[0])
     later = predict(first, 0.3, IMAGE[0])
     assert (later.centre_deviation > first.centre_deviation).all()
-    assert (correct(later, box).centre_deviation < later.centre_deviation).all()
-    assert np.linalg.eigvalsh(correct(later, box).covariance[0]).min() > 0
+    assert (update(later, box).centre_deviation < later.centre_deviation).all()
+    assert np.linalg.eigvalsh(update(later, box).covariance[0]).min() > 0

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from sqlalchemy import Engine, event
 
-from supermap_cli.costs.memory.filling import make_memory
+from supermap_cli.costs.memory.synthetic_memory import make_memory
 from supermap_cli.memory import open_store
 from supermap_cli.memory.reading import MapReader
 from supermap_cli.query.answers import answer

@@ -1,1 +1,1 @@
-"""What asking a large memory costs: a building is made up, its memory written, and every kind of question measured."""
+"""Query costs on a large memory: a synthetic building is generated, its memory written, and every query measured."""

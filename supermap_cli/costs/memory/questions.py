@@ -1,4 +1,4 @@
-"""What is asked of a made-up memory: every command that reads, and every kind of question."""
+"""Questions to a synthetic memory: every command that reads, and every kind of query."""
 
 from __future__ import annotations
 
@@ -7,21 +7,21 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Literal
 
-from supermap_cli.costs.memory.visits import Course
+from supermap_cli.costs.memory.traversals import SyntheticTraversal
 
 Command = Literal["query", "show", "history", "diff", "db info", "db sql"]
-Bound = Literal["fixed", "listed", "grows"]
-"""How an answer grows with the memory: not at all; it does, but only the first of it are listed; all of it is told."""
+AnswerGrowth = Literal["fixed", "listed", "grows"]
+"""How an answer grows with the memory: not at all; it grows, but only its first rows are listed; as a whole."""
 
 
 @dataclass(frozen=True)
-class Asked:
-    """One question: the command's name and arguments, what kind of question it is, and how its answer grows."""
+class BenchQuestion:
+    """One question: the command with its arguments, the kind of question, and how its answer grows."""
 
     command: Command
     arguments: tuple[str, ...]
     kind: str
-    bound: Bound
+    bound: AnswerGrowth
 
     @property
     def text(self) -> str:
@@ -29,12 +29,12 @@ class Asked:
         return " ".join((self.command, *self.arguments))
 
 
-def _queries(bound: Bound, **texts: str) -> tuple[Asked, ...]:
-    return tuple(Asked("query", (text,), kind.replace("_", " "), bound) for kind, text in texts.items())
+def _queries(bound: AnswerGrowth, **texts: str) -> tuple[BenchQuestion, ...]:
+    return tuple(BenchQuestion("query", (text,), kind.replace("_", " "), bound) for kind, text in texts.items())
 
 
-def questions(planned: Sequence[Course]) -> tuple[Asked, ...]:
-    """All of them, to a memory of these traversals."""
+def questions(planned: Sequence[SyntheticTraversal]) -> tuple[BenchQuestion, ...]:
+    """All questions to a memory of these traversals."""
     half, at = len(planned) // 2, _time_of_day(planned[len(planned) // 3])
     return (
         *_about_few(at, planned[0]),
@@ -43,7 +43,7 @@ def questions(planned: Sequence[Course]) -> tuple[Asked, ...]:
     )
 
 
-def _about_few(at: str, short: Course) -> tuple[Asked, ...]:
+def _about_few(at: str, short: SyntheticTraversal) -> tuple[BenchQuestion, ...]:
     return (
         *_queries(
             "fixed",
@@ -74,7 +74,7 @@ def _about_few(at: str, short: Course) -> tuple[Asked, ...]:
     )
 
 
-def _about_many(at: str, long: Course) -> tuple[Asked, ...]:
+def _about_many(at: str, long: SyntheticTraversal) -> tuple[BenchQuestion, ...]:
     return (
         *_queries(
             "listed",
@@ -97,24 +97,28 @@ def _about_many(at: str, long: Course) -> tuple[Asked, ...]:
     )
 
 
-def _commands(at: str, one: Course, other: Course) -> tuple[Asked, ...]:
+def _commands(at: str, one: SyntheticTraversal, other: SyntheticTraversal) -> tuple[BenchQuestion, ...]:
     return (
-        Asked("show", ("piano-1",), "one object", "fixed"),
-        Asked("show", ("piano-1", "--at", at), "one object as of a time", "fixed"),
-        Asked("show", (), "all objects", "listed"),
-        Asked("show", ("--at", at), "all objects as of a time", "grows"),
-        Asked("history", ("piano-1",), "one object's life", "fixed"),
-        Asked("diff", (), "two newest, of six rooms each", "fixed"),
-        Asked("diff", ("day-001", "day-002"), "two old ones, of six rooms each", "fixed"),
-        Asked("diff", (one.name, other.name), "two of an eighth of the building each", "grows"),
-        Asked("db info", (), "counts", "listed"),
-        Asked("db sql", ("SELECT * FROM current_objects WHERE label = 'piano'",), "view by label", "fixed"),
-        Asked("db sql", ("SELECT * FROM object_history WHERE id = 'piano-1'",), "view by id", "fixed"),
-        Asked("db sql", ("SELECT * FROM changes ORDER BY not_after_ns DESC LIMIT 20",), "newest changes", "fixed"),
-        Asked("db sql", ("SELECT * FROM trajectory WHERE traversal = 'day-001'",), "one traversal's way", "fixed"),
+        BenchQuestion("show", ("piano-1",), "one object", "fixed"),
+        BenchQuestion("show", ("piano-1", "--at", at), "one object as of a time", "fixed"),
+        BenchQuestion("show", (), "all objects", "listed"),
+        BenchQuestion("show", ("--at", at), "all objects as of a time", "grows"),
+        BenchQuestion("history", ("piano-1",), "one object's life", "fixed"),
+        BenchQuestion("diff", (), "two newest, of six rooms each", "fixed"),
+        BenchQuestion("diff", ("day-001", "day-002"), "two old ones, of six rooms each", "fixed"),
+        BenchQuestion("diff", (one.name, other.name), "two of an eighth of the building each", "grows"),
+        BenchQuestion("db info", (), "counts", "listed"),
+        BenchQuestion("db sql", ("SELECT * FROM current_objects WHERE label = 'piano'",), "view by label", "fixed"),
+        BenchQuestion("db sql", ("SELECT * FROM object_history WHERE id = 'piano-1'",), "view by id", "fixed"),
+        BenchQuestion(
+            "db sql", ("SELECT * FROM changes ORDER BY not_after_ns DESC LIMIT 20",), "newest changes", "fixed"
+        ),
+        BenchQuestion(
+            "db sql", ("SELECT * FROM trajectory WHERE traversal = 'day-001'",), "one traversal's way", "fixed"
+        ),
     )
 
 
-def _time_of_day(course: Course) -> str:
-    """An hour after a traversal's start, as a question says it."""
-    return f"{datetime.fromtimestamp(course.start_ns // 10**9 + 3600, UTC):%Y-%m-%dT%H:%M:%SZ}"
+def _time_of_day(traversal: SyntheticTraversal) -> str:
+    """An hour after a traversal's start, as queries write times."""
+    return f"{datetime.fromtimestamp(traversal.start_ns // 10**9 + 3600, UTC):%Y-%m-%dT%H:%M:%SZ}"

@@ -8,25 +8,25 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from supermap_cli.costs.children import run_process
-from supermap_cli.costs.memory.asking import AskedRun, MemoryJob
-from supermap_cli.costs.memory.building import rooms_for
-from supermap_cli.costs.memory.filling import make_memory
-from supermap_cli.costs.memory.questions import Asked, Bound, questions
-from supermap_cli.costs.memory.visits import courses
+from supermap_cli.costs.memory.question_cost import QuestionCost, QuestionJob
+from supermap_cli.costs.memory.questions import AnswerGrowth, BenchQuestion, questions
+from supermap_cli.costs.memory.rooms import room_count
+from supermap_cli.costs.memory.synthetic_memory import make_memory
+from supermap_cli.costs.memory.traversals import plan_traversals
+from supermap_cli.costs.processes import run_process
 from supermap_cli.costs.report import Machine, this_machine
 from supermap_cli.errors import EvaluationError
 from supermap_cli.memory import open_store
 
-BYTES_OF_AN_INSTANCE = 45_000
-"""On the disk, with its hundred observations and its share of the keyframes."""
+BYTES_PER_INSTANCE = 45_000
+"""Bytes on disk of an instance with its hundred observations and its part of the keyframes: 40 kB, rounded up."""
 
 Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True)
-class MadeUp:
-    """One made-up memory; sizes in 10^6 bytes. `made_s` is `None` where it was there already."""
+class SyntheticMemory:
+    """One synthetic memory; sizes in 10^6 bytes. `made_s` is `None` where it existed already."""
 
     instances: int
     observations: int
@@ -38,25 +38,25 @@ class MadeUp:
 
 @dataclass(frozen=True)
 class MemoryRow:
-    """One question to the smaller and the larger memory; ratios are larger / smaller, of the times when asked again."""
+    """One question to both memories; `ratio` (of the repeats) and `ratio_first` are large / small."""
 
     question: str
     kind: str
-    bound: Bound
-    small: AskedRun
-    large: AskedRun
+    bound: AnswerGrowth
+    small: QuestionCost
+    large: QuestionCost
     ratio: float
     ratio_first: float
 
 
 @dataclass(frozen=True)
 class MemoryBench:
-    """All figures: `worst_ratio` is of the questions whose answers do not grow, or are listed in part."""
+    """All figures; `worst_ratio` and `worst_over_mb` leave out the questions whose answers are listed as a whole."""
 
     machine: Machine
     seed: int
-    small: MadeUp
-    large: MadeUp
+    small: SyntheticMemory
+    large: SyntheticMemory
     questions: tuple[MemoryRow, ...]
     worst_ratio: float
     worst_over_mb: float
@@ -65,15 +65,15 @@ class MemoryBench:
 def measure_memories(
     instances: tuple[int, int], traversals: int, seed: int, folder: Path, progress: Progress
 ) -> MemoryBench:
-    """Make up two memories, unless they are in the folder, and ask both everything."""
+    """Generate two memories, unless they are in the folder, and measure every question on both."""
     paths = [folder / f"memory-{count}-{traversals}-{seed}.db" for count in instances]
-    check_disk(folder, [count for count, path in zip(instances, paths, strict=True) if not path.exists()])
+    check_disk_space(folder, [count for count, path in zip(instances, paths, strict=True) if not path.exists()])
     small, large = (
-        _made(path, count, traversals, seed, progress) for path, count in zip(paths, instances, strict=True)
+        _make_or_reuse(path, count, traversals, seed, progress) for path, count in zip(paths, instances, strict=True)
     )
     rows = []
-    for asked in questions(courses(traversals, rooms_for(instances[0]))):
-        row = _row(asked, *(_ask(asked, path, folder) for path in paths))
+    for question in questions(plan_traversals(traversals, room_count(instances[0]))):
+        row = _row(question, *(_measure(question, path, folder) for path in paths))
         progress(f"{row.question}: {row.small.again_ms:.0f} and {row.large.again_ms:.0f} ms")
         rows.append(row)
     bounded = [row for row in rows if row.bound != "grows"]
@@ -88,9 +88,9 @@ def measure_memories(
     )
 
 
-def check_disk(folder: Path, instances: Sequence[int]) -> None:
+def check_disk_space(folder: Path, instances: Sequence[int]) -> None:
     """Raise `EvaluationError` where the memories would not fit."""
-    needed, free = BYTES_OF_AN_INSTANCE * sum(instances), shutil.disk_usage(folder).free
+    needed, free = BYTES_PER_INSTANCE * sum(instances), shutil.disk_usage(folder).free
     if needed > free:
         raise EvaluationError(
             f"{needed / 1e9:.1f} GB are needed for the memories, {free / 1e9:.1f} GB are free",
@@ -99,7 +99,7 @@ def check_disk(folder: Path, instances: Sequence[int]) -> None:
         )
 
 
-def _made(path: Path, instances: int, traversals: int, seed: int, progress: Progress) -> MadeUp:
+def _make_or_reuse(path: Path, instances: int, traversals: int, seed: int, progress: Progress) -> SyntheticMemory:
     began, made_s = time.perf_counter(), None
     if not path.exists():
         progress(f"making up a memory of {instances} instances")
@@ -110,7 +110,7 @@ def _made(path: Path, instances: int, traversals: int, seed: int, progress: Prog
         made_s = time.perf_counter() - began
     with open_store(str(path), read_only=True) as store, store.reader() as reader:
         counts = reader.counts()
-    return MadeUp(
+    return SyntheticMemory(
         instances=counts["instances"],
         observations=counts["observations"],
         keyframes=counts["keyframes"],
@@ -120,11 +120,11 @@ def _made(path: Path, instances: int, traversals: int, seed: int, progress: Prog
     )
 
 
-def _ask(asked: Asked, path: Path, folder: Path) -> AskedRun:
-    job = MemoryJob(db=path, command=asked.command, arguments=asked.arguments)
-    return run_process("supermap_cli.costs.memory", job, AskedRun, folder / "question")
+def _measure(question: BenchQuestion, path: Path, folder: Path) -> QuestionCost:
+    job = QuestionJob(db=path, command=question.command, arguments=question.arguments)
+    return run_process("supermap_cli.costs.memory", job, QuestionCost, folder / "question")
 
 
-def _row(asked: Asked, small: AskedRun, large: AskedRun) -> MemoryRow:
+def _row(question: BenchQuestion, small: QuestionCost, large: QuestionCost) -> MemoryRow:
     ratio, first = large.again_ms / small.again_ms, large.first_ms / small.first_ms
-    return MemoryRow(asked.text, asked.kind, asked.bound, small, large, ratio, first)
+    return MemoryRow(question.text, question.kind, question.bound, small, large, ratio, first)

@@ -1,8 +1,8 @@
-"""Lays a map over the truth: where the map frame stands in the world, by the robot's true way.
+"""Aligns a map with the truth: the map frame in the world, by the robot's true trajectory.
 
-Both frames are level, so that the motion between them has four degrees of freedom: a turn about the vertical and a
-translation, fitted in closed form by least squares (Umeyama 1991, without scale, in the plane). Beside the base's
-position a point one metre ahead of it and one to its left take part: a robot that hardly moved leaves no turn open.
+Both frames are level, so that the transform has four degrees of freedom: yaw and translation, fitted in closed form by
+least squares (Umeyama 1991, without scale, in the plane). Besides the base's position, a point one metre ahead of it
+and one to its left are fitted: they fix the yaw where the robot hardly moved.
 """
 
 from __future__ import annotations
@@ -23,21 +23,21 @@ from supermap_cli.types.sensing import StampedPose
 from supermap_cli.types.truth import GroundTruth, TrueTraversal
 
 MAX_GAP_S = 1.0
-"""Between true poses farther apart than this nothing is interpolated."""
+"""Seconds; true poses farther apart are not interpolated. Chosen."""
 
-LEVER_M = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
-"""Points of the base that are fitted: its origin, one ahead, one to the left."""
+LEVER_POINTS_M = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
+"""(3, 3) metres in the base frame: the fitted points, its origin, one ahead, one to the left."""
 
 
 @dataclass(frozen=True)
-class Overlay:
-    """`T_world_map` (4, 4), and by traversal the root mean square distance of its keyframes from their true places."""
+class TruthAlignment:
+    """`T_world_map` (4, 4), and by traversal the root mean square distance of its keyframes from the true positions."""
 
     T_world_map: FloatArray
     rmse_m: dict[str, float]
 
 
-def lay_over_truth(reader: MapReader, truth: GroundTruth) -> Overlay:
+def align_to_truth(reader: MapReader, truth: GroundTruth) -> TruthAlignment:
     """Fit the keyframes of all traversals to the true poses at their stamps; those outside the truth's time are left
     out.
 
@@ -45,32 +45,34 @@ def lay_over_truth(reader: MapReader, truth: GroundTruth) -> Overlay:
     keyframe lies in its time.
     """
     pairs = pair_traversals(reader, truth)
-    ways = {
-        traversal.name: way
+    matched_poses = {
+        traversal.name: matched
         for traversal in reader.traversals
-        if (way := _true_and_mapped(reader, traversal, pairs[traversal.id]))
+        if (matched := _matched_poses(reader, traversal, pairs[traversal.id]))
     }
-    if not ways:
+    if not matched_poses:
         raise EvaluationError(
             "no keyframe of the map lies in the time of this truth",
             where=reader.where,
             cure="build the map of all of the recording, or give the truth of the part that is mapped",
         )
-    T_world_base, T_map_base = (np.concatenate(poses) for poses in zip(*ways.values(), strict=True))
-    T_world_map = fit_level(_levers(T_map_base), _levers(T_world_base))
-    return Overlay(T_world_map, {name: _rmse_m(T_world_map, *way) for name, way in ways.items()})
+    T_world_base, T_map_base = (np.concatenate(poses) for poses in zip(*matched_poses.values(), strict=True))
+    T_world_map = fit_level_transform(_lever_points(T_map_base), _lever_points(T_world_base))
+    return TruthAlignment(
+        T_world_map, {name: _rmse_m(T_world_map, *matched) for name, matched in matched_poses.items()}
+    )
 
 
-def fit_level(source: FloatArray, target: FloatArray) -> FloatArray:
-    """`T_target_source` (4, 4), a turn about z and a shift, that brings points (n, 3) nearest to others (n, 3)."""
-    low, high = source.mean(axis=0), target.mean(axis=0)
-    (x, y), (u, v) = (source - low)[:, :2].T, (target - high)[:, :2].T
+def fit_level_transform(source: FloatArray, target: FloatArray) -> FloatArray:
+    """`T_target_source` (4, 4), yaw and translation, that brings points (n, 3) nearest to points (n, 3)."""
+    source_mean, target_mean = source.mean(axis=0), target.mean(axis=0)
+    (x, y), (u, v) = (source - source_mean)[:, :2].T, (target - target_mean)[:, :2].T
     yaw = np.arctan2((x * v - y * u).sum(), (x * u + y * v).sum())
     R = np.array([[np.cos(yaw), -np.sin(yaw), 0], [np.sin(yaw), np.cos(yaw), 0], [0, 0, 1]])
-    return make_transform(R, high - R @ low)
+    return make_transform(R, target_mean - R @ source_mean)
 
 
-def _true_and_mapped(
+def _matched_poses(
     reader: MapReader, traversal: StoredTraversal, true: Sequence[TrueTraversal]
 ) -> tuple[FloatArray, FloatArray] | None:
     """True (n, 4, 4) and mapped (n, 4, 4) poses of those keyframes of a traversal at which the truth has poses."""
@@ -78,7 +80,7 @@ def _true_and_mapped(
     found = [
         (T_world_base[known], T_map_base[known])
         for true_traversal in true
-        for T_world_base, known in [_true_way(true_traversal).at_many(stamps_ns - traversal.clock_shift_ns)]
+        for T_world_base, known in [_true_trajectory(true_traversal).at_many(stamps_ns - traversal.clock_shift_ns)]
         if known.any()
     ]
     if not found:
@@ -87,7 +89,7 @@ def _true_and_mapped(
     return np.concatenate(world), np.concatenate(mapped)
 
 
-def _true_way(traversal: TrueTraversal) -> Trajectory:
+def _true_trajectory(traversal: TrueTraversal) -> Trajectory:
     def poses() -> Iterator[StampedPose]:
         for stamp_ns, T_world_base in zip(traversal.stamps_ns.tolist(), traversal.T_world_base, strict=True):
             yield StampedPose(stamp_ns, T_world_base)
@@ -95,12 +97,12 @@ def _true_way(traversal: TrueTraversal) -> Trajectory:
     return Trajectory(poses(), max_gap_s=MAX_GAP_S, hold_s=0.0)
 
 
-def _levers(T: FloatArray) -> FloatArray:
-    """The points of the base that are fitted, (3 n, 3), for poses (n, 4, 4)."""
-    points: FloatArray = np.einsum("nij,kj->nki", T[:, :3, :3], LEVER_M) + T[:, None, :3, 3]
+def _lever_points(T: FloatArray) -> FloatArray:
+    """`LEVER_POINTS_M` at poses (n, 4, 4): (3 n, 3)."""
+    points: FloatArray = np.einsum("nij,kj->nki", T[:, :3, :3], LEVER_POINTS_M) + T[:, None, :3, 3]
     return points.reshape(-1, 3)
 
 
 def _rmse_m(T_world_map: FloatArray, T_world_base: FloatArray, T_map_base: FloatArray) -> float:
-    off = transform_points(T_world_map, T_map_base[:, :3, 3]) - T_world_base[:, :3, 3]
-    return float(np.sqrt((off**2).sum(axis=1).mean()))
+    errors_m = transform_points(T_world_map, T_map_base[:, :3, 3]) - T_world_base[:, :3, 3]
+    return float(np.sqrt((errors_m**2).sum(axis=1).mean()))

@@ -1,4 +1,4 @@
-"""One question to one memory, in a process that does nothing else."""
+"""Measures one question to one memory, in a process that does nothing else."""
 
 from __future__ import annotations
 
@@ -27,12 +27,13 @@ from supermap_cli.query.overview import Overview, overview, overview_at
 from supermap_cli.query.time_points import parse_time_point
 from supermap_cli.query.views import to_document
 
-REPEATS = 5
-ENOUGH_S = 5.0
-"""After so long nothing is asked once more."""
+MAX_REPEATS = 5
+"""Times that a question is asked again; the median counts."""
+REPEAT_BUDGET_S = 5.0
+"""Seconds of repeating after which a question is not asked again."""
 
 
-class MemoryJob(BaseModel):
+class QuestionJob(BaseModel):
     """A question to the memory at `db`."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -43,12 +44,12 @@ class MemoryJob(BaseModel):
 
 
 @dataclass(frozen=True)
-class AskedRun:
-    """What a question took, from opening the database to the finished document; the program was loaded before.
+class QuestionCost:
+    """Cost of a question, from opening the database to the finished document; the program was loaded before.
 
-    `first_ms`: for the first time in the process, nothing of the file being in the system's memory where that can be
-    had; `again_ms`: the median of further times. `over_mb` is the most memory beyond what the loaded program had.
-    `listed` things were told in the answer.
+    `first_ms`: the first time in the process, with the file dropped from the page cache where the system allows it;
+    `again_ms`: the median of the repeats. `over_mb`: peak memory in 10^6 bytes beyond that of the loaded program.
+    `listed`: rows of the answer.
     """
 
     first_ms: float
@@ -57,38 +58,38 @@ class AskedRun:
     listed: int
 
 
-def ask(job: MemoryJob) -> AskedRun:
-    """Ask, and ask again."""
+def measure_question(job: QuestionJob) -> QuestionCost:
+    """Ask once with a cold page cache, then repeat."""
     before_mb = memory_mb()
-    _forget(job.db)
-    first_ms, listed = _timed(job)
-    times_ms = [_timed(job)[0]]
-    while len(times_ms) < REPEATS and sum(times_ms) < 1000 * ENOUGH_S:
-        times_ms.append(_timed(job)[0])
-    return AskedRun(first_ms, median(times_ms), max(peak_memory_mb() - before_mb, 0.0), listed)
+    _drop_from_page_cache(job.db)
+    first_ms, listed = _time_once(job)
+    times_ms = [_time_once(job)[0]]
+    while len(times_ms) < MAX_REPEATS and sum(times_ms) < 1000 * REPEAT_BUDGET_S:
+        times_ms.append(_time_once(job)[0])
+    return QuestionCost(first_ms, median(times_ms), max(peak_memory_mb() - before_mb, 0.0), listed)
 
 
-def _timed(job: MemoryJob) -> tuple[float, int]:
+def _time_once(job: QuestionJob) -> tuple[float, int]:
     began = time.perf_counter()
     if job.command == "db sql":
         with read_sql(str(job.db), job.arguments[0]) as found:
             listed = len(list(found.rows))
     else:
         with open_store(str(job.db), read_only=True) as store, store.reader() as reader:
-            told = _READS[job.command](reader, job.arguments)
-            to_document(told)
-        listed = _listed(told)
+            answer_document = _READERS[job.command](reader, job.arguments)
+            to_document(answer_document)
+        listed = _listed_count(answer_document)
     return 1000 * (time.perf_counter() - began), listed
 
 
-def _forget(db: Path) -> None:
-    """Ask the system to drop the file from its memory; where it cannot, the first answer is as fast as it comes."""
+def _drop_from_page_cache(db: Path) -> None:
+    """Drop the file from the page cache where the system can (posix_fadvise(2))."""
     if hasattr(os, "posix_fadvise"):
         with db.open("rb") as file:
             os.posix_fadvise(file.fileno(), 0, 0, os.POSIX_FADV_DONTNEED)
 
 
-def _show(reader: MapReader, arguments: tuple[str, ...]) -> object:
+def _read_show(reader: MapReader, arguments: tuple[str, ...]) -> object:
     named = None if not arguments or arguments[0].startswith("--") else arguments[0]
     if "--at" not in arguments:
         return overview(reader) if named is None else details(reader, named)
@@ -97,24 +98,24 @@ def _show(reader: MapReader, arguments: tuple[str, ...]) -> object:
     return overview_at(reader, instant, clock) if named is None else details_at(reader, named, instant, clock)
 
 
-_READS: dict[Command, Callable[[MapReader, tuple[str, ...]], Any]] = {
+_READERS: dict[Command, Callable[[MapReader, tuple[str, ...]], Any]] = {
     "query": lambda reader, arguments: answer(" ".join(arguments), reader),
-    "show": _show,
+    "show": _read_show,
     "history": lambda reader, arguments: object_history(reader, arguments[0]),
     "diff": lambda reader, arguments: diff(reader, *arguments),
     "db info": lambda reader, _: inventory(reader),
 }
 
 
-def _listed(told: object) -> int:
-    match told:
+def _listed_count(answer_document: object) -> int:
+    match answer_document:
         case Answer():
-            return len(told.instances) or len(told.nearest)
+            return len(answer_document.instances) or len(answer_document.nearest)
         case Overview():
-            return len(told.instances)
+            return len(answer_document.instances)
         case Diff():
-            return len(told.changes)
+            return len(answer_document.changes)
         case Inventory():
-            return len(told.counts)
+            return len(answer_document.counts)
         case _:
             return 1

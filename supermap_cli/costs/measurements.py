@@ -1,4 +1,4 @@
-"""The measurements themselves, as they run in a process of their own."""
+"""The measurements, each run in a process of its own."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from collections.abc import Iterator
 from supermap_cli.allocation import keep_freed_memory
 from supermap_cli.building.backends import choose_backends
 from supermap_cli.building.keyframe_choice import choose_keyframes
-from supermap_cli.costs.filling import fill
-from supermap_cli.costs.job import BuildRun, DecodeRun, Job, Run, StagesRun
+from supermap_cli.costs.job import BuildRun, CostJob, DecodeRun, Run, StagesRun
+from supermap_cli.costs.map_growth import fill_map
 from supermap_cli.costs.peak_memory import peak_memory_mb
 from supermap_cli.hookspecs import RecordingRequest
 from supermap_cli.memory.opening import open_store
@@ -22,27 +22,27 @@ from supermap_cli.timing import StageClock
 from supermap_cli.traversal_build import BuildSummary, TraversalBuild
 
 
-def measure(job: Job) -> Run:
-    """Do what a job says. Raises a `SupermapError` for recordings that cannot be mapped."""
+def measure(job: CostJob) -> Run:
+    """Run a job. Raises a `SupermapError` for recordings that cannot be mapped."""
     keep_freed_memory()
     plugins = load_plugins()
-    if job.what == "decode":
+    if job.measurement == "decode":
         return decode(job, plugins)
-    if job.what == "build":
+    if job.measurement == "build":
         return build(job, plugins)
     with open_store(str(job.db), create=True) as store:
-        if job.what == "stages":
+        if job.measurement == "stages":
             return stages(job, plugins, store)
         return growth(job, plugins, store)
 
 
-def build(job: Job, plugins: Plugins) -> BuildRun:
+def build(job: CostJob, plugins: Plugins) -> BuildRun:
     """Build all recordings as `supermap build` does."""
     began = time.perf_counter()
     with open_store(str(job.db), create=True) as store:
         summaries = [
             TraversalBuild(recording, plugins, job.config, store).run(align=job.align)
-            for recording in _opened(job, plugins, job.wanted)
+            for recording in _open_recordings(job, plugins, job.request)
         ]
     total_s = time.perf_counter() - began
     usage = resource.getrusage(resource.RUSAGE_SELF)
@@ -59,35 +59,35 @@ def build(job: Job, plugins: Plugins) -> BuildRun:
     )
 
 
-def stages(job: Job, plugins: Plugins, store: MapStore) -> StagesRun:
+def stages(job: CostJob, plugins: Plugins, store: MapStore) -> StagesRun:
     """Build all recordings, one stage at a time."""
     clock = StageClock()
     summaries = [
         TraversalBuild(recording, plugins, job.config, store, clock=clock, look_ahead=False).run(align=job.align)
-        for recording in _opened(job, plugins, job.wanted)
+        for recording in _open_recordings(job, plugins, job.request)
     ]
     return _stages_run(summaries, clock)
 
 
-def growth(job: Job, plugins: Plugins, store: MapStore) -> StagesRun:
-    """Map the second half of the first recording into a map of so many objects."""
-    recording = next(_opened(job, plugins, job.wanted))
-    start_s = job.wanted.start_s or 0.0
+def growth(job: CostJob, plugins: Plugins, store: MapStore) -> StagesRun:
+    """Map the second half of the first recording into a map of `job.objects` objects."""
+    recording = next(_open_recordings(job, plugins, job.request))
+    start_s = job.request.start_s or 0.0
     middle_s = start_s + (recording.end_ns - recording.start_ns) / 2e9
-    first, second = (job.wanted.model_copy(update=half) for half in ({"end_s": middle_s}, {"start_s": middle_s}))
-    built = TraversalBuild(next(_opened(job, plugins, first)), plugins, job.config, store).run(align=job.align)
-    fill(store, built.traversal_id, job.objects, job.config.mapping.max_depth_m)
+    first, second = (job.request.model_copy(update=half) for half in ({"end_s": middle_s}, {"start_s": middle_s}))
+    built = TraversalBuild(next(_open_recordings(job, plugins, first)), plugins, job.config, store).run(align=job.align)
+    fill_map(store, built.traversal_id, job.objects, job.config.mapping.max_depth_m)
     clock = StageClock()
     traversal = TraversalBuild(
-        next(_opened(job, plugins, second)), plugins, job.config, store, clock=clock, look_ahead=False
+        next(_open_recordings(job, plugins, second)), plugins, job.config, store, clock=clock, look_ahead=False
     )
     return _stages_run([traversal.run(align=job.align)], clock)
 
 
-def decode(job: Job, plugins: Plugins) -> DecodeRun:
+def decode(job: CostJob, plugins: Plugins) -> DecodeRun:
     """Decode the keyframes that a build would map, and what was recorded for them, and drop all of it."""
     keyframes, total_s = 0, 0.0
-    for recording in _opened(job, plugins, job.wanted):
+    for recording in _open_recordings(job, plugins, job.request):
         detector = choose_backends(recording, plugins, job.config).detector
         recorded_ns, rates = detector.image_stamps_ns(), (job.config.keyframes.rate_hz, job.config.perception.rate_hz)
         due = choose_keyframes(recording.frame_stamps_ns(), recorded_ns, *rates)
@@ -106,7 +106,7 @@ def _stages_run(summaries: list[BuildSummary], clock: StageClock) -> StagesRun:
     return StagesRun(keyframes, summaries[-1].instances, clock.timings())
 
 
-def _opened(job: Job, plugins: Plugins, wanted: RecordingRequest) -> Iterator[Recording]:
+def _open_recordings(job: CostJob, plugins: Plugins, request: RecordingRequest) -> Iterator[Recording]:
     for path in job.recordings:
-        opened: Recording | None = plugins.hook.open_recording(path=path, request=wanted)
-        yield opened if opened is not None else open_bag_recording(path, wanted)
+        opened: Recording | None = plugins.hook.open_recording(path=path, request=request)
+        yield opened if opened is not None else open_bag_recording(path, request)
