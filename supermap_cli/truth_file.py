@@ -126,6 +126,7 @@ def _traversal(traversal: TrueTraversal) -> dict[str, Any]:
         "stamps_ns": traversal.stamps_ns.tolist(),
         "T_world_base": [_transform(T) for T in traversal.T_world_base],
         "sightings": _sightings(traversal.sightings),
+        **({"camera_ids": list(traversal.camera_ids)} if traversal.camera_ids else {}),
     }
 
 
@@ -234,6 +235,7 @@ def _read_traversal(each: Document) -> TrueTraversal:
         T_world_base=_read_transforms(each["T_world_base"]),
         sightings=_read_sightings(each["sightings"]),
         fingerprint=_optional(_text, each.get("fingerprint")),
+        camera_ids=tuple(map(_text, each.get("camera_ids", ()))),
     )
 
 

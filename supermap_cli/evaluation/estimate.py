@@ -87,7 +87,8 @@ class EstimatedMap:
     `objects` are all believed instances, present or absent (doubted ones are left out). `keyframes_ns` (k,) are the
     stamps of all mapped images, of all traversals; `alignment_rmse_m` says how well the robot's way in the map fits its
     true way after the alignment, by traversal. `doubted` are the instances that are believed in no more, as who walked
-    by is: only who is followed how far asks for them.
+    by is: only who is followed how far asks for them. `keyframe_cameras` (k,) are the `camera_id`s of the keyframes, ()
+    where they are not known.
     """
 
     objects: tuple[EstimatedObject, ...]
@@ -97,3 +98,4 @@ class EstimatedMap:
     T_world_map: FloatArray
     alignment_rmse_m: dict[str, float]
     doubted: tuple[EstimatedObject, ...] = ()
+    keyframe_cameras: tuple[str, ...] = ()

@@ -4,11 +4,13 @@ A map is judged as it is at its end, the last mapped keyframe. Traversals with n
 object is *countable* in a place if some image, taken while it stood there and not after the end, showed at least
 `COUNTABLE_PIXELS` pixels of it and `COUNTABLE_VISIBLE` of its front; what no image showed so well is *ignored*: it need
 not be found, and finding it is no error (as COCO's crowds and ScanNet's void points). Only images near a mapped
-keyframe count, within `NEAR_KEYFRAME_NS`: a map cannot know what the others showed.
+keyframe count, within `NEAR_KEYFRAME_NS`: a map cannot know what the others showed. Where the robot has several
+cameras, a keyframe is an image of its own camera, and images that several of them took at once are one view.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -84,8 +86,8 @@ class KnownTruth:
     """The truth as far as the mapped images show it.
 
     `places` (p) are all stays of all objects that began before the end. `stamps_ns` (k,) are the mapped keyframes that
-    the truth has an image of; `visible` (p, k) is the share of each place's front that each shows, whether or not the
-    object is there.
+    the truth has an image of, those of several cameras with one stamp being one; `visible` (p, k) is the share of each
+    place's front that each shows, whether or not the object is there.
 
     Of the truth's traversals, the map has keyframes of `traversals`, but only of a part of those in `partly_mapped`,
     and none of those in `not_mapped` (names).
@@ -169,9 +171,10 @@ class KnownTruth:
 def known_truth(estimate: EstimatedMap, truth: GroundTruth) -> KnownTruth:
     """Cut the truth down to what the map's keyframes can have shown."""
     keyframes_ns = np.sort(estimate.keyframes_ns)
+    by_camera = keyframes_by_camera(estimate)
     mapped = tuple(each for each in truth.traversals if len(_keyframes_in(each, keyframes_ns)))
     end_ns = int(keyframes_ns[-1]) if len(keyframes_ns) else None
-    images = [images_of(each, keyframes_ns) for each in mapped]
+    images = [images_of(each, by_camera) for each in mapped]
     stays = [
         (number, index)
         for number, each in enumerate(truth.objects)
@@ -179,9 +182,12 @@ def known_truth(estimate: EstimatedMap, truth: GroundTruth) -> KnownTruth:
         if end_ns is not None and (state.since_ns is None or state.since_ns <= end_ns)
     ]
     row_of = {stay: row for row, stay in enumerate(stays)}
-    visible = [_visible(each.sightings, frames, row_of) for each, (frames, _) in zip(mapped, images, strict=True)]
-    stamps_ns = np.concatenate([np.zeros(0, np.int64), *(stamps for _, stamps in images)])
-    well_seen = _well_seen(mapped, keyframes_ns)
+    visible = [
+        _at_once(_visible(traversal.sightings, frames, row_of), stamps_ns)
+        for traversal, (frames, stamps_ns) in zip(mapped, images, strict=True)
+    ]
+    stamps_ns = np.concatenate([np.zeros(0, np.int64), *(np.unique(stamps_ns) for _, stamps_ns in images)])
+    well_seen = _well_seen(mapped, by_camera)
     places = tuple(Place(truth.objects[number], index, well_seen.get((number, index))) for number, index in stays)
     return KnownTruth(
         traversals=mapped,
@@ -205,14 +211,51 @@ def _is_partly_mapped(traversal: TrueTraversal, keyframes_ns: IntArray) -> bool:
     return bool(own_ns[0] - images_ns[0] > MARGIN_NS or images_ns[-1] - own_ns[-1] > MARGIN_NS)
 
 
-def images_of(traversal: TrueTraversal, keyframes_ns: IntArray) -> tuple[IntArray, IntArray]:
-    """The truth's frames (k,) that a traversal's keyframes are, and the keyframes' stamps (k,)."""
-    stamps_ns = _keyframes_in(traversal, keyframes_ns)
-    if not len(traversal.stamps_ns):
-        return np.zeros(0, np.int64), np.zeros(0, np.int64)
-    nearest = _nearest(stamps_ns, traversal.stamps_ns)
-    close = np.abs(traversal.stamps_ns[nearest] - stamps_ns) <= SAME_IMAGE_NS
-    return nearest[close], stamps_ns[close]
+def keyframes_by_camera(estimate: EstimatedMap) -> dict[str | None, IntArray]:
+    """Stamps of the mapped keyframes, ascending: of all of them (`None`), and of each camera where these are known."""
+    cameras = np.array(estimate.keyframe_cameras)
+    own = {camera_id: np.unique(estimate.keyframes_ns[cameras == camera_id]) for camera_id in np.unique(cameras)}
+    return {None: np.unique(estimate.keyframes_ns), **own}
+
+
+def images_of(traversal: TrueTraversal, by_camera: Mapping[str | None, IntArray]) -> tuple[IntArray, IntArray]:
+    """The truth's frames (k,) that a traversal's keyframes (`keyframes_by_camera`) are, and the keyframes' stamps (k,),
+    ascending.
+    """
+    frames, stamps_ns = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
+    for own_frames, keyframes_ns in _cameras(traversal, by_camera):
+        own_ns = _keyframes_in(traversal, keyframes_ns)
+        if not len(own_frames):
+            continue
+        images_ns = traversal.stamps_ns[own_frames]
+        nearest = _nearest(own_ns, images_ns)
+        close = np.abs(images_ns[nearest] - own_ns) <= SAME_IMAGE_NS
+        frames.append(own_frames[nearest[close]])
+        stamps_ns.append(own_ns[close])
+    order = np.argsort(np.concatenate(stamps_ns), kind="stable")
+    return np.concatenate(frames)[order], np.concatenate(stamps_ns)[order]
+
+
+def _cameras(traversal: TrueTraversal, by_camera: Mapping[str | None, IntArray]) -> Iterator[tuple[IntArray, IntArray]]:
+    """The frames of each camera of a traversal, and the stamps of its keyframes; of all cameras as one where the truth
+    has only one, or does not say. A map that does not know its keyframes' cameras is taken to have mapped all of them.
+    """
+    if not traversal.camera_ids:
+        yield np.arange(len(traversal.stamps_ns)), by_camera[None]
+        return
+    cameras, none = np.array(traversal.camera_ids), by_camera[None][:0]
+    for camera_id in dict.fromkeys(traversal.camera_ids):
+        own = by_camera.get(camera_id, none) if len(by_camera) > 1 else by_camera[None]
+        yield np.flatnonzero(cameras == camera_id), own
+
+
+def _at_once(visible: Float32Array, stamps_ns: IntArray) -> Float32Array:
+    """(p, m) of (p, k) the best of all images that share a stamp (k,), ascending."""
+    if not len(stamps_ns):
+        return visible
+    _, first = np.unique(stamps_ns, return_index=True)
+    best: Float32Array = np.maximum.reduceat(visible, first, axis=1)
+    return best
 
 
 def _nearest(stamps_ns: IntArray, others_ns: IntArray) -> IntArray:
@@ -233,19 +276,30 @@ def _visible(sightings: TrueSightings, frames: IntArray, row_of: dict[tuple[int,
     return visible[:, frames]
 
 
-def _well_seen(traversals: tuple[TrueTraversal, ...], keyframes_ns: IntArray) -> dict[tuple[int, int], int]:
+def _well_seen(
+    traversals: tuple[TrueTraversal, ...], by_camera: Mapping[str | None, IntArray]
+) -> dict[tuple[int, int], int]:
     """When each stay (object, state) was first shown well, where it was, by an image near a keyframe."""
     first: dict[tuple[int, int], int] = {}
     for traversal in traversals:
         seen = traversal.sightings
         stamps_ns = traversal.stamps_ns[seen.frame]
         well = seen.present & (seen.pixels >= COUNTABLE_PIXELS) & (seen.visible >= COUNTABLE_VISIBLE)
-        nearest_ns = keyframes_ns[_nearest(stamps_ns, keyframes_ns)]
-        well &= (seen.state >= 0) & (np.abs(nearest_ns - stamps_ns) <= NEAR_KEYFRAME_NS)
-        well &= stamps_ns <= keyframes_ns[-1]
+        well &= (seen.state >= 0) & _near_keyframe(traversal, by_camera)[seen.frame]
+        well &= stamps_ns <= by_camera[None][-1]
         for number, index, stamp_ns in zip(
             seen.object[well].tolist(), seen.state[well].tolist(), stamps_ns[well].tolist(), strict=True
         ):
             stay = (number, index)
             first[stay] = min(stamp_ns, first.get(stay, stamp_ns))
     return first
+
+
+def _near_keyframe(traversal: TrueTraversal, by_camera: Mapping[str | None, IntArray]) -> BoolArray:
+    """(f,): which images of a traversal were taken within `NEAR_KEYFRAME_NS` of a keyframe of their camera."""
+    near = np.zeros(len(traversal.stamps_ns), bool)
+    for frames, keyframes_ns in _cameras(traversal, by_camera):
+        if len(keyframes_ns):
+            images_ns = traversal.stamps_ns[frames]
+            near[frames] = np.abs(keyframes_ns[_nearest(images_ns, keyframes_ns)] - images_ns) <= NEAR_KEYFRAME_NS
+    return near

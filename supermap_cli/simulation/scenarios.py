@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 
 import numpy as np
@@ -15,9 +15,9 @@ from supermap_cli.geometry.cameras import EquirectangularCamera
 from supermap_cli.simulation.motion.bystanders import Bystanders, Passage
 from supermap_cli.simulation.motion.moments import Watch
 from supermap_cli.simulation.motion.routes import plan_route
-from supermap_cli.simulation.rigs import Rig, panorama_rig, rgbd_rig
+from supermap_cli.simulation.rigs import SimulatedRig, make_rig, panorama_rig, rgbd_rig
 from supermap_cli.simulation.route import Route
-from supermap_cli.simulation.scenario import Scenario, SimulatedVisit
+from supermap_cli.simulation.scenario import Scenario, SimulatedTraversal
 from supermap_cli.simulation.world import Stay, World
 from supermap_cli.simulation.worlds.building import CORRIDOR, make_building
 from supermap_cli.simulation.worlds.changing import Changed, change_interior, stays_with
@@ -89,9 +89,9 @@ class _Site:
         self.interior = Interior(plan, self.fixtures)
         self.interior.furnish(by_room, furniture)
 
-    def visit(
+    def traversal(
         self, name: str, start_ns: int, seconds: float, *, focus: Sequence[FloatArray] = (), number: int = 0
-    ) -> SimulatedVisit:
+    ) -> SimulatedTraversal:
         """A traversal whose odometry starts where the robot does; another `number`, another way."""
         return _starting_with(name, self.route(start_ns, seconds, focus, number))
 
@@ -103,50 +103,63 @@ class _Site:
         except ValueError as error:  # whatever stands in the robot's way stands elsewhere in another world
             raise SimulationError(f"the robot cannot get about: {error}", cure="choose another --seed") from error
 
-    def bystanders(self, visit: SimulatedVisit, rig: Rig, number: int = 0) -> Bystanders:
-        """Those who come by on a visit."""
+    def bystanders(self, traversal: SimulatedTraversal, rig: SimulatedRig, number: int = 0) -> Bystanders:
+        """Those who come by on a traversal."""
         plan, obstacles = self.interior.plan, self.interior.obstacles
-        panoramic = isinstance(rig.camera, EquirectangularCamera)
-        view_rad = 2 * np.pi if panoramic else 2 * np.arctan(rig.camera.width / 2 / rig.camera.focal_px())
-        watch = Watch(plan, obstacles, visit.route, float(view_rad))
+        camera = rig.cameras[0].model
+        panoramic = isinstance(camera, EquirectangularCamera)
+        view_rad = 2 * np.pi if panoramic else 2 * np.arctan(camera.width / 2 / camera.focal_px())
+        watch = Watch(plan, obstacles, traversal.route, float(view_rad))
         return Bystanders(plan, obstacles, watch, self.dice.of(_Concern.PEOPLE, number))
 
     def scenario(
-        self, name: str, rig: Rig, visits: Sequence[SimulatedVisit], stays: Sequence[Stay], passages: Sequence[Passage]
+        self,
+        name: str,
+        rig: SimulatedRig,
+        traversals: Sequence[SimulatedTraversal],
+        stays: Sequence[Stay],
+        passages: Sequence[Passage],
     ) -> Scenario:
         """All of it together."""
         things = (*self.interior.things, *(passage.person for passage in passages))
         motions = tuple(motion for passage in passages for motion in passage.motions)
         world = World(self.fixtures, things, tuple(stays), motions)
-        return Scenario(name, self.dice.seed, self.interior.plan, world, rig, tuple(visits))
+        return Scenario(name, self.dice.seed, self.interior.plan, world, rig, tuple(traversals))
 
 
-def make_scenario(name: str, seed: int, *, seconds: float | None = None) -> Scenario:
-    """The scenario of a name, the same for the same seed; its visits last `seconds` each (default: as it likes best).
+def make_scenario(name: str, seed: int, *, seconds: float | None = None, rig: str | None = None) -> Scenario:
+    """The scenario of a name, the same for the same seed; its traversals last `seconds` each (default: its own length).
 
-    Raises `SimulationError` for an unknown name, a negative seed, or a time too short for what should happen.
+    `rig` names another rig of `rigs.RIGS` than the scenario's own. World and drive stay the same whatever the rig, so
+    that maps of different rigs can be compared.
+
+    Raises `SimulationError` for an unknown name or rig, a negative seed, or a time too short for what should happen.
     """
+    other_rig = None if rig is None else make_rig(rig)
     if name not in _MAKERS:
         raise SimulationError(f"there is no scenario {name!r}", cure=f"choose one of {', '.join(SCENARIOS)}")
     if seed < 0:
         raise SimulationError(f"a seed is not negative: {seed}", cure="choose a --seed of 0 or more")
     if seconds is not None and seconds <= 0:
-        raise SimulationError(f"a visit takes time, not {seconds} s", cure="choose --seconds above 0")
-    maker, usual_s = _MAKERS[name]
+        raise SimulationError(f"a traversal takes time, not {seconds} s", cure="choose --seconds above 0")
+    scenario = _drawn(*_MAKERS[name], seed, seconds)
+    return scenario if other_rig is None else replace(scenario, rig=other_rig)
+
+
+def _drawn(maker: Maker, usual_s: float, seed: int, seconds: float | None) -> Scenario:
+    """The first attempt at a world that has room for all that should be in it, and a route through it."""
     for attempt in range(_ATTEMPTS - 1):
-        try:
+        with suppress(SimulationError):
             return maker(_Dice(seed, attempt), seconds or usual_s)
-        except SimulationError:  # this draw of a world has no room for all that should be in it, or no way
-            continue
     return maker(_Dice(seed, _ATTEMPTS - 1), seconds or usual_s)
 
 
 def _office(dice: _Dice, seconds: float) -> Scenario:
     site, rig = _Site(dice, office_recipes), rgbd_rig()
-    visit = site.visit("office", MONDAY_NS, seconds)
-    bystanders = site.bystanders(visit, rig)
+    traversal = site.traversal("office", MONDAY_NS, seconds)
+    bystanders = site.bystanders(traversal, rig)
     passages = [bystanders.pass_through(f"person-{number}") for number in (1, 2)]
-    return site.scenario("office", rig, [visit], stays_with(site.interior, Changed(), None), passages)
+    return site.scenario("office", rig, [traversal], stays_with(site.interior, Changed(), None), passages)
 
 
 def _office_twice(dice: _Dice, seconds: float) -> Scenario:
@@ -158,25 +171,25 @@ def _demo(dice: _Dice, seconds: float) -> Scenario:
 
 
 def _twice(name: str, site: _Site, changes: Sequence[Change], seconds: float, *, people: bool) -> Scenario:
-    """Two visits a day apart, and the changes half way between them."""
+    """Two traversals a day apart, and the changes half way between them."""
     rig = rgbd_rig()
     changed = change_interior(site.interior, changes, site.dice.of(_Concern.CHANGES))
     focus = changed.places_xy(site.interior)
-    monday = site.visit("monday", MONDAY_NS, seconds, focus=focus)
+    monday = site.traversal("monday", MONDAY_NS, seconds, focus=focus)
     tuesday = _from_elsewhere(site, monday, "tuesday", seconds, focus)
     change_ns = (monday.route.end_ns + tuesday.route.start_ns) // 2
-    visits = [monday, tuesday]
+    traversals = [monday, tuesday]
     passages = [
-        site.bystanders(visit, rig, number).pass_through(f"person-{number}")
-        for number, visit in enumerate(visits if people else [], start=1)
+        site.bystanders(traversal, rig, number).pass_through(f"person-{number}")
+        for number, traversal in enumerate(traversals if people else [], start=1)
     ]
-    return site.scenario(name, rig, visits, stays_with(site.interior, changed, change_ns), passages)
+    return site.scenario(name, rig, traversals, stays_with(site.interior, changed, change_ns), passages)
 
 
 def _from_elsewhere(
-    site: _Site, first: SimulatedVisit, name: str, seconds: float, focus: Sequence[FloatArray]
-) -> SimulatedVisit:
-    """A visit on the next day that starts in another place: a way whose beginning, if need be, is left out."""
+    site: _Site, first: SimulatedTraversal, name: str, seconds: float, focus: Sequence[FloatArray]
+) -> SimulatedTraversal:
+    """A traversal on the next day that starts in another place: a way whose beginning, if need be, is left out."""
     start_ns, start_xy = first.route.start_ns + DAY_NS, first.T_world_odom[:2, 3]
     for number in range(1, 1 + _ROUTES_DRAWN):
         route = site.route(start_ns, seconds, focus, number)
@@ -185,14 +198,14 @@ def _from_elsewhere(
             continue
         if left_out_s > 0:
             route = _without_beginning(site.route(start_ns, seconds + left_out_s, focus, number), left_out_s)
-        visit = _starting_with(name, route)
-        if np.linalg.norm(visit.T_world_odom[:2, 3] - start_xy) >= _OTHER_START_M:
-            return visit
-    raise SimulationError("both visits start in the same place", cure="choose another --seed")
+        traversal = _starting_with(name, route)
+        if np.linalg.norm(traversal.T_world_odom[:2, 3] - start_xy) >= _OTHER_START_M:
+            return traversal
+    raise SimulationError("both traversals start in the same place", cure="choose another --seed")
 
 
-def _starting_with(name: str, route: Route) -> SimulatedVisit:
-    return SimulatedVisit(name, route, route.T_world_base(np.array([route.start_ns]))[0])
+def _starting_with(name: str, route: Route) -> SimulatedTraversal:
+    return SimulatedTraversal(name, route, route.T_world_base(np.array([route.start_ns]))[0])
 
 
 def _first_rest_s(route: Route, away_from_xy: FloatArray) -> float | None:
@@ -236,8 +249,8 @@ def _panorama_on_a_way(site: _Site, seconds: float, number: int) -> Scenario:
         [each for each in interior.placed if each.piece.label == label] for label in ("backpack", "trash can", "bucket")
     )
     focus = [each.T_world_thing[:2, 3] for each in (bag, bag_after, *bins)]
-    visit = site.visit("panorama", MONDAY_NS, seconds, focus=focus, number=number)
-    bystanders = site.bystanders(visit, rig, number)
+    traversal = site.traversal("panorama", MONDAY_NS, seconds, focus=focus, number=number)
+    bystanders = site.bystanders(traversal, rig, number)
     vanishing, vanished_ns = _unwatched(bins, bystanders.watch)
     appearing, appeared_ns = _unwatched(buckets, bystanders.watch)
     carrying = bystanders.carry("person-1", interior.thing(bag.thing_id), bag.T_world_thing, bag_after.T_world_thing)
@@ -251,7 +264,7 @@ def _panorama_on_a_way(site: _Site, seconds: float, number: int) -> Scenario:
         Stay(vanishing.thing_id, vanishing.T_world_thing, until_ns=vanished_ns),
         Stay(appearing.thing_id, appearing.T_world_thing, since_ns=appeared_ns),
     ]
-    return site.scenario("panorama", rig, [visit], stays, [carrying, walking])
+    return site.scenario("panorama", rig, [traversal], stays, [carrying, walking])
 
 
 def _unwatched(things: Sequence[Placed], watch: Watch) -> tuple[Placed, int]:
@@ -265,12 +278,15 @@ def _unwatched(things: Sequence[Placed], watch: Watch) -> tuple[Placed, int]:
 def _tiny(dice: _Dice, seconds: float) -> Scenario:
     site, rig = _Site(dice, lambda _: {"office": TINY_ROOM}), rgbd_rig()
     table = site.interior.placed[0].T_world_thing[:2, 3]
-    visit = site.visit("tiny", MONDAY_NS, seconds, focus=[table])
-    passage = site.bystanders(visit, rig).pass_through("person-1")
-    return site.scenario("tiny", rig, [visit], stays_with(site.interior, Changed(), None), [passage])
+    traversal = site.traversal("tiny", MONDAY_NS, seconds, focus=[table])
+    passage = site.bystanders(traversal, rig).pass_through("person-1")
+    return site.scenario("tiny", rig, [traversal], stays_with(site.interior, Changed(), None), [passage])
 
 
-_MAKERS: Mapping[str, tuple[Callable[[_Dice, float], Scenario], float]] = {
+Maker = Callable[[_Dice, float], Scenario]
+"""Makes a scenario whose traversals last so many seconds."""
+
+_MAKERS: Mapping[str, tuple[Maker, float]] = {
     "office": (_office, 100.0),
     "office-twice": (_office_twice, 110.0),
     "panorama": (_panorama, 70.0),

@@ -2,7 +2,7 @@
 
 The world frame is level: z up, z = 0 on the floor. A thing's own frame has its origin at the foot's centre (lying on
 the surface it stands on; for what hangs on a wall, the middle of its back side's lower edge), z up, and its front
-towards -y. Times are sensor time in nanoseconds, the same clock for all visits.
+towards -y. Times are sensor time in nanoseconds, the same clock for all traversals.
 """
 
 from __future__ import annotations

@@ -13,7 +13,7 @@ from supermap_cli.hookspecs import RecordingRequest
 from supermap_cli.recordings import open_bag_recording
 from supermap_cli.recordings.inspection import inspect_recording
 from supermap_cli.simulation.recording.messages import Outgoing, RecordingFile, RigMessages, number_image
-from supermap_cli.simulation.rigs import Rig, panorama_rig, rgbd_rig
+from supermap_cli.simulation.rigs import SimulatedRig, panorama_rig, rgbd_rig
 from supermap_cli.simulation.sensors.lidar_sensor import LidarScan
 from supermap_cli.types.detections import Detections, Hypothesis, RegionMask, no_detections
 
@@ -22,25 +22,26 @@ STEP_NS = 100_000_000
 YAW_30 = make_transform([[np.cos(0.5), -np.sin(0.5), 0], [np.sin(0.5), np.cos(0.5), 0], [0, 0, 1]], [1.0, 2.0, 0.0])
 
 
-def write(path: Path, rig: Rig, messages: Iterable[Outgoing]) -> Path:
+def write(path: Path, rig: SimulatedRig, messages: Iterable[Outgoing]) -> Path:
     with RecordingFile(path, RigMessages(rig)) as file:
         for message in messages:
             file.write(message)
     return path
 
 
-def drive(rig: Rig, images: int = 3) -> list[Outgoing]:
+def drive(rig: SimulatedRig, images: int = 3) -> list[Outgoing]:
     """A robot that stands still while the truth says it is 100 m away."""
     writes, sent = RigMessages(rig), []
-    rgb = np.full((rig.camera.height, rig.camera.width, 3), (200, 100, 50), np.uint8)
+    (camera,) = rig.cameras
+    rgb = np.full((camera.model.height, camera.model.width, 3), (200, 100, 50), np.uint8)
     for k in range(images):
         at = START_NS + k * STEP_NS
         sent += [*([writes.mounting(at)] if k == 0 else []), *writes.odometry(at, YAW_30)]
         sent += [writes.true_pose(at, make_transform(np.eye(3), [100.0, 0, 0]))]
         sent += [writes.imu(at, np.array([0.1, 0.2, 0.3]), np.array([0, 0, 9.81]))]
-        sent += writes.colour(at, rgb)
+        sent += writes.color(camera, at, rgb)
         if rig.depth is not None:
-            sent += writes.depth(at, np.full(rgb.shape[:2], 1.234, np.float32))
+            sent += writes.depth(camera, at, np.full(rgb.shape[:2], 1.234, np.float32))
         else:
             scan = LidarScan(np.full((5, 3), 2.0, np.float32), at + np.arange(5), np.ones(5, np.float32))
             sent += [writes.points(at, scan)]
@@ -65,8 +66,8 @@ def test_the_reader_finds_every_stream_of_the_rgbd_rig(tmp_path: Path) -> None:
     assert recording.streams == {"color", "depth", "poses", "imu", "detections", "masks"}
     frames = list(recording.frames())
     assert [each.stamp_ns for each in frames] == [START_NS + k * STEP_NS for k in range(3)]
-    assert frames[0].camera == rig.camera
-    np.testing.assert_allclose(frames[0].T_base_camera, rig.T_base_camera, atol=1e-9)
+    assert frames[0].camera == rig.cameras[0].model
+    np.testing.assert_allclose(frames[0].T_base_camera, rig.cameras[0].T_base_camera, atol=1e-9)
     np.testing.assert_allclose(frames[0].rgb[100, 100], (200, 100, 50), atol=3)
     np.testing.assert_allclose(frames[0].depth_m, 1.234, atol=1e-6)
     sample = next(recording.imu())
@@ -95,7 +96,7 @@ def test_the_reader_finds_every_stream_of_the_panorama_rig(tmp_path: Path) -> No
     rig = panorama_rig()
     recording = open_bag_recording(write(tmp_path / "run.mcap", rig, drive(rig, images=2)), RecordingRequest())
     assert recording.streams == {"color", "lidar", "poses", "imu"}
-    assert next(recording.frames()).camera == rig.camera
+    assert next(recording.frames()).camera == rig.cameras[0].model
     sweep = next(recording.sweeps())
     np.testing.assert_allclose(sweep.points_lidar, 2.0)
     np.testing.assert_allclose(sweep.point_stamps_ns - START_NS, np.arange(5), atol=256)

@@ -45,8 +45,10 @@ def office() -> GroundTruth:
     )
     change = TrueChange("disappeared", "trash-can-1", 0, None, 500, 500, None, ("monday", "tuesday"))
     came = replace(change, kind="appeared", object_id="bucket-1", from_state=None, to_state=0)
-    visits = tuple(kt.traversal(name, each, objects) for name, each in zip(("monday", "tuesday"), DAYS, strict=True))
-    return GroundTruth("office", 2, visits, objects, (), (change, came), ())
+    traversals = tuple(
+        kt.traversal(name, each, objects) for name, each in zip(("monday", "tuesday"), DAYS, strict=True)
+    )
+    return GroundTruth("office", 2, traversals, objects, (), (change, came), ())
 
 
 def asked(truth: GroundTruth) -> dict[str, tuple[str, ...]]:
@@ -118,14 +120,16 @@ def test_a_thing_whose_leaving_nobody_saw_is_not_asked_for() -> None:
 
 def test_a_witness_of_a_moved_thing_wants_its_old_place_seen_empty() -> None:
     thing = kt.thing("cart-1", "cart", CAN, ((0, 0, 0.2), None, 500), ((3, 0, 0.2), 500, None))
-    visits = tuple(kt.traversal(name, each, (thing,)) for name, each in zip(("monday", "tuesday"), DAYS, strict=True))
-    truth = GroundTruth("", 0, visits, (thing,), (), (), ())
+    traversals = tuple(
+        kt.traversal(name, each, (thing,)) for name, each in zip(("monday", "tuesday"), DAYS, strict=True)
+    )
+    truth = GroundTruth("", 0, traversals, (thing,), (), (), ())
     assert Witness(truth).now(0) is thing.states[1]
     assert Witness(truth).earlier(0) is thing.states[0]
-    rows = visits[1].sightings
-    blind = replace(visits[1], sightings=replace(rows, visible=np.where(rows.present, 1, 0).astype(np.float32)))
+    rows = traversals[1].sightings
+    blind = replace(traversals[1], sightings=replace(rows, visible=np.where(rows.present, 1, 0).astype(np.float32)))
     with pytest.raises(Unsure):
-        Witness(replace(truth, traversals=(visits[0], blind))).now(0)
+        Witness(replace(truth, traversals=(traversals[0], blind))).now(0)
 
 
 @pytest.mark.parametrize("label", LABELS)

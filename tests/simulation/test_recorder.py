@@ -15,12 +15,12 @@ from supermap_cli.geometry.se3 import inverse
 from supermap_cli.hookspecs import RecordingRequest
 from supermap_cli.recordings import open_bag_recording
 from supermap_cli.simulation.detection.detector_errors import DetectorErrors
-from supermap_cli.simulation.recording.recorder import Recorded, record
+from supermap_cli.simulation.recording.recorder import RecordedScenario, record
 from supermap_cli.simulation.rigs import OdometryDrift
 from supermap_cli.simulation.sensors.camera_view import render
 from supermap_cli.simulation.sensors.scene import Scene
 from supermap_cli.truth_file import read_truth
-from support import perfect_map, simulated, simulated_visits
+from support import perfect_map, simulated, simulated_traversals
 
 TOPICS = (
     *("/camera/color/image_raw/compressed", "/imu/data", "/odom", "/detections", "/detections/masks"),
@@ -29,12 +29,12 @@ TOPICS = (
 
 
 @pytest.fixture(scope="module")
-def recorded(tmp_path_factory: pytest.TempPathFactory) -> Recorded:
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> RecordedScenario:
     folder = tmp_path_factory.mktemp("recorded")
-    return record(simulated_visits.two_visits(), folder, errors=DetectorErrors.perfect())
+    return record(simulated_traversals.two_traversals(), folder, errors=DetectorErrors.perfect())
 
 
-def test_there_is_a_recording_for_each_visit_and_the_truth_and_nothing_else(recorded: Recorded) -> None:
+def test_there_is_a_recording_for_each_visit_and_the_truth_and_nothing_else(recorded: RecordedScenario) -> None:
     assert [path.name for path in recorded.recordings] == ["monday.mcap", "tuesday.mcap"]
     assert recorded.truth.name == "truth.json"
     assert {path.name for path in recorded.truth.parent.iterdir()} == {"monday.mcap", "tuesday.mcap", "truth.json"}
@@ -43,13 +43,13 @@ def test_there_is_a_recording_for_each_visit_and_the_truth_and_nothing_else(reco
     assert [each.recording for each in truth.traversals] == ["monday.mcap", "tuesday.mcap"]
 
 
-def test_a_perfect_map_answers_all_the_questions(recorded: Recorded, tmp_path: Path) -> None:
+def test_a_perfect_map_answers_all_the_questions(recorded: RecordedScenario, tmp_path: Path) -> None:
     texts = [each.text for each in recorded.ground_truth.questions]
     assert {"chair in monday", "chair", "where was the chair", "chair earlier"} <= set(texts)
     assert perfect_map.wrong_answers(recorded.ground_truth, tmp_path / "map.db") == []
 
 
-def test_what_happened_is_told(recorded: Recorded) -> None:
+def test_what_happened_is_told(recorded: RecordedScenario) -> None:
     changes = [(each.kind, each.object_id, each.between) for each in recorded.ground_truth.changes]
     assert changes == [
         ("moved", "box-1", ("monday", "monday")),
@@ -58,15 +58,15 @@ def test_what_happened_is_told(recorded: Recorded) -> None:
     ]
 
 
-def test_images_depth_and_masks_are_those_of_the_world_at_the_true_pose(recorded: Recorded) -> None:
-    scenario = simulated_visits.two_visits()
+def test_images_depth_and_masks_are_those_of_the_world_at_the_true_pose(recorded: RecordedScenario) -> None:
+    scenario = simulated_traversals.two_traversals()
     recording = open_bag_recording(recorded.recordings[0], RecordingRequest(fit_color=False))
     frames, found = list(recording.frames()), {each.stamp_ns: each for each in recording.detections()}
     assert len(frames) == 26
-    scene, route = Scene(scenario.world), scenario.visits[0].route
+    scene, route = Scene(scenario.world), scenario.traversals[0].route
     for frame in frames[::8]:
         T_world_base = route.T_world_base(np.array([frame.stamp_ns]))[0]
-        view = render(scene, scenario.rig.camera, T_world_base @ frame.T_base_camera, frame.stamp_ns)
+        view = render(scene, scenario.rig.cameras[0].model, T_world_base @ frame.T_base_camera, frame.stamp_ns)
         assert frame.depth_m is not None
         returned = frame.depth_m > 0
         assert returned.mean() > 0.8
@@ -80,11 +80,11 @@ def test_images_depth_and_masks_are_those_of_the_world_at_the_true_pose(recorded
             assert scenario.world.things[thing - 1].label == label
 
 
-def test_odometry_starts_from_its_own_frame_and_the_truth_is_on_a_topic_of_its_own(recorded: Recorded) -> None:
-    scenario = simulated_visits.two_visits()
-    route = scenario.visits[0].route
+def test_odometry_starts_from_its_own_frame_and_the_truth_is_on_a_topic_of_its_own(recorded: RecordedScenario) -> None:
+    scenario = simulated_traversals.two_traversals()
+    route = scenario.traversals[0].route
     own = list(open_bag_recording(recorded.recordings[0], RecordingRequest()).poses())
-    first = inverse(simulated_visits.T_WORLD_ODOM) @ route.T_world_base(np.array([own[0].stamp_ns]))[0]
+    first = inverse(simulated_traversals.T_WORLD_ODOM) @ route.T_world_base(np.array([own[0].stamp_ns]))[0]
     np.testing.assert_allclose(own[0].T_odom_base, first, atol=1e-9)
     request = RecordingRequest(topics={"odometry": "/ground_truth/odom"})
     true = list(open_bag_recording(recorded.recordings[0], request).poses())
@@ -97,9 +97,9 @@ def test_odometry_starts_from_its_own_frame_and_the_truth_is_on_a_topic_of_its_o
 
 def test_everything_lies_in_the_file_in_the_order_of_log_time_and_detections_come_late(tmp_path: Path) -> None:
     slow = DetectorErrors(latency_min_s=0.3, latency_max_s=0.5)
-    scenario = simulated_visits.two_visits()
+    scenario = simulated_traversals.two_traversals()
     short = replace(
-        scenario, visits=(replace(scenario.visits[0], route=simulated_visits.route(simulated.START_NS, 1)),)
+        scenario, traversals=(replace(scenario.traversals[0], route=simulated_traversals.route(simulated.START_NS, 1)),)
     )
     (path,) = record(short, tmp_path, errors=slow).recordings
     with path.open("rb") as file:
@@ -116,14 +116,14 @@ def test_everything_lies_in_the_file_in_the_order_of_log_time_and_detections_com
 
 
 def test_the_lidar_rig_is_recorded_too(tmp_path: Path) -> None:
-    scenario = simulated_visits.two_visits(simulated_visits.small_panorama_rig())
+    scenario = simulated_traversals.two_traversals(simulated_traversals.small_panorama_rig())
     short = replace(
-        scenario, visits=(replace(scenario.visits[0], route=simulated_visits.route(simulated.START_NS, 1)),)
+        scenario, traversals=(replace(scenario.traversals[0], route=simulated_traversals.route(simulated.START_NS, 1)),)
     )
     (path,) = record(short, tmp_path).recordings
     recording = open_bag_recording(path, RecordingRequest())
     assert recording.streams == {"color", "lidar", "poses", "imu", "detections", "masks"}
-    route = short.visits[0].route
+    route = short.traversals[0].route
     for sweep in recording.sweeps():
         T = route.T_world_base(sweep.point_stamps_ns) @ sweep.T_base_lidar
         points = np.einsum("nij,nj->ni", T[:, :3, :3], sweep.points_lidar) + T[:, :3, 3]
@@ -132,9 +132,9 @@ def test_the_lidar_rig_is_recorded_too(tmp_path: Path) -> None:
 
 
 def test_the_same_seed_gives_the_same_bytes_and_another_one_other_noise(tmp_path: Path) -> None:
-    scenario = simulated_visits.two_visits(replace(simulated_visits.small_rig(), drift=OdometryDrift()))
+    scenario = simulated_traversals.two_traversals(replace(simulated_traversals.small_rig(), drift=OdometryDrift()))
     short = replace(
-        scenario, visits=(replace(scenario.visits[0], route=simulated_visits.route(simulated.START_NS, 1)),)
+        scenario, traversals=(replace(scenario.traversals[0], route=simulated_traversals.route(simulated.START_NS, 1)),)
     )
     files = [record(short, tmp_path / str(k), seed=seed) for k, seed in enumerate((5, 5, 6))]
     same, again, other = ([path.read_bytes() for path in (*each.recordings, each.truth)] for each in files)
@@ -148,7 +148,7 @@ def test_an_interrupted_run_leaves_nothing(tmp_path: Path) -> None:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        record(simulated_visits.two_visits(), tmp_path / "new" / "out", progress=interrupt)
+        record(simulated_traversals.two_traversals(), tmp_path / "new" / "out", progress=interrupt)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -157,14 +157,14 @@ def test_an_interrupted_run_leaves_a_folder_that_was_there(tmp_path: Path) -> No
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        record(simulated_visits.two_visits(), tmp_path, progress=interrupt)
+        record(simulated_traversals.two_traversals(), tmp_path, progress=interrupt)
     assert list(tmp_path.iterdir()) == []
 
 
 def test_files_are_not_overwritten_unasked(tmp_path: Path) -> None:
     (tmp_path / "truth.json").write_text("mine", encoding="utf-8")
     with pytest.raises(SimulationError, match=r"truth\.json would be overwritten.*--overwrite"):
-        record(simulated_visits.two_visits(), tmp_path)
+        record(simulated_traversals.two_traversals(), tmp_path)
     assert (tmp_path / "truth.json").read_text(encoding="utf-8") == "mine"
 
 
@@ -176,20 +176,20 @@ def never(*_: object) -> None:
 def test_a_folder_where_a_file_should_be_is_told_before_anything_is_simulated(tmp_path: Path, overwrite: bool) -> None:
     (tmp_path / "truth.json").mkdir()
     with pytest.raises(SimulationError, match=r"truth\.json is a folder.*--out"):
-        record(simulated_visits.two_visits(), tmp_path, overwrite=overwrite, progress=never)
+        record(simulated_traversals.two_traversals(), tmp_path, overwrite=overwrite, progress=never)
 
 
 def test_a_folder_that_cannot_be_made_is_told(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("", encoding="utf-8")
     with pytest.raises(SimulationError, match=r"cannot write: .*file/out.*--out"):
-        record(simulated_visits.two_visits(), tmp_path / "file" / "out", progress=never)
+        record(simulated_traversals.two_traversals(), tmp_path / "file" / "out", progress=never)
 
 
 @pytest.mark.skipif(not Path("/proc/self").exists(), reason="there is no /proc here")
 @pytest.mark.parametrize("name", ["", "supermap-out"])
 def test_a_folder_that_cannot_be_written_to_is_told(name: str) -> None:
     with pytest.raises(SimulationError, match=r"cannot write: .*/proc.*--out"):
-        record(simulated_visits.two_visits(), Path("/proc") / name, progress=never)
+        record(simulated_traversals.two_traversals(), Path("/proc") / name, progress=never)
 
 
 def test_a_full_disk_is_told_and_leaves_nothing(tmp_path: Path) -> None:
@@ -197,13 +197,13 @@ def test_a_full_disk_is_told_and_leaves_nothing(tmp_path: Path) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
 
     with pytest.raises(SimulationError, match=r"No space left on device.*out.*there is space"):
-        record(simulated_visits.two_visits(), tmp_path / "out", progress=full)
+        record(simulated_traversals.two_traversals(), tmp_path / "out", progress=full)
     assert list(tmp_path.iterdir()) == []
 
 
 def test_progress_counts_every_visits_images(tmp_path: Path) -> None:
     told: list[tuple[str, int, int]] = []
-    scenario = simulated_visits.two_visits()
-    short = replace(scenario, visits=(scenario.visits[1],))
+    scenario = simulated_traversals.two_traversals()
+    short = replace(scenario, traversals=(scenario.traversals[1],))
     record(short, tmp_path, progress=lambda *each: told.append(each))
     assert told == [("tuesday", done, 11) for done in range(1, 12)]

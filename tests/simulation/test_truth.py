@@ -10,14 +10,15 @@ import pytest
 from jsonschema import Draft202012Validator
 
 from supermap_cli.geometry.se3 import make_transform, transform_points
-from supermap_cli.simulation.recording.truth import WatchedVisit, find_changes, make_truth, passages
+from supermap_cli.simulation.recording.truth import DetectedImage, RecordedTraversal, find_changes, make_truth, passages
 from supermap_cli.simulation.scenario import Scenario
 from supermap_cli.simulation.views import Sights
 from supermap_cli.simulation.world import Motion, Stay, Thing, World, sample_surface
 from supermap_cli.truth_file import to_document
+from supermap_cli.types.sensing import MAIN_CAMERA
 from supermap_cli.types.truth import GroundTruth, TrueChange
 from supermap_schema.json_schemas import load_schema
-from support import simulated, simulated_visits
+from support import simulated, simulated_traversals
 
 S = simulated.SECOND_NS
 START = simulated.START_NS
@@ -29,26 +30,25 @@ def no_sights() -> Sights:
 
 
 def truth_of(scenario: Scenario, sights: tuple[Sights, ...] = ()) -> GroundTruth:
-    """As if the first visit had these sights, a second apart, and every second sample had been seen."""
-    visits = [
-        WatchedVisit(
-            visit,
-            f"{visit.name}.mcap",
-            visit.route.start_ns + S * np.arange(len(sights) if visit is scenario.visits[0] else 0),
-            sights if visit is scenario.visits[0] else (),
-        )
-        for visit in scenario.visits
+    """As if the first traversal had these sights, a second apart, and every second sample had been seen."""
+    first = scenario.traversals[0]
+    images = tuple(
+        DetectedImage(first.route.start_ns + k * S, MAIN_CAMERA, image_sights) for k, image_sights in enumerate(sights)
+    )
+    traversals = [
+        RecordedTraversal(traversal, f"{traversal.name}.mcap", images if traversal is first else ())
+        for traversal in scenario.traversals
     ]
     surfaces = [
         [(points, np.arange(len(points)) % 2 == 0) for points, _ in (sample_surface(each.shape, 0.1) for each in parts)]
         for parts in (scenario.world.things, scenario.world.fixtures)
     ]
-    return make_truth(scenario, visits, *surfaces)
+    return make_truth(scenario, traversals, *surfaces)
 
 
 def with_world(stays: tuple[Stay, ...], motions: tuple[Motion, ...] = ()) -> Scenario:
-    """The two visits (0..5 s, 120..122 s) to a world in which only the ball stands or moves as given."""
-    scenario = simulated_visits.two_visits()
+    """The two traversals (0..5 s, 120..122 s) to a world in which only the ball stands or moves as given."""
+    scenario = simulated_traversals.two_traversals()
     world = scenario.world
     return replace(scenario, world=World(world.fixtures, world.things, stays, motions))
 
@@ -70,7 +70,7 @@ def changes_of(*stays: Stay, motions: tuple[Motion, ...] = ()) -> list[TrueChang
 
 
 def test_objects_have_their_states_boxes_and_centroids() -> None:
-    truth = truth_of(simulated_visits.two_visits())
+    truth = truth_of(simulated_traversals.two_traversals())
     assert [each.id for each in truth.objects] == ["table-1", "cup-1", "chair-1", "ball-1", "box-1"]
     cup, ball_, box = truth.object("cup-1"), truth.object("ball-1"), truth.object("box-1")
     assert (cup.states[0].since_ns, cup.states[0].until_ns, cup.states[0].on) == (
@@ -90,7 +90,7 @@ def test_objects_have_their_states_boxes_and_centroids() -> None:
 
 
 def test_surfaces_of_the_building_are_what_was_seen_by_label() -> None:
-    truth = truth_of(simulated_visits.two_visits())
+    truth = truth_of(simulated_traversals.two_traversals())
     assert [each.label for each in truth.surfaces] == ["floor", "ceiling", "wall"]
     walls = [each for each in simulated.room_fixtures() if each.label == "wall"]
     seen = sum((len(sample_surface(each.shape, 0.1)[0]) + 1) // 2 for each in walls)
@@ -98,7 +98,7 @@ def test_surfaces_of_the_building_are_what_was_seen_by_label() -> None:
 
 
 def test_the_truth_follows_its_schema() -> None:
-    document = json.loads(json.dumps(to_document(truth_of(simulated_visits.two_visits(), (no_sights(),)))))
+    document = json.loads(json.dumps(to_document(truth_of(simulated_traversals.two_traversals(), (no_sights(),)))))
     Draft202012Validator(load_schema("truth")).validate(document)
 
 
@@ -134,7 +134,7 @@ def test_a_person_has_one_motion_for_each_passage_at_the_middle_of_the_limbs() -
     world = simulated.small_world()
     person = Thing("person-1", "person", limb)
     walked = World(world.fixtures, (*world.things, person), world.stays, (*world.motions, *motions))
-    truth = truth_of(replace(simulated_visits.two_visits(), world=walked))
+    truth = truth_of(replace(simulated_traversals.two_traversals(), world=walked))
     found = truth.object("person-1")
     assert (found.kind, found.states, len(found.motions)) == ("person", (), 2)
     np.testing.assert_allclose(found.motions[0].centers_world, [[0, 0, 0.5], [0, 2, 0.5]], atol=1e-9)
@@ -187,7 +187,7 @@ def test_the_box_of_a_turned_thing_turns_with_it() -> None:
     world = simulated.small_world()
     T = make_transform([[0, -1, 0], [1, 0, 0], [0, 0, 1]], [1.0, 0, 0])
     turned = World(world.fixtures, (Thing("slab-1", "slab", slab),), (Stay("slab-1", T),))
-    box = truth_of(replace(simulated_visits.two_visits(), world=turned)).objects[0].states[0].box
+    box = truth_of(replace(simulated_traversals.two_traversals(), world=turned)).objects[0].states[0].box
     np.testing.assert_allclose(box.size, [2, 1, 0.5])
     assert box.yaw == pytest.approx(np.pi / 2)
     corners = transform_points(T, slab.vertices)

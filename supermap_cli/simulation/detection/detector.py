@@ -24,6 +24,7 @@ from supermap_cli.simulation.detection.phantoms import Phantoms, random_region
 from supermap_cli.simulation.views import Sights, View
 from supermap_cli.simulation.world import World
 from supermap_cli.types.detections import Detections, Hypothesis, RegionMask, joined_masks, no_detections
+from supermap_cli.types.sensing import MAIN_CAMERA
 
 _NOTHING = ("nothing", 0, 0)
 
@@ -56,14 +57,24 @@ class _Found:
 class SimulatedDetector:
     """Looks at one image after the other; what it says holds labels, scores, boxes and masks, never a true id.
 
-    Deterministic: the same seed and the same images in the same order give the same detections.
+    Deterministic: the same seed and the same images in the same order give the same detections. `phantom_seed` places
+    the spots of the building that fool it; detectors that share it are fooled by the same ones.
     """
 
-    def __init__(self, world: World, errors: DetectorErrors, seed: int) -> None:
+    def __init__(
+        self,
+        world: World,
+        errors: DetectorErrors,
+        seed: int,
+        *,
+        phantom_seed: int | None = None,
+        camera_id: str = MAIN_CAMERA,
+    ) -> None:
         self._world = world
         self._errors = errors
-        self._rng, latency_rng, spots_rng, moods_rng = np.random.default_rng(seed).spawn(4)
-        self._latency_rng = latency_rng
+        self._camera_id = camera_id
+        self._rng, self._latency_rng, _, moods_rng = np.random.default_rng(seed).spawn(4)
+        spots_rng = np.random.default_rng(seed if phantom_seed is None else phantom_seed).spawn(4)[2]
         self._vocabulary = Vocabulary(thing.label for thing in world.things)
         self._phantoms = Phantoms.scattered(world, self._vocabulary.labels, errors.phantoms_per_m2, spots_rng)
         self._moods = Moods(moods_rng, lasting_s=errors.lasting_s, lasting=errors.lasting, constant=errors.constant)
@@ -91,7 +102,7 @@ class SimulatedDetector:
         reports = [self._report(each, view) for each in found]
         reports += [self._report(each, view) for each in self._imagined(view, camera, T_world_camera)]
         if not reports:
-            return no_detections(stamp_ns)
+            return no_detections(stamp_ns, self._camera_id)
         reports.sort(key=lambda each: -each.hypotheses[0].score)
         return Detections(
             stamp_ns,
@@ -99,6 +110,7 @@ class SimulatedDetector:
             np.array([each.hypotheses[0].score for each in reports], np.float32),
             tuple(each.hypotheses for each in reports),
             tuple(each.mask for each in reports),
+            self._camera_id,
         )
 
     def _candidates(self, view: View, sights: Sights, full_turn: bool) -> Iterator[_Candidate]:

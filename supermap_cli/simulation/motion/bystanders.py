@@ -71,7 +71,7 @@ class Passage:
 
 
 class Bystanders:
-    """Those who come by in a building on one visit of the robot; none of them is ever in its way."""
+    """Those who come by in a building on one traversal of the robot; none of them is ever in its way."""
 
     def __init__(self, plan: BuildingPlan, obstacles: Sequence[Box3D], watch: Watch, rng: np.random.Generator) -> None:
         self._plan, self._obstacles, self._rng = plan, obstacles, rng

@@ -26,14 +26,14 @@ _EVERY = 2
 
 @dataclass(frozen=True)
 class Start:
-    """The step of the visit at which someone sets out (negative: before it), and how long the robot sees the person."""
+    """The step of the traversal at which a person sets out (negative: before it), and how long the robot sees them."""
 
     step: int
     seen_s: float
 
 
 class Watch:
-    """What the robot can see from its way, told by its places at every step of the visit.
+    """What the robot can see from its way, told by its places at every step of the traversal.
 
     Its camera looks ahead and is `view_rad` wide.
     """
@@ -49,7 +49,7 @@ class Watch:
 
     @property
     def duration_s(self) -> float:
-        """How long the visit takes."""
+        """How long the traversal takes."""
         return len(self._xy) * _STEP_S
 
     def stamp_ns(self, step: int) -> int:
@@ -59,7 +59,7 @@ class Watch:
     def best_start(self, way_xy: FloatArray, worth_seeing: slice) -> Start | None:
         """When to set out on a way (m, 2), one point a step, so that the robot sees most of its `worth_seeing` points.
 
-        The person never comes near the robot, and appears and vanishes behind walls, or before and after the visit.
+        The person never comes near the robot, and appears and vanishes behind walls, or before and after the traversal.
         `None` where that is not possible.
         """
         starts = [k for k in range(1 - len(way_xy), len(self._xy), 2) if self._can_start(way_xy, k)]
@@ -93,7 +93,7 @@ class Watch:
         return bool(apart) and all(self._hidden(start + k, way_xy[k]) for k in (0, len(way_xy) - 1))
 
     def _together(self, way_xy: FloatArray, start: int) -> tuple[IntArray, FloatArray]:
-        """The steps (k,) that a way shares with the visit, and where the person is then (k, 2)."""
+        """The steps (k,) that a way shares with the traversal, and where the person is then (k, 2)."""
         first, last = max(start, 0), max(0, start, min(start + len(way_xy), len(self._xy)))
         return np.arange(first, last), way_xy[first - start : last - start]
 
@@ -105,7 +105,7 @@ class Watch:
         return in_view
 
     def _hidden(self, step: int, xy: FloatArray) -> bool:
-        """Whether walls hide a point (2,) at a step, or that is not in the visit."""
+        """Whether walls hide a point (2,) at a step, or that is not in the traversal."""
         return not 0 <= step < len(self._xy) or not self._walls.sees(self._xy[step], xy[None])[0]
 
     def _seen_s(self, way_xy: FloatArray, start: int, worth_seeing: slice) -> float:

@@ -71,7 +71,7 @@ class Scene:
         return _joined(blocks)
 
     def _stage(self, stamp_ns: int) -> _Stage:
-        """Fixtures and standing things; the last few are kept, as visits may take turns."""
+        """Fixtures and standing things; the last few are kept, as traversals may take turns."""
         standing = tuple(k for k, stay in enumerate(self.world.stays) if stay.covers(stamp_ns))
         if standing not in self._standing:
             stays = [self.world.stays[k] for k in standing]

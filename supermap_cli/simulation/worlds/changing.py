@@ -1,4 +1,4 @@
-"""What becomes of a furnished building between two visits, and the stays of everything in it."""
+"""What becomes of a furnished building between two traversals, and the stays of everything in it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What stands where: the recipes of all rooms, and of what changes between two visits."""
+"""What stands where: the recipes of all rooms, and of what changes between two traversals."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ PANORAMA_ROOMS: Mapping[str, Sequence[Line]] = {
 }
 BUCKET = Line("bucket", ON_FLOOR_OR_WALL)
 PANORAMA_BUCKET_ROOMS = ("office", "kitchen")
-"""Each has a bucket in the end; one of the two comes during the visit."""
+"""Each has a bucket in the end; one of the two comes during the traversal."""
 
 TINY_ROOM = (
     Line("table", OnFloor(from_wall_m=0.4)),
