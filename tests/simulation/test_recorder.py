@@ -14,9 +14,12 @@ from supermap_cli.errors import SimulationError
 from supermap_cli.geometry.se3 import inverse
 from supermap_cli.hookspecs import RecordingRequest
 from supermap_cli.recordings import open_bag_recording
+from supermap_cli.simulation.detection.detector import SimulatedDetector
 from supermap_cli.simulation.detection.detector_errors import DetectorErrors
 from supermap_cli.simulation.recording.recorder import RecordedScenario, record
-from supermap_cli.simulation.rigs import OdometryDrift
+from supermap_cli.simulation.recording.sightings import SightLines
+from supermap_cli.simulation.rigs import OdometryDrift, SimulatedRig
+from supermap_cli.simulation.scenario import Scenario
 from supermap_cli.simulation.sensors.camera_view import render
 from supermap_cli.simulation.sensors.scene import Scene
 from supermap_cli.truth_file import read_truth
@@ -26,6 +29,13 @@ TOPICS = (
     *("/camera/color/image_raw/compressed", "/imu/data", "/odom", "/detections", "/detections/masks"),
     "/camera/aligned_depth_to_color/image_raw/compressedDepth",
 )
+
+
+def one_second(rig: SimulatedRig) -> Scenario:
+    """The first traversal of the small world, cut to a second."""
+    scenario = simulated_traversals.two_traversals(rig)
+    traversal = replace(scenario.traversals[0], route=simulated_traversals.route(simulated.START_NS, 1))
+    return replace(scenario, traversals=(traversal,))
 
 
 @pytest.fixture(scope="module")
@@ -97,10 +107,7 @@ def test_odometry_starts_from_its_own_frame_and_the_truth_is_on_a_topic_of_its_o
 
 def test_everything_lies_in_the_file_in_the_order_of_log_time_and_detections_come_late(tmp_path: Path) -> None:
     slow = DetectorErrors(latency_min_s=0.3, latency_max_s=0.5)
-    scenario = simulated_traversals.two_traversals()
-    short = replace(
-        scenario, traversals=(replace(scenario.traversals[0], route=simulated_traversals.route(simulated.START_NS, 1)),)
-    )
+    short = one_second(simulated_traversals.small_rig())
     (path,) = record(short, tmp_path, errors=slow).recordings
     with path.open("rb") as file:
         stored = [
@@ -116,10 +123,7 @@ def test_everything_lies_in_the_file_in_the_order_of_log_time_and_detections_com
 
 
 def test_the_lidar_rig_is_recorded_too(tmp_path: Path) -> None:
-    scenario = simulated_traversals.two_traversals(simulated_traversals.small_panorama_rig())
-    short = replace(
-        scenario, traversals=(replace(scenario.traversals[0], route=simulated_traversals.route(simulated.START_NS, 1)),)
-    )
+    short = one_second(simulated_traversals.small_panorama_rig())
     (path,) = record(short, tmp_path).recordings
     recording = open_bag_recording(path, RecordingRequest())
     assert recording.streams == {"color", "lidar", "poses", "imu", "detections", "masks"}
@@ -132,10 +136,7 @@ def test_the_lidar_rig_is_recorded_too(tmp_path: Path) -> None:
 
 
 def test_the_same_seed_gives_the_same_bytes_and_another_one_other_noise(tmp_path: Path) -> None:
-    scenario = simulated_traversals.two_traversals(replace(simulated_traversals.small_rig(), drift=OdometryDrift()))
-    short = replace(
-        scenario, traversals=(replace(scenario.traversals[0], route=simulated_traversals.route(simulated.START_NS, 1)),)
-    )
+    short = one_second(replace(simulated_traversals.small_rig(), drift=OdometryDrift()))
     files = [record(short, tmp_path / str(k), seed=seed) for k, seed in enumerate((5, 5, 6))]
     same, again, other = ([path.read_bytes() for path in (*each.recordings, each.truth)] for each in files)
     assert same == again
@@ -207,3 +208,75 @@ def test_progress_counts_every_visits_images(tmp_path: Path) -> None:
     short = replace(scenario, traversals=(scenario.traversals[1],))
     record(short, tmp_path, progress=lambda *each: told.append(each))
     assert told == [("tuesday", done, 11) for done in range(1, 12)]
+
+
+def messages_by_topic(path: Path) -> dict[str, list[tuple[int, bytes]]]:
+    """Log time and data of every message."""
+    found: dict[str, list[tuple[int, bytes]]] = {}
+    with path.open("rb") as file:
+        for _, channel, message in NonSeekingReader(file).iter_messages(log_time_order=False):
+            found.setdefault(channel.topic, []).append((message.log_time, message.data))
+    return found
+
+
+@pytest.fixture(scope="module")
+def three_cameras(tmp_path_factory: pytest.TempPathFactory) -> RecordedScenario:
+    return record(one_second(simulated_traversals.small_three_camera_rig()), tmp_path_factory.mktemp("three"))
+
+
+def test_each_of_several_cameras_has_topics_of_its_own_and_all_expose_at_once(three_cameras: RecordedScenario) -> None:
+    stored = messages_by_topic(three_cameras.recordings[0])
+    stamps_ns = [simulated.START_NS + k * simulated.SECOND_NS // 5 for k in range(6)]
+    for name in ("camera_front", "camera_left", "camera_right"):
+        for topic in ("color/image_raw/compressed", "color/camera_info", "aligned_depth_to_color/camera_info"):
+            assert [log_ns for log_ns, _ in stored[f"/{name}/{topic}"]] == stamps_ns
+        assert len(stored[f"/{name}/aligned_depth_to_color/image_raw/compressedDepth"]) == 6
+        assert len(stored[f"/{name}/detections"]) == len(stored[f"/{name}/detections/masks"]) == 6
+    assert len({data for _, data in stored["/tf_static"]}) == 1
+
+
+def test_the_messages_of_several_cameras_lie_in_the_order_of_log_time(three_cameras: RecordedScenario) -> None:
+    with three_cameras.recordings[0].open("rb") as file:
+        log_ns = [found.log_time for _, _, found in NonSeekingReader(file).iter_messages(log_time_order=False)]
+    assert log_ns == sorted(log_ns)
+
+
+@pytest.mark.parametrize("camera_id", ["front", "left"])
+def test_a_camera_alone_records_what_it_records_among_others(
+    three_cameras: RecordedScenario, camera_id: str, tmp_path: Path
+) -> None:
+    rig = simulated_traversals.only_camera(simulated_traversals.small_three_camera_rig(), camera_id)
+    alone = messages_by_topic(record(one_second(rig), tmp_path).recordings[0])
+    among = messages_by_topic(three_cameras.recordings[0])
+    own = [topic for topic in alone if topic != "/tf_static"]
+    assert any(topic.startswith(f"/camera_{camera_id}/detections") for topic in own)
+    assert all(alone[topic] == among[topic] for topic in own)
+
+
+def test_the_truth_tells_which_camera_took_each_image(three_cameras: RecordedScenario) -> None:
+    (traversal,) = read_truth(three_cameras.truth).traversals
+    assert traversal.camera_ids == ("front", "left", "right") * 6
+    assert (np.diff(traversal.stamps_ns.reshape(6, 3), axis=1) == 0).all()
+    truth = three_cameras.ground_truth
+    views = {
+        camera_id: {truth.objects[k].id for k in traversal.sightings.object[traversal.sightings.frame % 3 == number]}
+        for number, camera_id in enumerate(("front", "left", "right"))
+    }
+    assert "table-1" in views["front"]
+    assert views["left"] != views["right"]
+
+
+def test_the_only_camera_of_a_rig_adds_nothing_to_the_seeds_of_its_noise(tmp_path: Path) -> None:
+    scenario = one_second(simulated_traversals.small_rig())
+    (path,) = record(scenario, tmp_path, seed=7).recordings
+    recording = open_bag_recording(path, RecordingRequest(fit_color=False))
+    seed = int(np.random.default_rng((7, 0, 4)).integers(2**31))
+    detector = SimulatedDetector(scenario.world, DetectorErrors(), seed)
+    scene, (camera,), route = Scene(scenario.world), scenario.rig.cameras, scenario.traversals[0].route
+    for read in recording.detections():
+        T_world_camera = route.T_world_base(np.array([read.stamp_ns]))[0] @ camera.T_base_camera
+        view = render(scene, camera.model, T_world_camera, read.stamp_ns)
+        sights = SightLines(scenario.world, farthest_m=8.0).look(view, camera.model, T_world_camera)
+        found = detector.detect(view, sights, full_turn=False, camera=camera.model, T_world_camera=T_world_camera)
+        assert found.labels == read.labels
+        np.testing.assert_allclose(found.scores, read.scores)

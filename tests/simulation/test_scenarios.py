@@ -72,6 +72,20 @@ def test_the_same_seed_gives_the_same_world_and_another_seed_another() -> None:
     assert not np.allclose(first.world.stays[0].T_world_thing, other.world.stays[0].T_world_thing)
 
 
+def test_world_and_drive_are_the_same_whatever_the_rig() -> None:
+    own, other = scenario("tiny", 1), make_scenario("tiny", 1, rig="three-cameras")
+    assert (own.rig.name, other.rig.name) == ("rgbd", "three-cameras")
+    for one, two in zip(own.world.motions, other.world.motions, strict=True):
+        assert np.array_equal(one.stamps_ns, two.stamps_ns)
+        assert np.array_equal(one.T_world_body, two.T_world_body)
+    assert np.array_equal(own.traversals[0].route.knots_xy, other.traversals[0].route.knots_xy)
+
+
+def test_an_unknown_rig_is_told_before_a_world_is_made() -> None:
+    with pytest.raises(SimulationError, match="no rig"):
+        make_scenario("tiny", 1, rig="submarine")
+
+
 def test_a_longer_visit_does_not_change_the_world() -> None:
     short, long = scenario("tiny", 1), make_scenario("tiny", 1, seconds=6)
     for one, two in zip(short.world.stays, long.world.stays, strict=True):

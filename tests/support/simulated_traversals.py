@@ -9,7 +9,15 @@ import numpy as np
 from supermap_cli.geometry.cameras import EquirectangularCamera, PinholeCamera
 from supermap_cli.geometry.se3 import make_transform
 from supermap_cli.simulation.building_plan import BuildingPlan, Room
-from supermap_cli.simulation.rigs import DepthSensor, Imu, OdometryDrift, SimulatedRig, panorama_rig, rgbd_rig
+from supermap_cli.simulation.rigs import (
+    DepthSensor,
+    Imu,
+    OdometryDrift,
+    SimulatedRig,
+    panorama_rig,
+    rgbd_rig,
+    three_camera_rig,
+)
 from supermap_cli.simulation.route import Route
 from supermap_cli.simulation.scenario import Scenario, SimulatedTraversal
 from support import simulated
@@ -31,6 +39,18 @@ def small_rig() -> SimulatedRig:
 def with_camera_model(rig: SimulatedRig, model: PinholeCamera | EquirectangularCamera) -> SimulatedRig:
     """The rig with other cameras in the places of its own."""
     return replace(rig, cameras=tuple(replace(camera, model=model) for camera in rig.cameras))
+
+
+def small_three_camera_rig() -> SimulatedRig:
+    """Three of the cameras of `small_rig`, with noise in their depth."""
+    small = small_rig()
+    rig = with_camera_model(three_camera_rig(), small.cameras[0].model)
+    return replace(rig, imu=small.imu, drift=small.drift, image_rate_hz=5.0, detection_every=1)
+
+
+def only_camera(rig: SimulatedRig, camera_id: str) -> SimulatedRig:
+    """The rig without its other cameras."""
+    return replace(rig, cameras=(rig.camera(camera_id),))
 
 
 def small_panorama_rig() -> SimulatedRig:
