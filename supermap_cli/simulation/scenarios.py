@@ -231,7 +231,7 @@ def _panorama(dice: _Dice, seconds: float) -> Scenario:
     """
     site = _Site(dice, lambda _: PANORAMA_ROOMS)
     interior = site.interior
-    bag = next(each for each in interior.placed if each.piece.label == "backpack")
+    bag = next(placed for placed in interior.placed if placed.piece.label == "backpack")
     interior.another_place(bag, ON_FLOOR_OR_WALL, bag.room, dice.of(_Concern.CHANGES), at_least_m=1.8)
     arriving = dice.of(_Concern.CHANGES, 1)
     for room in PANORAMA_BUCKET_ROOMS:
@@ -246,9 +246,10 @@ def _panorama_on_a_way(site: _Site, seconds: float, number: int) -> Scenario:
     """What happens while the robot takes one of its ways."""
     interior, rig = site.interior, panorama_rig()
     (bag, bag_after), bins, buckets = (
-        [each for each in interior.placed if each.piece.label == label] for label in ("backpack", "trash can", "bucket")
+        [placed for placed in interior.placed if placed.piece.label == label]
+        for label in ("backpack", "trash can", "bucket")
     )
-    focus = [each.T_world_thing[:2, 3] for each in (bag, bag_after, *bins)]
+    focus = [placed.T_world_thing[:2, 3] for placed in (bag, bag_after, *bins)]
     traversal = site.traversal("panorama", MONDAY_NS, seconds, focus=focus, number=number)
     bystanders = site.bystanders(traversal, rig, number)
     vanishing, vanished_ns = _unwatched(bins, bystanders.watch)
@@ -269,9 +270,9 @@ def _panorama_on_a_way(site: _Site, seconds: float, number: int) -> Scenario:
 
 def _unwatched(things: Sequence[Placed], watch: Watch) -> tuple[Placed, int]:
     """The first of these whose place the robot sees, loses from view and sees again, and the middle of meanwhile."""
-    for each in things[:-1]:
+    for placed in things[:-1]:
         with suppress(SimulationError):
-            return each, watch.unwatched_ns(each.T_world_thing[:2, 3])
+            return placed, watch.unwatched_ns(placed.T_world_thing[:2, 3])
     return things[-1], watch.unwatched_ns(things[-1].T_world_thing[:2, 3])
 
 

@@ -64,13 +64,13 @@ class Shape:
 
 def join_shapes(shapes: Sequence[Shape]) -> Shape:
     """One shape of several that share a frame; equal materials are kept once."""
-    materials = tuple(dict.fromkeys(each for shape in shapes for each in shape.materials))
+    materials = tuple(dict.fromkeys(material for shape in shapes for material in shape.materials))
     offsets = np.cumsum([0, *(len(shape.vertices) for shape in shapes)])
     return Shape(
         np.concatenate([shape.vertices for shape in shapes]),
         np.concatenate([shape.triangles + at for shape, at in zip(shapes, offsets[:-1], strict=True)]),
         np.concatenate(
-            [np.array([materials.index(each) for each in shape.materials])[shape.material] for shape in shapes]
+            [np.array([materials.index(material) for material in shape.materials])[shape.material] for shape in shapes]
         ),
         materials,
     )

@@ -22,7 +22,7 @@ def test_the_list_names_every_scenario_and_every_error_of_the_detector() -> None
     shown = cli.supermap("simulate", "--list").stdout
     assert all(name in shown for name in (*SCENARIOS, *RIGS, "recall", "false_positives"))
     listed = cli.document("simulate_list", "simulate", "--list")
-    assert [each["name"] for each in listed["scenarios"]] == list(SCENARIOS)
+    assert [scenario["name"] for scenario in listed["scenarios"]] == list(SCENARIOS)
     assert [rig["name"] for rig in listed["rigs"]] == list(RIGS)
     assert {"name": "recall", "default": 0.95}.items() <= listed["errors"][0].items()
 
@@ -33,11 +33,11 @@ def test_a_scenario_is_written_and_told(tmp_path: Path) -> None:
     assert (told["scenario"], told["seed"]) == ("tiny", 2)
     assert told["truth"] == str(folder / "truth.json")
     written = {path.name for path in folder.iterdir()}
-    assert written == {"truth.json", *(Path(each["path"]).name for each in told["recordings"])}
-    for each in told["recordings"]:
-        assert each["bytes"] == Path(each["path"]).stat().st_size
-        assert each["seconds"] == pytest.approx(2, abs=0.5)
-        assert each["detection_images"] >= 5
+    assert written == {"truth.json", *(Path(recording["path"]).name for recording in told["recordings"])}
+    for recording in told["recordings"]:
+        assert recording["bytes"] == Path(recording["path"]).stat().st_size
+        assert recording["seconds"] == pytest.approx(2, abs=0.5)
+        assert recording["detection_images"] >= 5
 
 
 def test_people_are_told_what_to_do_next(tmp_path: Path) -> None:

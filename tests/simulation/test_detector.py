@@ -90,7 +90,7 @@ def test_a_perfect_detector_gives_the_views_masks_boxes_and_labels() -> None:
 def test_nothing_tells_the_true_ids() -> None:
     view = _view([(10, 10, 60, 80), (100, 90, 200, 200)])
     found = SimulatedDetector(_world(CHAIRS), DetectorErrors(), 0).detect(view, _sights(view), full_turn=False)
-    told = {each.label for hypotheses in found.hypotheses for each in hypotheses}
+    told = {hypothesis.label for hypotheses in found.hypotheses for hypothesis in hypotheses}
     assert told <= set(LABELS) | {"person"}
 
 
@@ -103,10 +103,10 @@ def test_detections_are_sorted_by_score_and_scores_are_probabilities() -> None:
         found = detector.detect(view, _sights(view), full_turn=False)
         assert (np.diff(found.scores) <= 0).all()
         for hypotheses in found.hypotheses:
-            scores = [each.score for each in hypotheses]
+            scores = [hypothesis.score for hypothesis in hypotheses]
             assert scores == sorted(scores, reverse=True)
             assert 0 < sum(scores) <= 1
-            assert len({each.label for each in hypotheses}) == len(hypotheses) == 3
+            assert len({hypothesis.label for hypothesis in hypotheses}) == len(hypotheses) == 3
 
 
 @pytest.mark.parametrize("what", ["distance_m", "visible", "pixels"])
@@ -141,7 +141,7 @@ def test_a_wrong_label_is_a_look_alikes_and_stays_the_same_for_a_while() -> None
         view = _view([(50, 50, 150, 150)], frame)
         found = detector.detect(view, _sights(view), full_turn=False)
         labels.append(found.labels[0])
-        assert "chair" in {each.label for each in found.hypotheses[0][:2]}
+        assert "chair" in {hypothesis.label for hypothesis in found.hypotheses[0][:2]}
     wrong = np.array([label != "chair" for label in labels])
     assert wrong.mean() == pytest.approx(0.5 * 0.6, abs=0.1)
     assert {label for label in labels if label != "chair"} <= set(look_alikes()["chair"])

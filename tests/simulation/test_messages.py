@@ -65,7 +65,7 @@ def test_the_reader_finds_every_stream_of_the_rgbd_rig(tmp_path: Path) -> None:
     recording = open_bag_recording(write(tmp_path / "run.mcap", rig, messages), RecordingRequest(fit_color=False))
     assert recording.streams == {"color", "depth", "poses", "imu", "detections", "masks"}
     frames = list(recording.frames())
-    assert [each.stamp_ns for each in frames] == [START_NS + k * STEP_NS for k in range(3)]
+    assert [frame.stamp_ns for frame in frames] == [START_NS + k * STEP_NS for k in range(3)]
     assert frames[0].camera == rig.cameras[0].model
     np.testing.assert_allclose(frames[0].T_base_camera, rig.cameras[0].T_base_camera, atol=1e-9)
     np.testing.assert_allclose(frames[0].rgb[100, 100], (200, 100, 50), atol=3)
@@ -79,7 +79,7 @@ def test_the_robots_own_odometry_is_used_and_not_the_truth(tmp_path: Path) -> No
     rig = rgbd_rig()
     path = write(tmp_path / "run.mcap", rig, drive(rig))
     report = inspect_recording(path, RecordingRequest())
-    assert {each.role: each.topic for each in report.roles}["odometry"] == "/odom"
+    assert {role.role: role.topic for role in report.roles}["odometry"] == "/odom"
     assert report.base_frame == "base_link"
     recording = open_bag_recording(path, RecordingRequest())
     np.testing.assert_allclose(next(recording.poses()).T_odom_base, YAW_30, atol=1e-9)
@@ -87,7 +87,7 @@ def test_the_robots_own_odometry_is_used_and_not_the_truth(tmp_path: Path) -> No
 
 def test_the_truth_serves_where_there_is_nothing_else(tmp_path: Path) -> None:
     rig = rgbd_rig()
-    without = [each for each in drive(rig) if each.topic not in {"/odom", "/tf"}]
+    without = [message for message in drive(rig) if message.topic not in {"/odom", "/tf"}]
     recording = open_bag_recording(write(tmp_path / "run.mcap", rig, without), RecordingRequest())
     assert next(recording.poses()).T_odom_base[0, 3] == pytest.approx(100)
 
@@ -121,7 +121,7 @@ def test_an_image_without_detections_is_told_as_such(tmp_path: Path) -> None:
     rig = rgbd_rig()
     messages = [*drive(rig), *RigMessages(rig).detections(no_detections(START_NS), START_NS + 5 * STEP_NS)]
     recording = open_bag_recording(write(tmp_path / "run.mcap", rig, messages), RecordingRequest(fit_color=False))
-    assert [len(each) for each in recording.detections()] == [0]
+    assert [len(found) for found in recording.detections()] == [0]
 
 
 def test_no_detections_give_an_empty_number_image() -> None:

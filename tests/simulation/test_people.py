@@ -50,7 +50,7 @@ def test_all_limbs_share_the_id_the_label_and_the_time() -> None:
 @pytest.mark.parametrize("motions", [MOTIONS, CARRIAGE.person_motions], ids=["walking", "carrying"])
 def test_the_limbs_stay_together_in_a_box_of_a_persons_size(motions: tuple) -> None:
     for k in range(0, len(motions[0].stamps_ns), 7):
-        points = np.vstack([transform_points(each.T_world_body[k], each.shape.vertices) for each in motions])
+        points = np.vstack([transform_points(motion.T_world_body[k], motion.shape.vertices) for motion in motions])
         size = np.ptp(points, axis=0)
         assert 1.5 < size[2] < 1.95
         assert np.hypot(*size[:2]) < 1.7

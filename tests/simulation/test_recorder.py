@@ -50,17 +50,17 @@ def test_there_is_a_recording_for_each_visit_and_the_truth_and_nothing_else(reco
     assert {path.name for path in recorded.truth.parent.iterdir()} == {"monday.mcap", "tuesday.mcap", "truth.json"}
     truth = read_truth(recorded.truth)
     assert (truth.scenario, truth.seed, truth.questions) == ("test", 3, recorded.ground_truth.questions)
-    assert [each.recording for each in truth.traversals] == ["monday.mcap", "tuesday.mcap"]
+    assert [traversal.recording for traversal in truth.traversals] == ["monday.mcap", "tuesday.mcap"]
 
 
 def test_a_perfect_map_answers_all_the_questions(recorded: RecordedScenario, tmp_path: Path) -> None:
-    texts = [each.text for each in recorded.ground_truth.questions]
+    texts = [question.text for question in recorded.ground_truth.questions]
     assert {"chair in monday", "chair", "where was the chair", "chair earlier"} <= set(texts)
     assert perfect_map.wrong_answers(recorded.ground_truth, tmp_path / "map.db") == []
 
 
 def test_what_happened_is_told(recorded: RecordedScenario) -> None:
-    changes = [(each.kind, each.object_id, each.between) for each in recorded.ground_truth.changes]
+    changes = [(change.kind, change.object_id, change.between) for change in recorded.ground_truth.changes]
     assert changes == [
         ("moved", "box-1", ("monday", "monday")),
         ("disappeared", "chair-1", ("monday", "tuesday")),
@@ -71,7 +71,7 @@ def test_what_happened_is_told(recorded: RecordedScenario) -> None:
 def test_images_depth_and_masks_are_those_of_the_world_at_the_true_pose(recorded: RecordedScenario) -> None:
     scenario = simulated_traversals.two_traversals()
     recording = open_bag_recording(recorded.recordings[0], RecordingRequest(fit_color=False))
-    frames, found = list(recording.frames()), {each.stamp_ns: each for each in recording.detections()}
+    frames, found = list(recording.frames()), {detections.stamp_ns: detections for detections in recording.detections()}
     assert len(frames) == 26
     scene, route = Scene(scenario.world), scenario.traversals[0].route
     for frame in frames[::8]:
@@ -99,8 +99,8 @@ def test_odometry_starts_from_its_own_frame_and_the_truth_is_on_a_topic_of_its_o
     request = RecordingRequest(topics={"odometry": "/ground_truth/odom"})
     true = list(open_bag_recording(recorded.recordings[0], request).poses())
     np.testing.assert_allclose(
-        np.array([each.T_odom_base for each in true]),
-        route.T_world_base(np.array([each.stamp_ns for each in true])),
+        np.array([pose.T_odom_base for pose in true]),
+        route.T_world_base(np.array([pose.stamp_ns for pose in true])),
         atol=1e-9,
     )
 
@@ -138,7 +138,7 @@ def test_the_lidar_rig_is_recorded_too(tmp_path: Path) -> None:
 def test_the_same_seed_gives_the_same_bytes_and_another_one_other_noise(tmp_path: Path) -> None:
     short = one_second(replace(simulated_traversals.small_rig(), drift=OdometryDrift()))
     files = [record(short, tmp_path / str(k), seed=seed) for k, seed in enumerate((5, 5, 6))]
-    same, again, other = ([path.read_bytes() for path in (*each.recordings, each.truth)] for each in files)
+    same, again, other = ([path.read_bytes() for path in (*made.recordings, made.truth)] for made in files)
     assert same == again
     assert same[0] != other[0]
 
@@ -206,7 +206,7 @@ def test_progress_counts_every_visits_images(tmp_path: Path) -> None:
     told: list[tuple[str, int, int]] = []
     scenario = simulated_traversals.two_traversals()
     short = replace(scenario, traversals=(scenario.traversals[1],))
-    record(short, tmp_path, progress=lambda *each: told.append(each))
+    record(short, tmp_path, progress=lambda *progress: told.append(progress))
     assert told == [("tuesday", done, 11) for done in range(1, 12)]
 
 

@@ -22,7 +22,7 @@ def scenario(name: str, seed: int) -> Scenario:
 
 
 def objects(world: World) -> list[str]:
-    return [each.id for each in world.things if each.label != "person"]
+    return [thing.id for thing in world.things if thing.label != "person"]
 
 
 def standing(world: World, stamp_ns: int) -> dict[str, Stay]:
@@ -56,14 +56,14 @@ def test_tiny_is_one_short_visit_to_one_room(seed: int) -> None:
     assert len(objects(made.world)) == 9
     assert made.traversals[0].route.end_ns - made.traversals[0].route.start_ns == 4_000_000_000
     assert made.traversals[0].route.start_ns == MONDAY_NS
-    assert [each.label for each in made.world.things].count("person") == 1
+    assert [thing.label for thing in made.world.things].count("person") == 1
     start_ns, end_ns = made.traversals[0].route.start_ns, made.traversals[0].route.end_ns
     assert all(motion.stamps_ns[0] < start_ns and motion.stamps_ns[-1] > end_ns for motion in made.world.motions)
 
 
 def test_the_same_seed_gives_the_same_world_and_another_seed_another() -> None:
     first, again, other = scenario("tiny", 1), make_scenario("tiny", 1), scenario("tiny", 2)
-    assert [each.id for each in first.world.things] == [each.id for each in again.world.things]
+    assert [thing.id for thing in first.world.things] == [thing.id for thing in again.world.things]
     for one, two in zip(first.world.stays, again.world.stays, strict=True):
         assert np.array_equal(one.T_world_thing, two.T_world_thing)
     for one, two in zip(first.world.motions, again.world.motions, strict=True):
@@ -98,7 +98,7 @@ def test_office_has_41_objects_and_people_who_walk_through(seed: int) -> None:
     made = scenario("office", seed)
     world = made.world
     assert len(objects(world)) == 41
-    assert len({world.thing(each).label for each in objects(world)}) >= 18
+    assert len({world.thing(object_id).label for object_id in objects(world)}) >= 18
     assert all(stay.since_ns is None and stay.until_ns is None for stay in world.stays)
     (traversal,) = made.traversals
     assert (traversal.name, made.rig.name) == ("office", "rgbd")
@@ -121,10 +121,10 @@ def test_the_second_visit_finds_what_was_promised_and_nothing_else(name: str, se
         "demo": (["potted plant"], ["bucket"], 1),
     }
     gone, new, relocated = labels[name]
-    assert sorted(world.thing(each).label for each in before.keys() - after.keys()) == gone
-    assert sorted(world.thing(each).label for each in after.keys() - before.keys()) == new
+    assert sorted(world.thing(object_id).label for object_id in before.keys() - after.keys()) == gone
+    assert sorted(world.thing(object_id).label for object_id in after.keys() - before.keys()) == new
     both = before.keys() & after.keys()
-    distances = sorted(d for each in both if (d := moved_m(world, before[each], after[each])) > 0)
+    distances = sorted(d for object_id in both if (d := moved_m(world, before[object_id], after[object_id])) > 0)
     assert len(distances) == relocated + 1
     assert distances[0] == pytest.approx(0.25)
     assert all(distance > 2 for distance in distances[1:])
@@ -154,7 +154,7 @@ def test_changes_happen_half_way_between_visits_a_day_apart_that_start_in_differ
 @pytest.mark.parametrize("seed", SEEDS)
 def test_one_relocated_thing_is_the_only_one_of_its_kind_and_goes_to_another_room(seed: int) -> None:
     made = scenario("office-twice", seed)
-    counts = Counter(each.label for each in made.world.things)
+    counts = Counter(thing.label for thing in made.world.things)
     assert counts["suitcase"] == 1
     rooms = [made.plan.room_at(stay.T_world_thing[:2, 3]) for stay in made.world.stays_of("suitcase-1")]
     assert [room.name for room in rooms if room is not None] == ["kitchen", "office"]
@@ -196,14 +196,14 @@ def test_panorama_has_a_carried_bag_and_a_trash_can_that_goes(seed: int) -> None
     world, (traversal,) = made.world, made.traversals
     assert (traversal.name, made.rig.name) == ("panorama", "panorama")
     first, second = world.stays_of("backpack-1")
-    (motion,) = [each for each in world.motions if each.thing_id == "backpack-1"]
+    (motion,) = [motion for motion in world.motions if motion.thing_id == "backpack-1"]
     assert (first.until_ns, second.since_ns) == (motion.stamps_ns[0], motion.stamps_ns[-1])
     assert np.allclose(motion.T_world_body[0], first.T_world_thing)
     assert np.allclose(motion.T_world_body[-1], second.T_world_thing, atol=0.02)
     assert moved_m(world, first, second) > 1.5
     assert traversal.route.start_ns < motion.stamps_ns[0]
     assert motion.stamps_ns[0] < traversal.route.end_ns
-    assert {each.label for each in world.things if each.id in {m.thing_id for m in world.motions}} == {
+    assert {thing.label for thing in world.things if thing.id in {m.thing_id for m in world.motions}} == {
         "person",
         "backpack",
     }
@@ -218,8 +218,8 @@ def test_a_trash_can_goes_and_a_bucket_comes_behind_walls_and_their_places_are_s
     label: str, seed: int
 ) -> None:
     made = scenario("panorama", seed)
-    stays = [each for each in made.world.stays if made.world.thing(each.thing_id).label == label]
-    (changed,) = [each for each in stays if each.since_ns or each.until_ns]
+    stays = [stay for stay in made.world.stays if made.world.thing(stay.thing_id).label == label]
+    (changed,) = [stay for stay in stays if stay.since_ns or stay.until_ns]
     assert (changed.since_ns is None) == (label == "trash can")
     changed_ns = changed.since_ns or changed.until_ns
     assert changed_ns is not None
@@ -237,7 +237,7 @@ def test_a_trash_can_goes_and_a_bucket_comes_behind_walls_and_their_places_are_s
 def test_people_keep_off_the_robot_and_appear_out_of_its_view(name: str, seed: int) -> None:
     made = scenario(name, seed)
     walls = FreeSpace(made.plan, [], clearance_m=0.3)
-    for person in (each.id for each in made.world.things if each.label == "person"):
+    for person in (thing.id for thing in made.world.things if thing.label == "person"):
         body = next(motion for motion in made.world.motions if motion.thing_id == person)
         for traversal in made.traversals:
             inside = (body.stamps_ns >= traversal.route.start_ns) & (body.stamps_ns < traversal.route.end_ns)

@@ -40,7 +40,7 @@ def truth_of(scenario: Scenario, sights: tuple[Sights, ...] = ()) -> GroundTruth
         for traversal in scenario.traversals
     ]
     surfaces = [
-        [(points, np.arange(len(points)) % 2 == 0) for points, _ in (sample_surface(each.shape, 0.1) for each in parts)]
+        [(points, np.arange(len(points)) % 2 == 0) for points, _ in (sample_surface(part.shape, 0.1) for part in parts)]
         for parts in (scenario.world.things, scenario.world.fixtures)
     ]
     return make_truth(scenario, traversals, *surfaces)
@@ -54,7 +54,7 @@ def with_world(stays: tuple[Stay, ...], motions: tuple[Motion, ...] = ()) -> Sce
 
 
 def ball(x: float, since_s: float | None = None, until_s: float | None = None) -> Stay:
-    since, until = (None if each is None else START + round(each * S) for each in (since_s, until_s))
+    since, until = (None if seconds is None else START + round(seconds * S) for seconds in (since_s, until_s))
     return Stay("ball-1", simulated.standing(x, 0, 0), since, until)
 
 
@@ -71,7 +71,7 @@ def changes_of(*stays: Stay, motions: tuple[Motion, ...] = ()) -> list[TrueChang
 
 def test_objects_have_their_states_boxes_and_centroids() -> None:
     truth = truth_of(simulated_traversals.two_traversals())
-    assert [each.id for each in truth.objects] == ["table-1", "cup-1", "chair-1", "ball-1", "box-1"]
+    assert [thing.id for thing in truth.objects] == ["table-1", "cup-1", "chair-1", "ball-1", "box-1"]
     cup, ball_, box = truth.object("cup-1"), truth.object("ball-1"), truth.object("box-1")
     assert (cup.states[0].since_ns, cup.states[0].until_ns, cup.states[0].on) == (
         None,
@@ -83,7 +83,7 @@ def test_objects_have_their_states_boxes_and_centroids() -> None:
     np.testing.assert_allclose(
         ball_.states[0].centroid, ball_.surface_world(ball_.states[0], only_seen=False).mean(axis=0), atol=1e-6
     )
-    assert [each.since_ns for each in box.states] == [None, simulated.BOX_ARRIVES_NS]
+    assert [state.since_ns for state in box.states] == [None, simulated.BOX_ARRIVES_NS]
     (motion,) = box.motions
     assert motion.stamps_ns.tolist() == [simulated.BOX_LEAVES_NS, simulated.BOX_ARRIVES_NS]
     np.testing.assert_allclose(motion.centers_world, [[-2.2, -1, 0.15], [-2.2, 1, 0.15]])
@@ -91,9 +91,9 @@ def test_objects_have_their_states_boxes_and_centroids() -> None:
 
 def test_surfaces_of_the_building_are_what_was_seen_by_label() -> None:
     truth = truth_of(simulated_traversals.two_traversals())
-    assert [each.label for each in truth.surfaces] == ["floor", "ceiling", "wall"]
-    walls = [each for each in simulated.room_fixtures() if each.label == "wall"]
-    seen = sum((len(sample_surface(each.shape, 0.1)[0]) + 1) // 2 for each in walls)
+    assert [surface.label for surface in truth.surfaces] == ["floor", "ceiling", "wall"]
+    walls = [fixture for fixture in simulated.room_fixtures() if fixture.label == "wall"]
+    seen = sum((len(sample_surface(fixture.shape, 0.1)[0]) + 1) // 2 for fixture in walls)
     assert len(truth.surfaces[2].points_world) == seen
 
 
@@ -130,7 +130,7 @@ def test_a_person_has_one_motion_for_each_passage_at_the_middle_of_the_limbs() -
         return Motion("person-1", limb, START + S * np.array([start_s, start_s + 1]), poses)
 
     motions = (walk(0, -0.2), walk(0, 0.2), walk(3, -0.2), walk(3, 0.2))
-    assert [len(each) for each in passages(motions)] == [2, 2]
+    assert [len(limbs) for limbs in passages(motions)] == [2, 2]
     world = simulated.small_world()
     person = Thing("person-1", "person", limb)
     walked = World(world.fixtures, (*world.things, person), world.stays, (*world.motions, *motions))
@@ -138,7 +138,7 @@ def test_a_person_has_one_motion_for_each_passage_at_the_middle_of_the_limbs() -
     found = truth.object("person-1")
     assert (found.kind, found.states, len(found.motions)) == ("person", (), 2)
     np.testing.assert_allclose(found.motions[0].centers_world, [[0, 0, 0.5], [0, 2, 0.5]], atol=1e-9)
-    assert not any(each.object_id == "person-1" for each in truth.changes)
+    assert not any(change.object_id == "person-1" for change in truth.changes)
 
 
 def test_nothing_changes_where_everything_stands() -> None:
@@ -172,7 +172,8 @@ def test_nothing_changes_where_everything_stands() -> None:
 def test_changes(stays: tuple[Stay, ...], motions: tuple[Motion, ...], expected: list[tuple[object, ...]]) -> None:
     found = changes_of(*stays, motions=motions)
     assert [
-        (each.kind, each.from_state, each.to_state, (each.stamp_ns - START) / S, *each.between) for each in found
+        (change.kind, change.from_state, change.to_state, (change.stamp_ns - START) / S, *change.between)
+        for change in found
     ] == expected
 
 

@@ -97,19 +97,21 @@ class SimulatedDetector:
         two. With the camera and where it stands, false detections also come back at the same spots of the building.
         """
         stamp_ns = view.stamp_ns
-        found = [each for each in self._candidates(view, sights, full_turn) if self._notices(each, stamp_ns)]
-        found = [part for each in self._merged(found, stamp_ns) for part in self._split(each, stamp_ns)]
-        reports = [self._report(each, view) for each in found]
-        reports += [self._report(each, view) for each in self._imagined(view, camera, T_world_camera)]
+        found = [
+            candidate for candidate in self._candidates(view, sights, full_turn) if self._notices(candidate, stamp_ns)
+        ]
+        found = [part for candidate in self._merged(found, stamp_ns) for part in self._split(candidate, stamp_ns)]
+        reports = [self._report(candidate, view) for candidate in found]
+        reports += [self._report(candidate, view) for candidate in self._imagined(view, camera, T_world_camera)]
         if not reports:
             return no_detections(stamp_ns, self._camera_id)
-        reports.sort(key=lambda each: -each.hypotheses[0].score)
+        reports.sort(key=lambda report: -report.hypotheses[0].score)
         return Detections(
             stamp_ns,
-            np.array([each.box_xyxy for each in reports], np.float32),
-            np.array([each.hypotheses[0].score for each in reports], np.float32),
-            tuple(each.hypotheses for each in reports),
-            tuple(each.mask for each in reports),
+            np.array([report.box_xyxy for report in reports], np.float32),
+            np.array([report.hypotheses[0].score for report in reports], np.float32),
+            tuple(report.hypotheses for report in reports),
+            tuple(report.mask for report in reports),
             self._camera_id,
         )
 

@@ -36,7 +36,7 @@ def touch(first: RegionMask, second: RegionMask) -> bool:
     high_v = min(first.v0 + first.pixels.shape[0], second.v0 + second.pixels.shape[0]) + 2
     if low_u >= high_u or low_v >= high_v:
         return False
-    a, b = (_window(each, low_u, low_v, high_u, high_v) for each in (first, second))
+    a, b = (_window(mask, low_u, low_v, high_u, high_v) for mask in (first, second))
     return bool((cv2.dilate(a.view(np.uint8), np.ones((5, 5), np.uint8)).view(bool) & b).any())
 
 

@@ -58,7 +58,7 @@ class Passage:
         """The points of the way that matter: where the thing is carried, or all."""
         if self.carried is None:
             return slice(None)
-        first, last = ((each - int(self.limbs[0].stamps_ns[0])) // STEP_NS for each in self.carried_between_ns)
+        first, last = ((stamp_ns - int(self.limbs[0].stamps_ns[0])) // STEP_NS for stamp_ns in self.carried_between_ns)
         return slice(first, last)
 
     def later(self, by_ns: int) -> Passage:
@@ -120,7 +120,7 @@ class Bystanders:
             legs.append(Passage(*leg))
             start_ns = int(legs[-1].limbs[0].stamps_ns[-1])
         limbs = zip(*(leg.limbs for leg in legs), strict=True)
-        return Passage(legs[0].person, tuple(reduce(_then, each) for each in limbs))
+        return Passage(legs[0].person, tuple(reduce(_then, motions) for motions in limbs))
 
     def _carrying(self, person_id: str, thing: Thing, T_from: FloatArray, T_to: FloatArray) -> Passage:
         here = self._plan.room_at(T_from[:2, 3])
@@ -142,7 +142,7 @@ class Bystanders:
         return points
 
     def _room_besides(self, room: str) -> str:
-        return pick(self._rng, [each.name for each in self._plan.rooms if each.name != room] or [room])
+        return pick(self._rng, [other.name for other in self._plan.rooms if other.name != room] or [room])
 
     def _point_in(self, room: str, far_from: FloatArray | None = None) -> FloatArray:
         """A point (2,) on a room's floor where a person can stand; of a few the farthest from another point."""

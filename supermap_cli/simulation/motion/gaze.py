@@ -89,9 +89,9 @@ def room_interests(room: Room, obstacles: Sequence[Box3D], focus: Sequence[Float
     wanted += [(box.center[:2], _OBSTACLE_WEIGHT, _FAR_M) for k, box in enumerate(obstacles) if k not in small]
     wanted += [(xy, _WALL_WEIGHT, _FAR_M) for xy in _along_walls(room)]
     chosen: list[tuple[FloatArray, float, float]] = []
-    for each in wanted:
-        if room.holds(each[0], -0.15) and all(np.linalg.norm(each[0] - other[0]) > 0.3 for other in chosen):
-            chosen.append(each)
+    for candidate in wanted:
+        if room.holds(candidate[0], -0.15) and all(np.linalg.norm(candidate[0] - other[0]) > 0.3 for other in chosen):
+            chosen.append(candidate)
     points, weights, reach_m = zip(*chosen, strict=True)
     return Interests(np.array(points), np.array(weights), np.array(reach_m))
 
@@ -151,7 +151,7 @@ class Gaze:
         self._plan = plan
         self._free = free
         self._interests = interests
-        self._seen = {name: each.unseen() for name, each in interests.items()}
+        self._seen = {name: points.unseen() for name, points in interests.items()}
 
     def choose(self, eye_xy: FloatArray, yaw: float | None, now_s: float, rng: np.random.Generator) -> Look:
         """At what has, with all around it, most to show from here, less for what lies far round; ahead where there is

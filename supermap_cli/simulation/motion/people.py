@@ -299,7 +299,7 @@ def _body(rng: np.random.Generator) -> list[_Limb]:
 
 
 def _cloth(rng: np.random.Generator) -> tuple[float, float, float]:
-    red, green, blue = (float(each) for each in rng.uniform(30, 210, 3))
+    red, green, blue = (float(value) for value in rng.uniform(30, 210, 3))
     return red, green, blue
 
 

@@ -121,7 +121,7 @@ def _knotted(body: FreeSpace, start_ns: int, seconds: float, way_xy: FloatArray,
     stamps_ns = start_ns + (np.linspace(0, seconds, 1 + int(seconds * 40)) * 1e9).astype(np.int64)
     for knot_s in (_KNOT_S, _KNOT_S / 2, _STEP_S):
         times_s = np.linspace(0, seconds, 1 + max(4, int(np.ceil(seconds / knot_s))))
-        x, y, turned = (np.interp(times_s, elapsed_s, each) for each in (way_xy[:, 0], way_xy[:, 1], yaw))
+        x, y, turned = (np.interp(times_s, elapsed_s, values) for values in (way_xy[:, 0], way_xy[:, 1], yaw))
         route = Route(start_ns, times_s, np.column_stack([x, y]), turned)
         if body.are_free(route.derivative(stamps_ns)[:, :2]).all():
             return route

@@ -112,7 +112,7 @@ def _places(free: FreeSpace, room: Room) -> FloatArray:
     spacing = _CANDIDATE_SPACING_M
     while spacing > 0.04:
         x, y = (np.arange(room.low[k] + 0.3, room.high[k] - 0.3, spacing) for k in (0, 1))
-        grid = np.column_stack([each.ravel() for each in np.meshgrid(x, y, indexing="ij")])
+        grid = np.column_stack([coordinates.ravel() for coordinates in np.meshgrid(x, y, indexing="ij")])
         places = grid[free.are_reachable(grid)]
         if len(places):
             return places

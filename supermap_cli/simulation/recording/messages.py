@@ -188,10 +188,12 @@ class RigMessages:
         results = [
             self._type(
                 "vision_msgs/msg/ObjectHypothesisWithPose",
-                hypothesis=self._type("vision_msgs/msg/ObjectHypothesis", class_id=each.label, score=float(each.score)),
+                hypothesis=self._type(
+                    "vision_msgs/msg/ObjectHypothesis", class_id=hypothesis.label, score=float(hypothesis.score)
+                ),
                 pose=pose,
             )
-            for each in found.hypotheses[k]
+            for hypothesis in found.hypotheses[k]
         ]
         middle = self._type("vision_msgs/msg/Point2D", x=(u0 + u1) / 2, y=(v0 + v1) / 2)
         center = self._type("vision_msgs/msg/Pose2D", position=middle, theta=0.0)
@@ -282,7 +284,7 @@ def number_image(found: Detections, height: int, width: int) -> UInt16Array:
     """(h, w) uint16: k on the k-th detection's mask (1-based), 0 elsewhere; where masks overlap, the smaller one."""
     numbers = np.zeros((height, width), np.uint16)
     sized = [(int(mask.pixels.sum()), k, mask) for k, mask in enumerate(found.masks) if mask is not None]
-    for _, k, mask in sorted(sized, key=lambda each: (-each[0], each[1])):
+    for _, k, mask in sorted(sized, key=lambda entry: (-entry[0], entry[1])):
         h, w = mask.pixels.shape
         numbers[mask.v0 : mask.v0 + h, mask.u0 : mask.u0 + w][mask.pixels] = k + 1
     return numbers

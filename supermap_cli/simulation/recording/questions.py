@@ -53,13 +53,17 @@ def ask_questions(truth: GroundTruth) -> tuple[TrueQuestion, ...]:
     asked = [
         *islice(asking.all_of(), _MOST["all"]),
         *islice(asking.how_many(), _MOST["count"]),
-        *(each for preposition in _RELATIONS for each in islice(asking.related(preposition), _MOST[preposition])),
+        *(
+            question
+            for preposition in _RELATIONS
+            for question in islice(asking.related(preposition), _MOST[preposition])
+        ),
         *islice(asking.during_traversals(), _MOST["then"]),
         *islice(asking.earlier(), _MOST["earlier"]),
         *islice(asking.gone(), _MOST["gone"]),
         *islice(asking.never_there(), _MOST["never"]),
     ]
-    return tuple({each.text: each for each in asked}.values())
+    return tuple({question.text: question for question in asked}.values())
 
 
 def means(label: str, other: str) -> bool:
@@ -83,8 +87,8 @@ class _Asking:
     def __init__(self, truth: GroundTruth) -> None:
         self._truth = truth
         self._witness = Witness(truth)
-        objects = [(k, each) for k, each in enumerate(truth.objects) if each.kind == "object"]
-        self._labels = {k: each.label for k, each in objects}
+        objects = [(k, thing) for k, thing in enumerate(truth.objects) if thing.kind == "object"]
+        self._labels = {k: thing.label for k, thing in objects}
         rng = np.random.default_rng(truth.seed)
         self._nouns = [str(label) for label in rng.permutation(sorted(set(self._labels.values())))]
         self._relates = cache(self._relates_now)
@@ -92,13 +96,13 @@ class _Asking:
 
     def all_of(self) -> Iterator[TrueQuestion]:
         """Ask "chair": labels of several things first."""
-        for noun, found in sorted(self._settled(self._witness.now), key=lambda each: -len(each[1])):
+        for noun, found in sorted(self._settled(self._witness.now), key=lambda settled: -len(settled[1])):
             if found:
                 yield self._question(SPOKEN.get(noun, noun), found)
 
     def how_many(self) -> Iterator[TrueQuestion]:
         """Ask "how many chairs": labels of several things first, after those that `all_of` begins with."""
-        several = sorted(self._settled(self._witness.now), key=lambda each: -len(each[1]))
+        several = sorted(self._settled(self._witness.now), key=lambda settled: -len(settled[1]))
         for noun, found in several[2:] + several[:2]:
             if found:
                 yield self._question(f"how many {plural(noun)}", found)
@@ -115,7 +119,7 @@ class _Asking:
                 if any(self._is_telling(preposition, k, other_k) for k in answer for other_k in references):
                     text = f"{SPOKEN.get(noun, noun)} {preposition} the {SPOKEN.get(other, other)}"
                     asked.append((len(answer) == len(found), noun, self._question(text, answer)))
-        asked.sort(key=lambda each: each[0])
+        asked.sort(key=lambda entry: entry[0])
         used: set[str] = set()
         for _, noun, question in asked:
             if noun not in used:
@@ -158,9 +162,9 @@ class _Asking:
 
     def _changed(self) -> list[str]:
         """Labels of what appeared or disappeared, then of what moved."""
-        labels = {each.id: each.label for each in self._truth.objects}
-        moved = {labels[each.object_id]: each.kind == "moved" for each in self._truth.changes}
-        moved |= {labels[each.object_id]: False for each in self._truth.changes if each.kind != "moved"}
+        labels = {thing.id: thing.label for thing in self._truth.objects}
+        moved = {labels[change.object_id]: change.kind == "moved" for change in self._truth.changes}
+        moved |= {labels[change.object_id]: False for change in self._truth.changes if change.kind != "moved"}
         return sorted((noun for noun in self._nouns if noun in moved), key=lambda noun: moved[noun])
 
     def _settled(self, when: Callable[[int], TrueState | None]) -> Iterator[tuple[str, tuple[int, ...]]]:

@@ -40,7 +40,7 @@ class _Patches:
     def joined(cls, patches: Iterable[_Patches]) -> _Patches:
         """All of several, which share a frame."""
         none = cls(np.empty((0, 3)), np.empty((0, 3)), np.empty(0), np.empty(0, np.int64))
-        columns = zip(*(vars(each).values() for each in [none, *patches]), strict=True)
+        columns = zip(*(vars(part).values() for part in [none, *patches]), strict=True)
         return cls(*(np.concatenate(column) for column in columns))
 
     def placed(self, T_world_body: FloatArray, row: int) -> _Patches:
@@ -115,8 +115,8 @@ class SightLines:
         ]
         own = [_some_patches(thing.shape) for thing in world.things]
         places = [own[k].placed(stay.T_world_thing, row) for row, (k, _, stay) in enumerate(self._stays)]
-        self._standing, self._middles = _Patches.joined(places), [each.middle() for each in places]
-        self._bodies = [(world.index[each.thing_id], each, _some_patches(each.shape)) for each in world.motions]
+        self._standing, self._middles = _Patches.joined(places), [place.middle() for place in places]
+        self._bodies = [(world.index[motion.thing_id], motion, _some_patches(motion.shape)) for motion in world.motions]
 
     def look(self, view: View, camera: Camera, T_world_camera: FloatArray) -> Sights:
         """The sights of a view: a row for each stay of each thing, in the order of both, then one for each thing that
@@ -125,9 +125,11 @@ class SightLines:
         moving = self._moving(view.stamp_ns)
         thing = np.array([*(k for k, _, _ in self._stays), *moving], np.int64)
         stay = np.array([*(j for _, j, _ in self._stays), *(-1 for _ in moving)], np.int64)
-        present = np.array([*(each.covers(view.stamp_ns) for _, _, each in self._stays), *(True for _ in moving)], bool)
+        present = np.array(
+            [*(placed_stay.covers(view.stamp_ns) for _, _, placed_stay in self._stays), *(True for _ in moving)], bool
+        )
         eye = T_world_camera[:3, 3]
-        centers = np.array([*self._middles, *(each.middle() for each in moving.values())]).reshape(-1, 3)
+        centers = np.array([*self._middles, *(patches.middle() for patches in moving.values())]).reshape(-1, 3)
         patches = _Patches.joined([self._standing, *moving.values()])
         front = patches.chosen(patches.facing(eye))
         compared = _compare(view, camera, transform_points(inverse(T_world_camera), front.points))
@@ -150,7 +152,7 @@ class SightLines:
         placed = [(k, motion.at(stamp_ns), patches) for k, motion, patches in self._bodies]
         now = [(k, T_world_body, patches) for k, T_world_body, patches in placed if T_world_body is not None]
         return {
-            k: _Patches.joined(patches.placed(T, row) for each, T, patches in now if each == k)
+            k: _Patches.joined(patches.placed(T, row) for moving_thing, T, patches in now if moving_thing == k)
             for row, k in enumerate(dict.fromkeys(k for k, _, _ in now), start=len(self._stays))
         }
 
@@ -171,18 +173,18 @@ class SurfaceCoverage:
     @property
     def things(self) -> tuple[tuple[Float32Array, BoolArray], ...]:
         """Per thing of the world: samples (n, 3) in its own frame, and which of them have been seen (n,)."""
-        return tuple((each.points, each.seen.copy()) for each in self._things)
+        return tuple((samples.points, samples.seen.copy()) for samples in self._things)
 
     @property
     def fixtures(self) -> tuple[tuple[Float32Array, BoolArray], ...]:
         """Per fixture of the world: samples (n, 3) in the world frame, and which of them have been seen (n,)."""
-        return tuple((each.points, each.seen.copy()) for each in self._fixtures)
+        return tuple((samples.points, samples.seen.copy()) for samples in self._fixtures)
 
     def add(self, view: View, camera: Camera, T_world_camera: FloatArray) -> None:
         """Take in a view: a sample is seen if it faces the camera and its pixel shows its thing at its depth."""
         T_camera_world = inverse(T_world_camera)
         shown = np.bincount(view.thing.ravel(), minlength=len(self.world.things) + 1) > 0
-        placed = [(each, T_camera_world) for each in self._fixtures]
+        placed = [(samples, T_camera_world) for samples in self._fixtures]
         for stay in self.world.stays:
             samples = self._things[self.world.index[stay.thing_id]]
             if shown[samples.thing] and stay.covers(view.stamp_ns):

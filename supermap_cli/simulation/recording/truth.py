@@ -166,12 +166,14 @@ def _sightings(sights: Sequence[Sights], world: World) -> TrueSightings:
     ranks = [np.argsort(_in_order(world.stays_of(thing.id))) for thing in world.things]
 
     def column(name: str, dtype: type[np.generic]) -> Any:
-        parts = [getattr(each, name)[each.in_image > 0] for each in sights]
+        parts = [getattr(image_sights, name)[image_sights.in_image > 0] for image_sights in sights]
         return np.concatenate([np.zeros(0, dtype), *parts]).astype(dtype)
 
     thing, stay = column("thing", np.int64), column("stay", np.int64)
     return TrueSightings(
-        frame=np.repeat(np.arange(len(sights)), [int((each.in_image > 0).sum()) for each in sights]).astype(np.int64),
+        frame=np.repeat(
+            np.arange(len(sights)), [int((image_sights.in_image > 0).sum()) for image_sights in sights]
+        ).astype(np.int64),
         object=thing,
         state=np.array([-1 if s < 0 else ranks[t][s] for t, s in zip(thing, stay, strict=True)], np.int64),
         present=column("present", np.bool_),
@@ -198,10 +200,10 @@ def find_changes(objects: Sequence[TrueObject], traversals: Sequence[SimulatedTr
     """
     if not traversals:
         return ()
-    found = [change for each in objects if each.kind == "object" for change in _changes_of(each, traversals)]
+    found = [change for thing in objects if thing.kind == "object" for change in _changes_of(thing, traversals)]
     first_ns, last_ns = traversals[0].route.start_ns, traversals[-1].route.end_ns
-    within = [each for each in found if each.until_ns > first_ns and each.stamp_ns < last_ns]
-    return tuple(sorted(within, key=lambda each: (each.stamp_ns, each.object_id)))
+    within = [change for change in found if change.until_ns > first_ns and change.stamp_ns < last_ns]
+    return tuple(sorted(within, key=lambda change: (change.stamp_ns, change.object_id)))
 
 
 def _changes_of(thing: TrueObject, traversals: Sequence[SimulatedTraversal]) -> Iterator[TrueChange]:
@@ -234,11 +236,11 @@ def _disappeared(thing: TrueObject, state: int, stamp_ns: int, traversals: Seque
 
 def _was_away(thing: TrueObject, until_ns: int, since_ns: int, traversals: Sequence[SimulatedTraversal]) -> bool:
     """Whether it stood nowhere, and was not on its way either, while a traversal went on."""
-    if any(until_ns <= each.stamps_ns[0] < since_ns for each in thing.motions):
+    if any(until_ns <= motion.stamps_ns[0] < since_ns for motion in thing.motions):
         return False
-    return any(until_ns < each.route.end_ns and since_ns > each.route.start_ns for each in traversals) and (
-        since_ns > until_ns
-    )
+    return any(
+        until_ns < traversal.route.end_ns and since_ns > traversal.route.start_ns for traversal in traversals
+    ) and (since_ns > until_ns)
 
 
 def _between(stamp_ns: int, traversals: Sequence[SimulatedTraversal]) -> tuple[str, str]:

@@ -37,7 +37,7 @@ class Witness:
         self._objects = truth.objects
         self._end_ns = truth.traversals[-1].end_ns
         self._traversals = tuple(range(len(truth.traversals)))
-        places = [0, *(len(each.states) + 1 for each in truth.objects)]
+        places = [0, *(len(thing.states) + 1 for thing in truth.objects)]
         self._first = np.cumsum(places, dtype=np.int64)
         until_ns = np.full(self._first[-1], np.iinfo(np.int64).max)
         for k, thing in enumerate(truth.objects):

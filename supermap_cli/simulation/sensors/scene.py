@@ -146,7 +146,10 @@ class _Stage:
         counts = [len(triangles) for _, triangles in shapes]
         begins = np.cumsum([0, *(len(vertices) for vertices, _ in shapes)])
         triangles = np.concatenate(
-            [np.empty((0, 3), np.int64), *(each + at for (_, each), at in zip(shapes, begins[:-1], strict=True))]
+            [
+                np.empty((0, 3), np.int64),
+                *(shape_triangles + at for (_, shape_triangles), at in zip(shapes, begins[:-1], strict=True)),
+            ]
         )
         things = np.array([*(body.thing for body, _ in placed), 0], np.int32)
         self._thing = np.repeat(things, [*counts, 1])
@@ -183,12 +186,12 @@ def _joined(blocks: Sequence[Hits]) -> Hits:
     """The hits of successive portions of rays as one."""
     if len(blocks) == 1:
         return blocks[0]
-    rgb = [each.rgb for each in blocks if each.rgb is not None]
+    rgb = [block.rgb for block in blocks if block.rgb is not None]
     return Hits(
-        np.concatenate([each.distance for each in blocks]),
-        np.concatenate([each.thing for each in blocks]),
-        np.concatenate([each.normals for each in blocks]),
-        np.concatenate([each.slant_cos for each in blocks]),
+        np.concatenate([block.distance for block in blocks]),
+        np.concatenate([block.thing for block in blocks]),
+        np.concatenate([block.normals for block in blocks]),
+        np.concatenate([block.slant_cos for block in blocks]),
         np.concatenate(rgb) if rgb else None,
     )
 

@@ -80,10 +80,10 @@ class _Layout:
 
         rooms = tuple(Room(room.name, *corners(room.low, room.high)) for room in self.rooms)
         openings = []
-        for each in self.openings:
-            low, high = corners(each.low, each.high)
-            through = onto(each.through) - onto(np.zeros(2))
-            openings.append(replace(each, low=low, high=high, through=through))
+        for opening in self.openings:
+            low, high = corners(opening.low, opening.high)
+            through = onto(opening.through) - onto(np.zeros(2))
+            openings.append(replace(opening, low=low, high=high, through=through))
         return _Layout(rooms, tuple(openings), self.wall_m)
 
 
@@ -96,9 +96,9 @@ def make_building(rng: np.random.Generator, room_names: Sequence[str]) -> tuple[
     layout = _turned_at_random(rng, layout)
     height_m = round(between(rng, 2.6, 2.9), 3)
     doorways = tuple(
-        Doorway(each.room, each.beyond, each.center, each.through, each.width_m - 2 * JAMB_M)
-        for each in layout.openings
-        if each.beyond is not None
+        Doorway(opening.room, opening.beyond, opening.center, opening.through, opening.width_m - 2 * JAMB_M)
+        for opening in layout.openings
+        if opening.beyond is not None
     )
     fixtures = (*_masonry(rng, layout, height_m), *_joinery(rng, layout))
     return BuildingPlan(layout.rooms, doorways, height_m), fixtures
@@ -137,7 +137,7 @@ def _draw_along_corridor(rng: np.random.Generator, names: Sequence[str]) -> _Lay
     upper = [Room(room.name, room.low + lift, room.high + lift) for room in upper]
     openings = [_doorway(rng, room, wall, up=up) for rooms, up in ((upper, True), (lower, False)) for room in rooms]
     for rooms, up in ((upper, True), (lower, False)):
-        openings.extend(each for room in rooms for each in _windows(rng, room, wall, up=up))
+        openings.extend(opening for room in rooms for opening in _windows(rng, room, wall, up=up))
     return _Layout((*upper, *lower, corridor), tuple(openings), wall)
 
 
@@ -208,7 +208,7 @@ class _Cells:
     def __init__(self, layout: _Layout) -> None:
         edges = [np.stack([room.low, room.high]) for room in layout.rooms]
         edges += [room + np.array([[-1], [1]]) * layout.wall_m for room in edges]
-        edges += [np.stack([each.low, each.high]) for each in layout.openings]
+        edges += [np.stack([opening.low, opening.high]) for opening in layout.openings]
         self.x, self.y = (np.unique(np.concatenate(edges)[:, k].round(6)) for k in (0, 1))
         self.shape = len(self.x) - 1, len(self.y) - 1
         self._layout = layout
@@ -223,10 +223,10 @@ class _Cells:
             near |= self._within(room.low - self._layout.wall_m, room.high + self._layout.wall_m)
         stone = np.repeat((near & (self.owner[1:-1, 1:-1] == 0))[..., None], len(z) - 1, axis=2)
         middles = (z[1:] + z[:-1]) / 2
-        for each in self._layout.openings:
-            if not each.closed:
-                low, high = (0.0, DOOR_TOP_M) if each.beyond is not None else (SILL_M, HEAD_M)
-                stone[self._within(each.low, each.high)[..., None] & (middles > low) & (middles < high)] = False
+        for opening in self._layout.openings:
+            if not opening.closed:
+                low, high = (0.0, DOOR_TOP_M) if opening.beyond is not None else (SILL_M, HEAD_M)
+                stone[self._within(opening.low, opening.high)[..., None] & (middles > low) & (middles < high)] = False
         return stone
 
     def _within(self, low: FloatArray, high: FloatArray) -> BoolArray:
@@ -237,14 +237,14 @@ class _Cells:
 
 
 def _joinery(rng: np.random.Generator, layout: _Layout) -> Iterator[Fixture]:
-    for each in layout.openings:
-        if each.closed:
-            label, shape = "door", closed_door(rng, each.width_m, layout.wall_m)
-        elif each.beyond is not None:
-            label, shape = "door", open_door(rng, each.width_m, layout.wall_m, _hinge_side(layout, each))
+    for opening in layout.openings:
+        if opening.closed:
+            label, shape = "door", closed_door(rng, opening.width_m, layout.wall_m)
+        elif opening.beyond is not None:
+            label, shape = "door", open_door(rng, opening.width_m, layout.wall_m, _hinge_side(layout, opening))
         else:
-            label, shape = "window", window(rng, each.width_m, layout.wall_m)
-        yield Fixture(label, _placed(shape, each))
+            label, shape = "window", window(rng, opening.width_m, layout.wall_m)
+        yield Fixture(label, _placed(shape, opening))
 
 
 def _placed(shape: Shape, opening: Opening) -> Shape:

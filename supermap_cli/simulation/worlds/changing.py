@@ -31,7 +31,7 @@ class Changed:
 
     def places_xy(self, interior: Interior) -> list[FloatArray]:
         """Where these things stand before or after, (2,) each."""
-        return [each.T_world_thing[:2, 3] for each in interior.placed if each.thing_id in self.ids]
+        return [placed.T_world_thing[:2, 3] for placed in interior.placed if placed.thing_id in self.ids]
 
 
 def change_interior(interior: Interior, changes: Sequence[Change], rng: np.random.Generator) -> Changed:
@@ -62,22 +62,22 @@ def stays_with(interior: Interior, changed: Changed, change_ns: int | None) -> t
     """Where everything stands until and since the time of the changes."""
     begun: set[str] = set()
     stays = []
-    for each in interior.placed:
-        second = each.thing_id in begun
-        begun.add(each.thing_id)
-        since_ns = change_ns if second or each.thing_id in changed.new else None
-        leaves = each.thing_id in changed.gone or (each.thing_id in changed.moved and not second)
-        stays.append(Stay(each.thing_id, each.T_world_thing, since_ns, change_ns if leaves else None, each.on))
+    for placed in interior.placed:
+        second = placed.thing_id in begun
+        begun.add(placed.thing_id)
+        since_ns = change_ns if second or placed.thing_id in changed.new else None
+        leaves = placed.thing_id in changed.gone or (placed.thing_id in changed.moved and not second)
+        stays.append(Stay(placed.thing_id, placed.T_world_thing, since_ns, change_ns if leaves else None, placed.on))
     return tuple(stays)
 
 
 def _most_open(interior: Interior, label: str, room: str | None, taken: frozenset[str]) -> Placed:
-    hosts = {each.on for each in interior.placed}
+    hosts = {placed.on for placed in interior.placed}
     fitting = [
-        each
-        for each in interior.placed
-        if each.piece.label == label and each.room == (room or each.room) and each.on is None
-        and each.thing_id not in hosts | taken
+        placed
+        for placed in interior.placed
+        if placed.piece.label == label and placed.room == (room or placed.room) and placed.on is None
+        and placed.thing_id not in hosts | taken
     ]  # fmt: skip
     if not fitting:
         raise SimulationError(f"there is no {label} to change", cure="choose another --seed")
@@ -86,5 +86,5 @@ def _most_open(interior: Interior, label: str, room: str | None, taken: frozense
 
 def _gap_m(thing: Placed, others: Sequence[Placed]) -> float:
     """How far the nearest other thing in its room is."""
-    boxes = [each.box for each in others if each.thing_id != thing.thing_id and each.room == thing.room]
+    boxes = [placed.box for placed in others if placed.thing_id != thing.thing_id and placed.room == thing.room]
     return min((footprint_gap_m(thing.box, box) for box in boxes), default=float("inf"))

@@ -97,7 +97,7 @@ class Interior:
         Raises `SimulationError` when something is in the way all round.
         """
         room = self.plan.room(thing.room)
-        others = [each for each in self.placed if each.thing_id != thing.thing_id]
+        others = [placed for placed in self.placed if placed.thing_id != thing.thing_id]
         for angle in rng.permutation(24) * np.pi / 12:
             T_world_thing = thing.T_world_thing.copy()
             T_world_thing[:2, 3] += distance_m * np.array([np.cos(angle), np.sin(angle)])
@@ -110,17 +110,17 @@ class Interior:
     @property
     def obstacles(self) -> list[Box3D]:
         """The boxes of all that stands anywhere at any time, and of the doors' leaves."""
-        return [*(each.box for each in self.placed), *self._door_boxes()]
+        return [*(placed.box for placed in self.placed), *self._door_boxes()]
 
     @property
     def things(self) -> tuple[Thing, ...]:
         """Every thing once, in the order of their first places."""
-        first = {each.thing_id: each.piece for each in reversed(self.placed)}
+        first = {placed.thing_id: placed.piece for placed in reversed(self.placed)}
         return tuple(Thing(thing_id, piece.label, piece.shape) for thing_id, piece in reversed(first.items()))
 
     def thing(self, thing_id: str) -> Thing:
         """The thing of an id."""
-        return next(each for each in self.things if each.id == thing_id)
+        return next(thing for thing in self.things if thing.id == thing_id)
 
     def _furnished(self, room: Room, lines: Sequence[Line], rng: np.random.Generator) -> bool:
         for line in lines:
@@ -147,7 +147,7 @@ class Interior:
 
     def _free_place(self, piece: Piece, place: Place, room: Room, rng: np.random.Generator) -> Placed | None:
         """A free place for a piece, still without an id and a name."""
-        here = [each for each in self.placed if each.room == room.name]
+        here = [placed for placed in self.placed if placed.room == room.name]
         for _ in range(_SPOTS_DRAWN):
             spot = draw_spot(place, piece, room, here, rng)
             if spot is not None:
@@ -166,27 +166,29 @@ class Interior:
             return False
         gap_m = 0.01 if thing.on is not None else 0.04
         taken = [(door.outline, door.parts) for door in self._doors]
-        taken += [(each.outline, each.solids) for each in others]
+        taken += [(other.outline, other.solids) for other in others]
         return not any(
             thing.outline.meet(outline, gap_m) and thing.solids.meet(solids, gap_m) for outline, solids in taken
         )
 
     def _floor_is_open(self, room: Room, further: Placed | None = None) -> bool:
         """Whether one gets from every doorway of a room to the others, and to a good part of its floor."""
-        standing = [each.box for each in self.placed if each.room == room.name]
+        standing = [placed.box for placed in self.placed if placed.room == room.name]
         if further is not None:
             standing.append(further.box)
         alone = BuildingPlan((room,), (), self.plan.height_m)
         free = FreeSpace(alone, [*standing, *self._door_boxes()], clearance_m=_WALKING_CLEARANCE_M)
-        doorways = [each for each in self.plan.doorways if room.name in (each.first, each.second)]
-        if doorways and not free.are_reachable(np.array([_step_inside(each, room) for each in doorways])).all():
+        doorways = [doorway for doorway in self.plan.doorways if room.name in (doorway.first, doorway.second)]
+        if doorways and not free.are_reachable(np.array([_step_inside(doorway, room) for doorway in doorways])).all():
             return False
         return bool(free.reachable.sum() * CELL_M**2 >= _OPEN_SHARE * np.prod(room.high - room.low))
 
     def _door_boxes(self) -> list[Box3D]:
         parts = [door.parts for door in self._doors]
         return [
-            Box3D(center, size, 0.0) for each in parts for center, size in zip(each.centers, each.sizes, strict=True)
+            Box3D(center, size, 0.0)
+            for solids in parts
+            for center, size in zip(solids.centers, solids.sizes, strict=True)
         ]
 
 
@@ -202,17 +204,17 @@ def _step_inside(doorway: Doorway, room: Room) -> FloatArray:
 
 def _door_zones(plan: BuildingPlan) -> Iterator[Solids]:
     """Where nothing stands or hangs: the way through every doorway."""
-    for each in plan.doorways:
-        along = np.abs(each.through)
-        size = 2 * _DOOR_DEPTH_M * along + (each.width_m + 0.1) * (1 - along)
-        yield Solids(np.array([[*each.center, 1.1]]), np.array([[*size, 2.2]]))
+    for doorway in plan.doorways:
+        along = np.abs(doorway.through)
+        size = 2 * _DOOR_DEPTH_M * along + (doorway.width_m + 0.1) * (1 - along)
+        yield Solids(np.array([[*doorway.center, 1.1]]), np.array([[*size, 2.2]]))
 
 
 def _window_zones(fixtures: Sequence[Fixture]) -> Iterator[Solids]:
     """Where nothing hangs or towers: before windows."""
-    for each in fixtures:
-        if each.label == "window":
-            low, high = each.shape.bounds
+    for fixture in fixtures:
+        if fixture.label == "window":
+            low, high = fixture.shape.bounds
             margin = np.array([_WINDOW_DEPTH_M, _WINDOW_DEPTH_M, 0.0])
             yield Solids(((low + high) / 2)[None], (high - low + 2 * margin)[None])
 

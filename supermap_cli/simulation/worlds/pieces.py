@@ -102,7 +102,7 @@ class Piece:
     @cached_property
     def surfaces(self) -> tuple[Surface, ...]:
         """Where other things can stand, the highest first."""
-        return tuple(sorted(self._find_surfaces(), key=lambda each: -each.z_m))
+        return tuple(sorted(self._find_surfaces(), key=lambda surface: -surface.z_m))
 
     @property
     def top(self) -> Surface:
@@ -114,7 +114,7 @@ class Piece:
     @property
     def shelves(self) -> tuple[Surface, ...]:
         """The surfaces within: those with a part of the same shape above them, or else (an open box) the lowest."""
-        return tuple(each for each in self.surfaces if np.isfinite(each.clear_m)) or self.surfaces[-1:]
+        return tuple(surface for surface in self.surfaces if np.isfinite(surface.clear_m)) or self.surfaces[-1:]
 
     def _find_surfaces(self) -> Iterator[Surface]:
         corners = self.shape.vertices[self.shape.triangles]

@@ -141,7 +141,7 @@ class On(HostPlace):
 
     def at(self, host: Placed, piece: Piece, rng: np.random.Generator) -> Spot | None:
         """Somewhere on the host's top."""
-        tops = [each for each in host.piece.surfaces if each.z_m == host.piece.top.z_m]
+        tops = [surface for surface in host.piece.surfaces if surface.z_m == host.piece.top.z_m]
         yaw = np.radians(between(rng, -self.turn_deg, self.turn_deg))
         return _upon(host, pick(rng, tops), piece, (between(rng, *self.x), between(rng, *self.y), yaw))
 
@@ -154,7 +154,7 @@ class Inside(HostPlace):
 
     def at(self, host: Placed, piece: Piece, rng: np.random.Generator) -> Spot | None:
         """On one of the host's boards."""
-        high_enough = [each for each in host.piece.shelves if each.clear_m > piece.size[2] + 0.02]
+        high_enough = [shelf for shelf in host.piece.shelves if shelf.clear_m > piece.size[2] + 0.02]
         if not high_enough:
             return None
         yaw = np.radians(between(rng, -self.turn_deg, self.turn_deg))
@@ -225,7 +225,7 @@ def draw_spot(
     kind = pick(rng, place.places) if isinstance(place, AnyOf) else place
     if isinstance(kind, RoomPlace):
         return kind.within(room, piece, rng)
-    hosts = [each for each in things if kind.host in {each.name, each.piece.label}]
+    hosts = [placed for placed in things if kind.host in {placed.name, placed.piece.label}]
     if not hosts:
         raise LookupError(f"there is no {kind.host!r} to place a {piece.label} at")
     return kind.at(pick(rng, hosts), piece, rng)
