@@ -12,18 +12,18 @@ import numpy as np
 from supermap_cli.errors import SimulationError
 from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.geometry.cameras import EquirectangularCamera
-from supermap_cli.simulation.motion.bystanders import Bystanders, Passage
-from supermap_cli.simulation.motion.moments import Watch
+from supermap_cli.simulation.motion.bystanders import Bystanders, PersonMotion
+from supermap_cli.simulation.motion.route_visibility import RouteVisibility
 from supermap_cli.simulation.motion.routes import plan_route
 from supermap_cli.simulation.rigs import SimulatedRig, make_rig, panorama_rig, rgbd_rig
 from supermap_cli.simulation.route import Route
 from supermap_cli.simulation.scenario import Scenario, SimulatedTraversal
 from supermap_cli.simulation.world import Stay, World
 from supermap_cli.simulation.worlds.building import CORRIDOR, make_building
-from supermap_cli.simulation.worlds.changing import Changed, change_interior, stays_with
-from supermap_cli.simulation.worlds.furnishing import Interior, Line
-from supermap_cli.simulation.worlds.places import Placed
-from supermap_cli.simulation.worlds.recipes import (
+from supermap_cli.simulation.worlds.furnishing import Interior, RecipeLine
+from supermap_cli.simulation.worlds.interior_changes import ChangedInterior, change_interior, stays_with
+from supermap_cli.simulation.worlds.places import PlacedPiece
+from supermap_cli.simulation.worlds.room_recipes import (
     BUCKET,
     DEMO_CHANGES,
     DEMO_ROOM,
@@ -32,7 +32,7 @@ from supermap_cli.simulation.worlds.recipes import (
     PANORAMA_BUCKET_ROOMS,
     PANORAMA_ROOMS,
     TINY_ROOM,
-    Change,
+    InteriorChange,
     office_recipes,
 )
 
@@ -54,11 +54,11 @@ _PANORAMAS_DRAWN = 3
 _OTHER_START_M = 1.0
 _STILL = 0.02
 
-Recipes = Callable[[np.random.Generator], Mapping[str, Sequence[Line]]]
+Recipes = Callable[[np.random.Generator], Mapping[str, Sequence[RecipeLine]]]
 
 
-class _Concern(IntEnum):
-    """What is drawn at random: each from a generator of its own, so that none disturbs another."""
+class _Stream(IntEnum):
+    """What is drawn at random, each from a generator of its own, so that one does not change another."""
 
     BUILDING = 0
     FURNITURE = 1
@@ -68,24 +68,26 @@ class _Concern(IntEnum):
 
 
 @dataclass(frozen=True)
-class _Dice:
+class _RandomStreams:
     """All randomness of one attempt at a world."""
 
     seed: int
     attempt: int
 
-    def of(self, concern: _Concern, number: int = 0) -> np.random.Generator:
-        return np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=(concern, number, self.attempt)))
+    def of(self, stream: _Stream, number: int = 0) -> np.random.Generator:
+        return np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=(stream, number, self.attempt)))
 
 
-class _Site:
-    """A furnished building, and what the robot and people do in it."""
+class _FurnishedBuilding:
+    """A furnished building, and the routes of the robot and of people in it."""
 
-    def __init__(self, dice: _Dice, recipes: Recipes) -> None:
-        self.dice = dice
-        furniture = dice.of(_Concern.FURNITURE)
+    def __init__(self, streams: _RandomStreams, recipes: Recipes) -> None:
+        self.streams = streams
+        furniture = streams.of(_Stream.FURNITURE)
         by_room = recipes(furniture)
-        plan, self.fixtures = make_building(dice.of(_Concern.BUILDING), [name for name in by_room if name != CORRIDOR])
+        plan, self.fixtures = make_building(
+            streams.of(_Stream.BUILDING), [name for name in by_room if name != CORRIDOR]
+        )
         self.interior = Interior(plan, self.fixtures)
         self.interior.furnish(by_room, furniture)
 
@@ -97,7 +99,7 @@ class _Site:
 
     def route(self, start_ns: int, seconds: float, focus: Sequence[FloatArray], number: int) -> Route:
         """A way for the robot."""
-        plan, obstacles, rng = self.interior.plan, self.interior.obstacles, self.dice.of(_Concern.ROUTES, number)
+        plan, obstacles, rng = self.interior.plan, self.interior.obstacles, self.streams.of(_Stream.ROUTES, number)
         try:
             return plan_route(plan, obstacles, rng, start_ns=start_ns, seconds=seconds, focus=focus)
         except ValueError as error:  # whatever stands in the robot's way stands elsewhere in another world
@@ -109,8 +111,8 @@ class _Site:
         camera = rig.cameras[0].model
         panoramic = isinstance(camera, EquirectangularCamera)
         view_rad = 2 * np.pi if panoramic else 2 * np.arctan(camera.width / 2 / camera.focal_px())
-        watch = Watch(plan, obstacles, traversal.route, float(view_rad))
-        return Bystanders(plan, obstacles, watch, self.dice.of(_Concern.PEOPLE, number))
+        route_visibility = RouteVisibility(plan, obstacles, traversal.route, float(view_rad))
+        return Bystanders(plan, obstacles, route_visibility, self.streams.of(_Stream.PEOPLE, number))
 
     def scenario(
         self,
@@ -118,13 +120,13 @@ class _Site:
         rig: SimulatedRig,
         traversals: Sequence[SimulatedTraversal],
         stays: Sequence[Stay],
-        passages: Sequence[Passage],
+        walks: Sequence[PersonMotion],
     ) -> Scenario:
         """All of it together."""
-        things = (*self.interior.things, *(passage.person for passage in passages))
-        motions = tuple(motion for passage in passages for motion in passage.motions)
+        things = (*self.interior.things, *(walk.person for walk in walks))
+        motions = tuple(motion for walk in walks for motion in walk.motions)
         world = World(self.fixtures, things, tuple(stays), motions)
-        return Scenario(name, self.dice.seed, self.interior.plan, world, rig, tuple(traversals))
+        return Scenario(name, self.streams.seed, self.interior.plan, world, rig, tuple(traversals))
 
 
 def make_scenario(name: str, seed: int, *, seconds: float | None = None, rig: str | None = None) -> Scenario:
@@ -150,54 +152,60 @@ def _drawn(maker: Maker, usual_s: float, seed: int, seconds: float | None) -> Sc
     """The first attempt at a world that has room for all that should be in it, and a route through it."""
     for attempt in range(_ATTEMPTS - 1):
         with suppress(SimulationError):
-            return maker(_Dice(seed, attempt), seconds or usual_s)
-    return maker(_Dice(seed, _ATTEMPTS - 1), seconds or usual_s)
+            return maker(_RandomStreams(seed, attempt), seconds or usual_s)
+    return maker(_RandomStreams(seed, _ATTEMPTS - 1), seconds or usual_s)
 
 
-def _office(dice: _Dice, seconds: float) -> Scenario:
-    site, rig = _Site(dice, office_recipes), rgbd_rig()
-    traversal = site.traversal("office", MONDAY_NS, seconds)
-    bystanders = site.bystanders(traversal, rig)
-    passages = [bystanders.pass_through(f"person-{number}") for number in (1, 2)]
-    return site.scenario("office", rig, [traversal], stays_with(site.interior, Changed(), None), passages)
+def _office(streams: _RandomStreams, seconds: float) -> Scenario:
+    building, rig = _FurnishedBuilding(streams, office_recipes), rgbd_rig()
+    traversal = building.traversal("office", MONDAY_NS, seconds)
+    bystanders = building.bystanders(traversal, rig)
+    people = [bystanders.pass_through(f"person-{number}") for number in (1, 2)]
+    return building.scenario("office", rig, [traversal], stays_with(building.interior, ChangedInterior(), None), people)
 
 
-def _office_twice(dice: _Dice, seconds: float) -> Scenario:
-    return _twice("office-twice", _Site(dice, office_recipes), OFFICE_CHANGES, seconds, people=True)
+def _office_twice(streams: _RandomStreams, seconds: float) -> Scenario:
+    return _twice(
+        "office-twice", _FurnishedBuilding(streams, office_recipes), OFFICE_CHANGES, seconds, with_people=True
+    )
 
 
-def _demo(dice: _Dice, seconds: float) -> Scenario:
-    return _twice("demo", _Site(dice, lambda _: {"office": DEMO_ROOM}), DEMO_CHANGES, seconds, people=False)
+def _demo(streams: _RandomStreams, seconds: float) -> Scenario:
+    return _twice(
+        "demo", _FurnishedBuilding(streams, lambda _: {"office": DEMO_ROOM}), DEMO_CHANGES, seconds, with_people=False
+    )
 
 
-def _twice(name: str, site: _Site, changes: Sequence[Change], seconds: float, *, people: bool) -> Scenario:
+def _twice(
+    name: str, building: _FurnishedBuilding, changes: Sequence[InteriorChange], seconds: float, *, with_people: bool
+) -> Scenario:
     """Two traversals a day apart, and the changes half way between them."""
     rig = rgbd_rig()
-    changed = change_interior(site.interior, changes, site.dice.of(_Concern.CHANGES))
-    focus = changed.places_xy(site.interior)
-    monday = site.traversal("monday", MONDAY_NS, seconds, focus=focus)
-    tuesday = _from_elsewhere(site, monday, "tuesday", seconds, focus)
+    changed = change_interior(building.interior, changes, building.streams.of(_Stream.CHANGES))
+    focus = changed.places_xy(building.interior)
+    monday = building.traversal("monday", MONDAY_NS, seconds, focus=focus)
+    tuesday = _from_elsewhere(building, monday, "tuesday", seconds, focus)
     change_ns = (monday.route.end_ns + tuesday.route.start_ns) // 2
     traversals = [monday, tuesday]
-    passages = [
-        site.bystanders(traversal, rig, number).pass_through(f"person-{number}")
-        for number, traversal in enumerate(traversals if people else [], start=1)
+    people = [
+        building.bystanders(traversal, rig, number).pass_through(f"person-{number}")
+        for number, traversal in enumerate(traversals if with_people else [], start=1)
     ]
-    return site.scenario(name, rig, traversals, stays_with(site.interior, changed, change_ns), passages)
+    return building.scenario(name, rig, traversals, stays_with(building.interior, changed, change_ns), people)
 
 
 def _from_elsewhere(
-    site: _Site, first: SimulatedTraversal, name: str, seconds: float, focus: Sequence[FloatArray]
+    building: _FurnishedBuilding, first: SimulatedTraversal, name: str, seconds: float, focus: Sequence[FloatArray]
 ) -> SimulatedTraversal:
     """A traversal on the next day that starts in another place: a way whose beginning, if need be, is left out."""
     start_ns, start_xy = first.route.start_ns + DAY_NS, first.T_world_odom[:2, 3]
     for number in range(1, 1 + _ROUTES_DRAWN):
-        route = site.route(start_ns, seconds, focus, number)
+        route = building.route(start_ns, seconds, focus, number)
         left_out_s = _first_rest_s(route, start_xy)
         if left_out_s is None:
             continue
         if left_out_s > 0:
-            route = _without_beginning(site.route(start_ns, seconds + left_out_s, focus, number), left_out_s)
+            route = _without_beginning(building.route(start_ns, seconds + left_out_s, focus, number), left_out_s)
         traversal = _starting_with(name, route)
         if np.linalg.norm(traversal.T_world_odom[:2, 3] - start_xy) >= _OTHER_START_M:
             return traversal
@@ -225,66 +233,66 @@ def _without_beginning(route: Route, left_out_s: float) -> Route:
     return Route(route.start_ns, times_s, route.knots_xy[first:], route.knots_yaw[first:])
 
 
-def _panorama(dice: _Dice, seconds: float) -> Scenario:
+def _panorama(streams: _RandomStreams, seconds: float) -> Scenario:
     """Someone carries the backpack elsewhere in its room; while the robot is somewhere else, a trash can goes and a
     bucket comes. The places of all of them are free before and after.
     """
-    site = _Site(dice, lambda _: PANORAMA_ROOMS)
-    interior = site.interior
+    building = _FurnishedBuilding(streams, lambda _: PANORAMA_ROOMS)
+    interior = building.interior
     bag = next(placed for placed in interior.placed if placed.piece.label == "backpack")
-    interior.another_place(bag, ON_FLOOR_OR_WALL, bag.room, dice.of(_Concern.CHANGES), at_least_m=1.8)
-    arriving = dice.of(_Concern.CHANGES, 1)
+    interior.another_place(bag, ON_FLOOR_OR_WALL, bag.room, streams.of(_Stream.CHANGES), at_least_m=1.8)
+    arriving = streams.of(_Stream.CHANGES, 1)
     for room in PANORAMA_BUCKET_ROOMS:
         interior.add(BUCKET, room, arriving)
     for number in range(_PANORAMAS_DRAWN - 1):
         with suppress(SimulationError):  # on this way the robot is not where it should be when things happen
-            return _panorama_on_a_way(site, seconds, number)
-    return _panorama_on_a_way(site, seconds, _PANORAMAS_DRAWN - 1)
+            return _panorama_on_a_way(building, seconds, number)
+    return _panorama_on_a_way(building, seconds, _PANORAMAS_DRAWN - 1)
 
 
-def _panorama_on_a_way(site: _Site, seconds: float, number: int) -> Scenario:
+def _panorama_on_a_way(building: _FurnishedBuilding, seconds: float, number: int) -> Scenario:
     """What happens while the robot takes one of its ways."""
-    interior, rig = site.interior, panorama_rig()
+    interior, rig = building.interior, panorama_rig()
     (bag, bag_after), bins, buckets = (
         [placed for placed in interior.placed if placed.piece.label == label]
         for label in ("backpack", "trash can", "bucket")
     )
     focus = [placed.T_world_thing[:2, 3] for placed in (bag, bag_after, *bins)]
-    traversal = site.traversal("panorama", MONDAY_NS, seconds, focus=focus, number=number)
-    bystanders = site.bystanders(traversal, rig, number)
-    vanishing, vanished_ns = _unwatched(bins, bystanders.watch)
-    appearing, appeared_ns = _unwatched(buckets, bystanders.watch)
+    traversal = building.traversal("panorama", MONDAY_NS, seconds, focus=focus, number=number)
+    bystanders = building.bystanders(traversal, rig, number)
+    vanishing, vanished_ns = _unobserved(bins, bystanders.route_visibility)
+    appearing, appeared_ns = _unobserved(buckets, bystanders.route_visibility)
     carrying = bystanders.carry("person-1", interior.thing(bag.thing_id), bag.T_world_thing, bag_after.T_world_thing)
     walking = bystanders.pass_through("person-2")
     taken_ns, put_ns = carrying.carried_between_ns
     special = (bag.thing_id, vanishing.thing_id, appearing.thing_id)
     stays = [
-        *(stay for stay in stays_with(interior, Changed(), None) if stay.thing_id not in special),
+        *(stay for stay in stays_with(interior, ChangedInterior(), None) if stay.thing_id not in special),
         Stay(bag.thing_id, bag.T_world_thing, until_ns=taken_ns),
         Stay(bag.thing_id, bag_after.T_world_thing, since_ns=put_ns),
         Stay(vanishing.thing_id, vanishing.T_world_thing, until_ns=vanished_ns),
         Stay(appearing.thing_id, appearing.T_world_thing, since_ns=appeared_ns),
     ]
-    return site.scenario("panorama", rig, [traversal], stays, [carrying, walking])
+    return building.scenario("panorama", rig, [traversal], stays, [carrying, walking])
 
 
-def _unwatched(things: Sequence[Placed], watch: Watch) -> tuple[Placed, int]:
+def _unobserved(things: Sequence[PlacedPiece], route_visibility: RouteVisibility) -> tuple[PlacedPiece, int]:
     """The first of these whose place the robot sees, loses from view and sees again, and the middle of meanwhile."""
     for placed in things[:-1]:
         with suppress(SimulationError):
-            return placed, watch.unwatched_ns(placed.T_world_thing[:2, 3])
-    return things[-1], watch.unwatched_ns(things[-1].T_world_thing[:2, 3])
+            return placed, route_visibility.unobserved_ns(placed.T_world_thing[:2, 3])
+    return things[-1], route_visibility.unobserved_ns(things[-1].T_world_thing[:2, 3])
 
 
-def _tiny(dice: _Dice, seconds: float) -> Scenario:
-    site, rig = _Site(dice, lambda _: {"office": TINY_ROOM}), rgbd_rig()
-    table = site.interior.placed[0].T_world_thing[:2, 3]
-    traversal = site.traversal("tiny", MONDAY_NS, seconds, focus=[table])
-    passage = site.bystanders(traversal, rig).pass_through("person-1")
-    return site.scenario("tiny", rig, [traversal], stays_with(site.interior, Changed(), None), [passage])
+def _tiny(streams: _RandomStreams, seconds: float) -> Scenario:
+    building, rig = _FurnishedBuilding(streams, lambda _: {"office": TINY_ROOM}), rgbd_rig()
+    table = building.interior.placed[0].T_world_thing[:2, 3]
+    traversal = building.traversal("tiny", MONDAY_NS, seconds, focus=[table])
+    person = building.bystanders(traversal, rig).pass_through("person-1")
+    return building.scenario("tiny", rig, [traversal], stays_with(building.interior, ChangedInterior(), None), [person])
 
 
-Maker = Callable[[_Dice, float], Scenario]
+Maker = Callable[[_RandomStreams, float], Scenario]
 """Makes a scenario whose traversals last so many seconds."""
 
 _MAKERS: Mapping[str, tuple[Maker, float]] = {

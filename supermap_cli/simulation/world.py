@@ -85,7 +85,7 @@ class Fixture:
 
 
 @dataclass(frozen=True)
-class Thing:
+class SimulatedThing:
     """Something the map should know (or, for a person, should know to keep out): `id` is unique in the world."""
 
     id: str
@@ -149,7 +149,7 @@ class World:
     """All there is. Stays of one thing do not overlap, nor do they overlap its motions."""
 
     fixtures: tuple[Fixture, ...]
-    things: tuple[Thing, ...]
+    things: tuple[SimulatedThing, ...]
     stays: tuple[Stay, ...]
     motions: tuple[Motion, ...] = ()
 
@@ -165,7 +165,7 @@ class World:
         """A thing's id -> its place in `things`."""
         return {thing.id: k for k, thing in enumerate(self.things)}
 
-    def thing(self, thing_id: str) -> Thing:
+    def thing(self, thing_id: str) -> SimulatedThing:
         """The thing of an id."""
         return self.things[self.index[thing_id]]
 

@@ -12,9 +12,9 @@ from supermap_cli.simulation.building_plan import BuildingPlan
 from supermap_cli.simulation.motion.free_space import FreeSpace
 from supermap_cli.simulation.world import Fixture, sample_surface
 from supermap_cli.simulation.worlds.building import AREA_M2, CORRIDOR, make_building
-from supermap_cli.simulation.worlds.furnishing import Interior, Line
-from supermap_cli.simulation.worlds.places import AlongWall, Hung, Inside, On, OnFloor, Placed
-from supermap_cli.simulation.worlds.recipes import TINY_ROOM, office_recipes
+from supermap_cli.simulation.worlds.furnishing import Interior, RecipeLine
+from supermap_cli.simulation.worlds.places import AlongWall, Hung, Inside, On, OnFloor, PlacedPiece
+from supermap_cli.simulation.worlds.room_recipes import TINY_ROOM, office_recipes
 from supermap_cli.simulation.worlds.shapes import HANGING_LABELS
 from supermap_cli.simulation.worlds.shapes.primitives import signed_volume_m3
 
@@ -125,7 +125,7 @@ def test_no_two_things_share_any_space(seed: int) -> None:
             assert not _deepest_point_inside(other, one) > 0.004
 
 
-def _deepest_point_inside(one: Placed, other: Placed) -> float:
+def _deepest_point_inside(one: PlacedPiece, other: PlacedPiece) -> float:
     """How deep surface points of one thing lie within the parts' boxes of another."""
     shape = one.piece.shape.moved(one.T_world_thing)
     points = sample_surface(shape, 0.03)[0].astype(np.float64)
@@ -194,7 +194,7 @@ def test_relations_are_as_the_recipe_says(seed: int) -> None:
     assert in_box.piece.label == "bottle"
 
 
-def _covers(desk: Placed, thing: Placed) -> bool:
+def _covers(desk: PlacedPiece, thing: PlacedPiece) -> bool:
     local = np.linalg.inv(desk.T_world_thing) @ thing.T_world_thing[:, 3]
     return bool((np.abs(local[:2]) < desk.piece.size[:2] / 2).all())
 
@@ -240,7 +240,7 @@ def test_an_empty_recipe_leaves_an_empty_room() -> None:
 def test_a_further_place_is_far_enough_and_both_stay_taken() -> None:
     interior = empty_room()
     rng = np.random.default_rng(3)
-    suitcase = interior.add(Line("suitcase", AlongWall()), "office", rng)
+    suitcase = interior.add(RecipeLine("suitcase", AlongWall()), "office", rng)
     moved = interior.another_place(suitcase, OnFloor(), "office", rng, at_least_m=2.0)
     assert np.linalg.norm(moved.box.center - suitcase.box.center) >= 2.0
     assert len(interior.placed) == 2
@@ -250,28 +250,28 @@ def test_a_further_place_is_far_enough_and_both_stay_taken() -> None:
 def test_a_nudge_is_as_long_as_asked() -> None:
     interior = empty_room()
     rng = np.random.default_rng(3)
-    armchair = interior.add(Line("armchair", OnFloor()), "office", rng)
+    armchair = interior.add(RecipeLine("armchair", OnFloor()), "office", rng)
     moved = interior.nudged(armchair, 0.25, rng)
     assert np.linalg.norm(moved.box.center - armchair.box.center) == pytest.approx(0.25)
 
 
 def test_a_room_that_is_too_small_is_an_error_with_a_cure() -> None:
     with pytest.raises(SimulationError, match="no place") as caught:
-        empty_room().furnish({"office": (Line("couch", AlongWall(), count=30),)}, np.random.default_rng(0))
+        empty_room().furnish({"office": (RecipeLine("couch", AlongWall(), count=30),)}, np.random.default_rng(0))
     assert caught.value.cure
 
 
 def test_a_recipe_that_names_no_host_is_a_mistake() -> None:
     with pytest.raises(LookupError, match="desk"):
-        empty_room().add(Line("mug", On("desk")), "office", np.random.default_rng(0))
+        empty_room().add(RecipeLine("mug", On("desk")), "office", np.random.default_rng(0))
 
 
 @pytest.mark.parametrize(("thing", "height"), [("bottle", 0.3), ("book", 0.3)])
 def test_what_is_inside_a_box_stands_on_its_bottom(thing: str, height: float) -> None:
     interior = empty_room()
     rng = np.random.default_rng(1)
-    box = interior.add(Line("cardboard box", AlongWall()), "office", rng)
-    inside = interior.add(Line(thing, Inside("cardboard box")), "office", rng)
+    box = interior.add(RecipeLine("cardboard box", AlongWall()), "office", rng)
+    inside = interior.add(RecipeLine(thing, Inside("cardboard box")), "office", rng)
     assert inside.on == box.thing_id
     assert 0 < inside.T_world_thing[2, 3] < 0.02
     assert inside.box.z_min < height
@@ -282,7 +282,7 @@ def test_what_hangs_keeps_clear_of_windows() -> None:
     interior = Interior(plan, fixtures)
     rng = np.random.default_rng(5)
     for _ in range(4):
-        interior.add(Line("painting", Hung((1.2, 1.5))), "office", rng)
+        interior.add(RecipeLine("painting", Hung((1.2, 1.5))), "office", rng)
     for window in (fixture for fixture in fixtures if fixture.label == "window"):
         low, high = window.shape.bounds
         for placed_thing in interior.placed:

@@ -8,7 +8,7 @@ import pytest
 from supermap_cli.geometry.se3 import make_transform, transform_points
 from supermap_cli.simulation.motion.free_space import FreeSpace
 from supermap_cli.simulation.motion.people import PERSON_CLEARANCE_M, carried_by_person, walking_person
-from supermap_cli.simulation.world import Material, Shape, Thing
+from supermap_cli.simulation.world import Material, Shape, SimulatedThing
 from support.small_office import furniture, two_rooms
 
 START_NS = 1_700_000_000_000_000_000
@@ -22,7 +22,9 @@ PERSON, MOTIONS = walking_person(
     start_ns=START_NS,
 )
 CUBE = np.array([[x, y, z] for x in (-0.1, 0.1) for y in (-0.1, 0.1) for z in (0, 0.2)], float)
-BAG = Thing("bag-1", "handbag", Shape(CUBE, np.array([[0, 1, 2]]), np.zeros(1, np.int64), (Material((9, 9, 9)),)))
+BAG = SimulatedThing(
+    "bag-1", "handbag", Shape(CUBE, np.array([[0, 1, 2]]), np.zeros(1, np.int64), (Material((9, 9, 9)),))
+)
 T_FROM = make_transform(np.eye(3), [2.0, 3.9, 0.74])
 T_TO = make_transform([[0, -1, 0], [1, 0, 0], [0, 0, 1]], [6.2, 3.0, 0.0])
 CARRIAGE = carried_by_person(

@@ -10,8 +10,8 @@ import pytest
 
 from supermap_cli.query.grammar import parse
 from supermap_cli.query.vocabulary import load_vocabulary, match_labels
+from supermap_cli.simulation.recording.observed_truth import ObservedTruth, Undetermined
 from supermap_cli.simulation.recording.questions import KINDS, NEVER_THERE, SPOKEN, ask_questions, means, plural
-from supermap_cli.simulation.recording.witness import Unsure, Witness
 from supermap_cli.simulation.worlds.shapes import LABELS
 from supermap_cli.types.truth import GroundTruth, TrueChange, TrueObject
 from support import kitchen_truth as kt
@@ -120,12 +120,12 @@ def test_a_witness_of_a_moved_thing_wants_its_old_place_seen_empty() -> None:
     thing = kt.thing("cart-1", "cart", CAN, ((0, 0, 0.2), None, 500), ((3, 0, 0.2), 500, None))
     traversals = tuple(kt.traversal(name, day, (thing,)) for name, day in zip(("monday", "tuesday"), DAYS, strict=True))
     truth = GroundTruth("", 0, traversals, (thing,), (), (), ())
-    assert Witness(truth).now(0) is thing.states[1]
-    assert Witness(truth).earlier(0) is thing.states[0]
+    assert ObservedTruth(truth).now(0) is thing.states[1]
+    assert ObservedTruth(truth).earlier(0) is thing.states[0]
     rows = traversals[1].sightings
     blind = replace(traversals[1], sightings=replace(rows, visible=np.where(rows.present, 1, 0).astype(np.float32)))
-    with pytest.raises(Unsure):
-        Witness(replace(truth, traversals=(traversals[0], blind))).now(0)
+    with pytest.raises(Undetermined):
+        ObservedTruth(replace(truth, traversals=(traversals[0], blind))).now(0)
 
 
 @pytest.mark.parametrize("label", LABELS)

@@ -16,8 +16,8 @@ from supermap_cli.hookspecs import RecordingRequest
 from supermap_cli.recordings import open_bag_recording
 from supermap_cli.simulation.detection.detector import SimulatedDetector
 from supermap_cli.simulation.detection.detector_errors import DetectorErrors
+from supermap_cli.simulation.recording.place_visibility import VisibilityModel
 from supermap_cli.simulation.recording.recorder import RecordedScenario, record
-from supermap_cli.simulation.recording.sightings import SightLines
 from supermap_cli.simulation.rigs import OdometryDrift, SimulatedRig
 from supermap_cli.simulation.scenario import Scenario
 from supermap_cli.simulation.sensors.camera_view import render
@@ -276,7 +276,7 @@ def test_the_only_camera_of_a_rig_adds_nothing_to_the_seeds_of_its_noise(tmp_pat
     for read in recording.detections():
         T_world_camera = route.T_world_base(np.array([read.stamp_ns]))[0] @ camera.T_base_camera
         view = render(scene, camera.model, T_world_camera, read.stamp_ns)
-        sights = SightLines(scenario.world, farthest_m=8.0).look(view, camera.model, T_world_camera)
-        found = detector.detect(view, sights, full_turn=False, camera=camera.model, T_world_camera=T_world_camera)
+        visibility = VisibilityModel(scenario.world, farthest_m=8.0).measure(view, camera.model, T_world_camera)
+        found = detector.detect(view, visibility, full_turn=False, camera=camera.model, T_world_camera=T_world_camera)
         assert found.labels == read.labels
         np.testing.assert_allclose(found.scores, read.scores)

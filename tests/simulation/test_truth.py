@@ -10,10 +10,16 @@ import pytest
 from jsonschema import Draft202012Validator
 
 from supermap_cli.geometry.se3 import make_transform, transform_points
-from supermap_cli.simulation.recording.truth import DetectedImage, RecordedTraversal, find_changes, make_truth, passages
+from supermap_cli.simulation.recording.truth import (
+    DetectedImage,
+    RecordedTraversal,
+    contiguous_motions,
+    find_changes,
+    make_truth,
+)
 from supermap_cli.simulation.scenario import Scenario
-from supermap_cli.simulation.views import Sights
-from supermap_cli.simulation.world import Motion, Stay, Thing, World, sample_surface
+from supermap_cli.simulation.views import PlaceVisibility
+from supermap_cli.simulation.world import Motion, SimulatedThing, Stay, World, sample_surface
 from supermap_cli.truth_file import to_document
 from supermap_cli.types.sensing import MAIN_CAMERA
 from supermap_cli.types.truth import GroundTruth, TrueChange
@@ -24,16 +30,16 @@ S = simulated.SECOND_NS
 START = simulated.START_NS
 
 
-def no_sights() -> Sights:
+def nothing_visible() -> PlaceVisibility:
     whole, share = np.zeros(0, np.int64), np.zeros(0, np.float32)
-    return Sights(whole, whole, np.zeros(0, bool), share, share, whole, share)
+    return PlaceVisibility(whole, whole, np.zeros(0, bool), share, share, whole, share)
 
 
-def truth_of(scenario: Scenario, sights: tuple[Sights, ...] = ()) -> GroundTruth:
-    """As if the first traversal had these sights, a second apart, and every second sample had been seen."""
+def truth_of(scenario: Scenario, visibility: tuple[PlaceVisibility, ...] = ()) -> GroundTruth:
+    """As if the first traversal had these visibility, a second apart, and every second sample had been seen."""
     first = scenario.traversals[0]
     images = tuple(
-        DetectedImage(first.route.start_ns + k * S, MAIN_CAMERA, image_sights) for k, image_sights in enumerate(sights)
+        DetectedImage(first.route.start_ns + k * S, MAIN_CAMERA, of_image) for k, of_image in enumerate(visibility)
     )
     traversals = [
         RecordedTraversal(traversal, f"{traversal.name}.mcap", images if traversal is first else ())
@@ -98,13 +104,15 @@ def test_surfaces_of_the_building_are_what_was_seen_by_label() -> None:
 
 
 def test_the_truth_follows_its_schema() -> None:
-    document = json.loads(json.dumps(to_document(truth_of(simulated_traversals.two_traversals(), (no_sights(),)))))
+    document = json.loads(
+        json.dumps(to_document(truth_of(simulated_traversals.two_traversals(), (nothing_visible(),))))
+    )
     Draft202012Validator(load_schema("truth")).validate(document)
 
 
 def test_sightings_leave_out_what_is_not_in_the_image_and_number_states_in_the_order_of_time() -> None:
     late, early = ball(2, since_s=3), ball(0, until_s=3)
-    sights = Sights(
+    visibility = PlaceVisibility(
         thing=np.array([3, 3, 3]),
         stay=np.array([0, 1, -1]),
         present=np.array([False, True, False]),
@@ -113,7 +121,7 @@ def test_sightings_leave_out_what_is_not_in_the_image_and_number_states_in_the_o
         pixels=np.array([0, 900, 0]),
         distance_m=np.array([3.0, 2.0, 1.0], np.float32),
     )
-    truth = truth_of(with_world((late, early)), (no_sights(), sights))
+    truth = truth_of(with_world((late, early)), (nothing_visible(), visibility))
     rows = truth.traversals[0].sightings
     assert rows.frame.tolist() == [1, 1]
     assert rows.object.tolist() == [3, 3]
@@ -130,9 +138,9 @@ def test_a_person_has_one_motion_for_each_passage_at_the_middle_of_the_limbs() -
         return Motion("person-1", limb, START + S * np.array([start_s, start_s + 1]), poses)
 
     motions = (walk(0, -0.2), walk(0, 0.2), walk(3, -0.2), walk(3, 0.2))
-    assert [len(limbs) for limbs in passages(motions)] == [2, 2]
+    assert [len(limbs) for limbs in contiguous_motions(motions)] == [2, 2]
     world = simulated.small_world()
-    person = Thing("person-1", "person", limb)
+    person = SimulatedThing("person-1", "person", limb)
     walked = World(world.fixtures, (*world.things, person), world.stays, (*world.motions, *motions))
     truth = truth_of(replace(simulated_traversals.two_traversals(), world=walked))
     found = truth.object("person-1")
@@ -187,7 +195,7 @@ def test_the_box_of_a_turned_thing_turns_with_it() -> None:
     slab = simulated.block((2.0, 1.0, 0.5), (0, 0, 0), simulated.WOOD)
     world = simulated.small_world()
     T = make_transform([[0, -1, 0], [1, 0, 0], [0, 0, 1]], [1.0, 0, 0])
-    turned = World(world.fixtures, (Thing("slab-1", "slab", slab),), (Stay("slab-1", T),))
+    turned = World(world.fixtures, (SimulatedThing("slab-1", "slab", slab),), (Stay("slab-1", T),))
     box = truth_of(replace(simulated_traversals.two_traversals(), world=turned)).objects[0].states[0].box
     np.testing.assert_allclose(box.size, [2, 1, 0.5])
     assert box.yaw == pytest.approx(np.pi / 2)

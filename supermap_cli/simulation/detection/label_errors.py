@@ -21,7 +21,7 @@ def look_alikes() -> Mapping[str, tuple[str, ...]]:
     return {label: tuple(others) for label, others in tomllib.loads(text)["look_alikes"].items()}
 
 
-class Vocabulary:
+class LabelErrors:
     """All labels that a detector knows, and how it errs among them."""
 
     def __init__(self, labels: Iterable[str]) -> None:

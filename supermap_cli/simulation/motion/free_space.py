@@ -38,7 +38,7 @@ class FreeSpace:
                 np.array([[*room.low], [room.high[0], room.low[1]], [*room.high], [room.low[0], room.high[1]]])
             )
         for doorway in plan.doorways:
-            floor |= self._inside(_passage(plan, doorway))
+            floor |= self._inside(_doorway_floor(plan, doorway))
         self._floor = floor
         blocking = [box for box in obstacles if box.z_min <= _OVERHEAD_M and box.z_max > _UNDERFOOT_M]
         self._standable = floor & ~self._covered([box for box in blocking if not _rests_on_another(box, blocking)])
@@ -227,7 +227,7 @@ class FreeSpace:
         return inside
 
 
-def _passage(plan: BuildingPlan, doorway: Doorway) -> FloatArray:
+def _doorway_floor(plan: BuildingPlan, doorway: Doorway) -> FloatArray:
     """The doorway's floor (4, 2), counter-clockwise, through the whole wall and a little into both rooms."""
     through = doorway.through / np.linalg.norm(doorway.through)
     across = np.array([-through[1], through[0]]) * doorway.width_m / 2

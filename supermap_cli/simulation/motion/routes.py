@@ -13,7 +13,7 @@ from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.geometry.boxes import Box3D
 from supermap_cli.simulation.building_plan import BuildingPlan
 from supermap_cli.simulation.motion.free_space import FreeSpace
-from supermap_cli.simulation.motion.gaze import Gaze, follow_gaze, room_interests
+from supermap_cli.simulation.motion.gaze import GazePlanner, follow_gaze, room_points_of_interest
 from supermap_cli.simulation.motion.tour import Stop, Tour, ordered_round, plan_tour, rooms_to_stop_in
 from supermap_cli.simulation.route import Route
 
@@ -48,13 +48,13 @@ def plan_route(
         raise ValueError(f"a route takes time, not {seconds} s")
     free = FreeSpace(plan, obstacles, clearance_m=_PLANNED_CLEARANCE_M)
     chosen = [plan.room(name) for name in rooms] if rooms is not None else list(plan.rooms)
-    interests = {room.name: room_interests(room, obstacles, focus) for room in chosen}
+    interests = {room.name: room_points_of_interest(room, obstacles, focus) for room in chosen}
     stopping = rooms_to_stop_in(plan, chosen, interests)
     starts = [room for room in stopping if interests[room.name].focused] or stopping
     ordered = ordered_round(free, stopping, starts[int(rng.integers(len(starts)))])
     tour = plan_tour(free, ordered, interests, seconds, rng)
     way_xy = _drive(free, tour, seconds, rng)
-    yaw = follow_gaze(Gaze(plan, free, interests), way_xy, _STEP_S, rng)
+    yaw = follow_gaze(GazePlanner(plan, free, interests), way_xy, _STEP_S, rng)
     body = FreeSpace(plan, obstacles, clearance_m=ROBOT_RADIUS_M)
     return _knotted(body, start_ns, seconds, way_xy, yaw)
 

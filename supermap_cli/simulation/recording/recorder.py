@@ -23,7 +23,7 @@ from supermap_cli.recordings.fingerprint import recording_fingerprint
 from supermap_cli.simulation.detection.detector import SimulatedDetector
 from supermap_cli.simulation.detection.detector_errors import DetectorErrors
 from supermap_cli.simulation.recording.messages import Outgoing, RecordingFile, RigMessages
-from supermap_cli.simulation.recording.sightings import SightLines, SurfaceCoverage
+from supermap_cli.simulation.recording.place_visibility import SurfaceCoverage, VisibilityModel
 from supermap_cli.simulation.recording.truth import (
     FIXTURE_SPACING_M,
     SURFACE_SPACING_M,
@@ -39,17 +39,17 @@ from supermap_cli.simulation.sensors.imu import imu_samples, sample_stamps_ns
 from supermap_cli.simulation.sensors.lidar_sensor import LidarScan, LidarSensor
 from supermap_cli.simulation.sensors.odometry import drifting_odometry
 from supermap_cli.simulation.sensors.scene import Scene
-from supermap_cli.simulation.views import View
+from supermap_cli.simulation.views import RenderedView
 from supermap_cli.timing import StageClock, StageTiming
 from supermap_cli.truth_file import TRUTH_FILE, write_truth
 from supermap_cli.types.sensing import MAIN_CAMERA
 from supermap_cli.types.truth import GroundTruth
 
 LIDAR_VIEW_M = 10.0
-"""How far a LiDAR rig sees things: farther off, its lines lie wider apart than most of them are."""
+"""Visibility range of a rig with a LiDAR, m: beyond, its scan lines lie farther apart than most things are wide."""
 
 COVERAGE_EVERY = 2
-"""Every so manieth of a camera's images with detections counts for which surfaces were seen."""
+"""Of a camera's images with detections, every second one is used to find the surfaces that were seen."""
 
 Progress = Callable[[str, int, int], None]
 """Called with a traversal's name, and how many of how many of its images are done."""
@@ -121,7 +121,7 @@ def _writing(folder: Path) -> Iterator[None]:
         yield
     except BaseException as error:
         for path in made:
-            with suppress(OSError):  # somebody else has put something there, or it never came to be
+            with suppress(OSError):  # not empty, or never made
                 path.rmdir()
         if isinstance(error, OSError):
             cure = "see that there is space and that it may be written to, or name another folder with --out"
@@ -141,11 +141,11 @@ def _check_targets(paths: tuple[Path, ...], *, overwrite: bool) -> None:
 
 
 def _silent(name: str, done: int, total: int) -> None:
-    """Nobody looks."""
+    """No progress is shown."""
 
 
 class _Robot:
-    """A robot with all that it needs on each traversal of the same world."""
+    """What all traversals of one world share: its surfaces, what was seen of them, the rig's messages."""
 
     def __init__(self, scenario: Scenario, errors: DetectorErrors, seed: int) -> None:
         rig, world = scenario.rig, scenario.world
@@ -157,7 +157,7 @@ class _Robot:
         self.clock = StageClock()
         with self.clock.stage("world"):
             self.scene = Scene(world)
-            self.sight_lines = SightLines(world, farthest_m=farthest_m)
+            self.visibility_model = VisibilityModel(world, farthest_m=farthest_m)
             self.coverage = SurfaceCoverage(
                 world, spacing_m=SURFACE_SPACING_M, fixture_spacing_m=FIXTURE_SPACING_M, farthest_m=farthest_m
             )
@@ -178,13 +178,14 @@ class _Image:
 
     camera: SimulatedCamera
     T_world_camera: FloatArray
-    view: View
+    view: RenderedView
 
 
 class _CameraNoise:
     """What one camera's driver and detector draw at random on one traversal.
 
-    All detectors are one network: the spots of the building that fool it (`Phantoms`) are the same for all cameras.
+    All detectors are one network: the spots of the building that it mistakes for things (`Phantoms`) are the same for
+    all cameras.
     """
 
     def __init__(self, robot: _Robot, number: int, camera: SimulatedCamera) -> None:
@@ -329,16 +330,16 @@ class _TraversalRecorder:
         """What a detector finds in a view, published after its latency, and not before its last answer."""
         view, camera, T_world_camera = image.view, image.camera.model, image.T_world_camera
         with self._clock.stage("sights"):
-            sights = self._robot.sight_lines.look(view, camera, T_world_camera)
+            visibility = self._robot.visibility_model.measure(view, camera, T_world_camera)
         if len(self.detected) // len(self._rig.cameras) % COVERAGE_EVERY == 0:
             with self._clock.stage("coverage"):
                 self._robot.coverage.add(view, camera, T_world_camera)
         with self._clock.stage("detect"):
             full_turn = isinstance(camera, EquirectangularCamera)
             found = noise.detector.detect(
-                view, sights, full_turn=full_turn, camera=camera, T_world_camera=T_world_camera
+                view, visibility, full_turn=full_turn, camera=camera, T_world_camera=T_world_camera
             )
-        self.detected.append(DetectedImage(view.stamp_ns, image.camera.camera_id, sights))
+        self.detected.append(DetectedImage(view.stamp_ns, image.camera.camera_id, visibility))
         noise.published_ns = max(view.stamp_ns + round(noise.detector.latency_s() * 1e9), noise.published_ns)
         with self._clock.stage("encode"):
             return list(self._messages.detections(found, noise.published_ns))

@@ -13,8 +13,8 @@ from supermap_cli.geometry.arrays import BoolArray, Float32Array, FloatArray, In
 from supermap_cli.geometry.se3 import transform_points
 from supermap_cli.simulation.recording.questions import ask_questions
 from supermap_cli.simulation.scenario import Scenario, SimulatedTraversal
-from supermap_cli.simulation.views import Sights
-from supermap_cli.simulation.world import Motion, Stay, Thing, World, box_of
+from supermap_cli.simulation.views import PlaceVisibility
+from supermap_cli.simulation.world import Motion, SimulatedThing, Stay, World, box_of
 from supermap_cli.types.truth import (
     GroundTruth,
     TrueChange,
@@ -43,7 +43,7 @@ class DetectedImage:
 
     stamp_ns: int
     camera_id: str
-    sights: Sights
+    visibility: PlaceVisibility
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ def make_truth(
     return replace(truth, questions=ask_questions(truth))
 
 
-def _object(world: World, thing: Thing, seen: Seen) -> TrueObject:
+def _object(world: World, thing: SimulatedThing, seen: Seen) -> TrueObject:
     surface, surface_seen = seen
     centroid = surface.astype(np.float64).mean(axis=0)
     stays = world.stays_of(thing.id)
@@ -87,7 +87,7 @@ def _object(world: World, thing: Thing, seen: Seen) -> TrueObject:
         label=thing.label,
         kind="person" if is_person else "object",
         states=() if is_person else tuple(_state(thing, stays[k], centroid) for k in _in_order(stays)),
-        motions=tuple(_passage(bodies) for bodies in passages(motions)),
+        motions=tuple(_true_motion(bodies) for bodies in contiguous_motions(motions)),
         surface_object=surface,
         surface_seen=surface_seen,
     )
@@ -103,7 +103,7 @@ def _in_order(stays: Sequence[Stay]) -> list[int]:
     return sorted(range(len(stays)), key=begins)
 
 
-def _state(thing: Thing, stay: Stay, centroid: FloatArray) -> TrueState:
+def _state(thing: SimulatedThing, stay: Stay, centroid: FloatArray) -> TrueState:
     return TrueState(
         since_ns=stay.since_ns,
         until_ns=stay.until_ns,
@@ -114,7 +114,7 @@ def _state(thing: Thing, stay: Stay, centroid: FloatArray) -> TrueState:
     )
 
 
-def passages(motions: Sequence[Motion]) -> list[list[Motion]]:
+def contiguous_motions(motions: Sequence[Motion]) -> list[list[Motion]]:
     """A thing's motions grouped by contiguous time: all limbs of a walk, and what follows without a pause."""
     grouped: list[list[Motion]] = []
     end_ns = -1
@@ -128,7 +128,7 @@ def passages(motions: Sequence[Motion]) -> list[list[Motion]]:
     return grouped
 
 
-def _passage(bodies: Sequence[Motion]) -> TrueMotion:
+def _true_motion(bodies: Sequence[Motion]) -> TrueMotion:
     """The mean of the bodies' centres at all times that any of them gives."""
     stamps_ns = np.unique(np.concatenate([body.stamps_ns for body in bodies]))
     centers = np.stack([_centers(body, stamps_ns) for body in bodies])
@@ -155,24 +155,24 @@ def _traversal(recorded: RecordedTraversal, world: World) -> TrueTraversal:
         T_world_odom=traversal.T_world_odom,
         stamps_ns=stamps_ns,
         T_world_base=traversal.route.T_world_base(stamps_ns),
-        sightings=_sightings([image.sights for image in recorded.images], world),
+        sightings=_sightings([image.visibility for image in recorded.images], world),
         fingerprint=recorded.fingerprint,
         camera_ids=camera_ids if len(set(camera_ids)) > 1 else (),
     )
 
 
-def _sightings(sights: Sequence[Sights], world: World) -> TrueSightings:
+def _sightings(visibility: Sequence[PlaceVisibility], world: World) -> TrueSightings:
     """All rows that fall into an image, their stays numbered in the order of time."""
     ranks = [np.argsort(_in_order(world.stays_of(thing.id))) for thing in world.things]
 
     def column(name: str, dtype: type[np.generic]) -> Any:
-        parts = [getattr(image_sights, name)[image_sights.in_image > 0] for image_sights in sights]
+        parts = [getattr(of_image, name)[of_image.in_image > 0] for of_image in visibility]
         return np.concatenate([np.zeros(0, dtype), *parts]).astype(dtype)
 
     thing, stay = column("thing", np.int64), column("stay", np.int64)
     return TrueSightings(
         frame=np.repeat(
-            np.arange(len(sights)), [int((image_sights.in_image > 0).sum()) for image_sights in sights]
+            np.arange(len(visibility)), [int((of_image.in_image > 0).sum()) for of_image in visibility]
         ).astype(np.int64),
         object=thing,
         state=np.array([-1 if s < 0 else ranks[t][s] for t, s in zip(thing, stay, strict=True)], np.int64),

@@ -17,7 +17,7 @@ import numpy as np
 from supermap_cli.geometry.arrays import Float32Array, FloatArray, IntArray, check_shape
 from supermap_cli.simulation.rigs import Lidar
 from supermap_cli.simulation.sensors.scene import Scene
-from supermap_cli.simulation.views import Hits
+from supermap_cli.simulation.views import RayHits
 
 _BEAMS = 4
 _TURNS_HZ, _SWINGS_HZ = 10 * np.sqrt(5), 100 * np.sqrt(3)
@@ -97,7 +97,7 @@ class LidarSensor:
         return [slice(begin, end) for begin, end in pairwise(begins)]
 
 
-def _intensity(hits: Hits) -> Float32Array:
+def _intensity(hits: RayHits) -> Float32Array:
     """(n,) brightness of what was hit times Lambert's cosine."""
     if hits.rgb is None:
         raise ValueError("a scan needs colour")

@@ -13,9 +13,9 @@ from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.geometry.boxes import Box3D
 from supermap_cli.simulation.building_plan import BuildingPlan, Doorway, Room
 from supermap_cli.simulation.motion.free_space import CELL_M, FreeSpace
-from supermap_cli.simulation.world import Fixture, Thing
+from supermap_cli.simulation.world import Fixture, SimulatedThing
 from supermap_cli.simulation.worlds.pieces import Piece, Solids
-from supermap_cli.simulation.worlds.places import Place, Placed, Spot, draw_spot
+from supermap_cli.simulation.worlds.places import Place, PlacedPiece, Spot, draw_spot
 from supermap_cli.simulation.worlds.shapes import build_shape
 
 _SPOTS_DRAWN = 80
@@ -29,7 +29,7 @@ _WINDOW_DEPTH_M = 0.25
 
 
 @dataclass(frozen=True)
-class Line:
+class RecipeLine:
     """A line of a room's recipe: what it holds, and where.
 
     Lines of one `model` share one shape in the whole building, others get their own. `name` is what later lines call
@@ -48,13 +48,13 @@ class Interior:
 
     def __init__(self, plan: BuildingPlan, fixtures: Sequence[Fixture]) -> None:
         self.plan = plan
-        self.placed: list[Placed] = []
+        self.placed: list[PlacedPiece] = []
         self._doors = [Piece("door", fixture.shape) for fixture in fixtures if fixture.label == "door"]
         self._kept_free = [*_door_zones(plan), *_window_zones(fixtures)]
         self._models: dict[tuple[str, str], Piece] = {}
         self._numbers: Counter[str] = Counter()
 
-    def furnish(self, recipes: Mapping[str, Sequence[Line]], rng: np.random.Generator) -> None:
+    def furnish(self, recipes: Mapping[str, Sequence[RecipeLine]], rng: np.random.Generator) -> None:
         """Place all lines of all rooms. Raises `SimulationError` when a room is too small for what it should hold."""
         for name, lines in recipes.items():
             room, before = self.plan.room(name), (list(self.placed), self._numbers.copy())
@@ -65,7 +65,7 @@ class Interior:
             else:
                 raise _no_place(name, "all its things")
 
-    def add(self, line: Line, room_name: str, rng: np.random.Generator) -> Placed:
+    def add(self, line: RecipeLine, room_name: str, rng: np.random.Generator) -> PlacedPiece:
         """Place one more thing and leave all ways open. Raises `SimulationError` when there is no place for it."""
         room = self.plan.room(room_name)
         for _ in range(_ROOMS_DRAWN):
@@ -75,8 +75,8 @@ class Interior:
         raise _no_place(room_name, f"another {line.label}")
 
     def another_place(
-        self, thing: Placed, place: Place, room_name: str, rng: np.random.Generator, *, at_least_m: float
-    ) -> Placed:
+        self, thing: PlacedPiece, place: Place, room_name: str, rng: np.random.Generator, *, at_least_m: float
+    ) -> PlacedPiece:
         """A further place for a thing, `at_least_m` away; from now on both are taken.
 
         Raises `SimulationError` when there is none.
@@ -91,7 +91,7 @@ class Interior:
                 return self.placed[-1]
         raise _no_place(room_name, f"the {thing.piece.label} from elsewhere")
 
-    def nudged(self, thing: Placed, distance_m: float, rng: np.random.Generator) -> Placed:
+    def nudged(self, thing: PlacedPiece, distance_m: float, rng: np.random.Generator) -> PlacedPiece:
         """A further place for a thing, shifted by `distance_m` sideways; from now on both are taken.
 
         Raises `SimulationError` when something is in the way all round.
@@ -113,16 +113,16 @@ class Interior:
         return [*(placed.box for placed in self.placed), *self._door_boxes()]
 
     @property
-    def things(self) -> tuple[Thing, ...]:
+    def things(self) -> tuple[SimulatedThing, ...]:
         """Every thing once, in the order of their first places."""
         first = {placed.thing_id: placed.piece for placed in reversed(self.placed)}
-        return tuple(Thing(thing_id, piece.label, piece.shape) for thing_id, piece in reversed(first.items()))
+        return tuple(SimulatedThing(thing_id, piece.label, piece.shape) for thing_id, piece in reversed(first.items()))
 
-    def thing(self, thing_id: str) -> Thing:
+    def thing(self, thing_id: str) -> SimulatedThing:
         """The thing of an id."""
         return next(thing for thing in self.things if thing.id == thing_id)
 
-    def _furnished(self, room: Room, lines: Sequence[Line], rng: np.random.Generator) -> bool:
+    def _furnished(self, room: Room, lines: Sequence[RecipeLine], rng: np.random.Generator) -> bool:
         for line in lines:
             for _ in range(line.count):
                 thing = self._free_place(self._piece(line, rng), line.place, room, rng)
@@ -131,13 +131,13 @@ class Interior:
                 self._kept(line, thing)
         return self._floor_is_open(room)
 
-    def _kept(self, line: Line, thing: Placed) -> Placed:
+    def _kept(self, line: RecipeLine, thing: PlacedPiece) -> PlacedPiece:
         self._numbers[line.label] += 1
         thing_id = f"{line.label.replace(' ', '-')}-{self._numbers[line.label]}"
         self.placed.append(replace(thing, thing_id=thing_id, name=line.name or line.label))
         return self.placed[-1]
 
-    def _piece(self, line: Line, rng: np.random.Generator) -> Piece:
+    def _piece(self, line: RecipeLine, rng: np.random.Generator) -> Piece:
         if not line.model:
             return Piece(line.label, build_shape(line.label, rng))
         key = (line.label, line.model)
@@ -145,7 +145,7 @@ class Interior:
             self._models[key] = Piece(line.label, build_shape(line.label, rng))
         return self._models[key]
 
-    def _free_place(self, piece: Piece, place: Place, room: Room, rng: np.random.Generator) -> Placed | None:
+    def _free_place(self, piece: Piece, place: Place, room: Room, rng: np.random.Generator) -> PlacedPiece | None:
         """A free place for a piece, still without an id and a name."""
         here = [placed for placed in self.placed if placed.room == room.name]
         for _ in range(_SPOTS_DRAWN):
@@ -156,7 +156,7 @@ class Interior:
                     return thing
         return None
 
-    def _is_free(self, thing: Placed, room: Room, others: Sequence[Placed]) -> bool:
+    def _is_free(self, thing: PlacedPiece, room: Room, others: Sequence[PlacedPiece]) -> bool:
         """Whether it is within the room, out of everyone's way, and meets nothing."""
         footprint = thing.box.footprint()
         within = (footprint >= room.low).all() and (footprint <= room.high).all()
@@ -171,7 +171,7 @@ class Interior:
             thing.outline.meet(outline, gap_m) and thing.solids.meet(solids, gap_m) for outline, solids in taken
         )
 
-    def _floor_is_open(self, room: Room, further: Placed | None = None) -> bool:
+    def _floor_is_open(self, room: Room, further: PlacedPiece | None = None) -> bool:
         """Whether one gets from every doorway of a room to the others, and to a good part of its floor."""
         standing = [placed.box for placed in self.placed if placed.room == room.name]
         if further is not None:
@@ -192,8 +192,8 @@ class Interior:
         ]
 
 
-def _standing(piece: Piece, spot: Spot, room: Room) -> Placed:
-    return Placed("", "", room.name, piece, spot.T_world_thing, spot.on)
+def _standing(piece: Piece, spot: Spot, room: Room) -> PlacedPiece:
+    return PlacedPiece("", "", room.name, piece, spot.T_world_thing, spot.on)
 
 
 def _step_inside(doorway: Doorway, room: Room) -> FloatArray:

@@ -1,4 +1,4 @@
-"""What becomes of a furnished building between two traversals, and the stays of everything in it."""
+"""Changes of a furnished building between two traversals, and the stays of everything in it."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.geometry.boxes import footprint_gap_m
 from supermap_cli.simulation.world import Stay
 from supermap_cli.simulation.worlds.furnishing import Interior
-from supermap_cli.simulation.worlds.places import Placed
-from supermap_cli.simulation.worlds.recipes import Arrival, Change, Removal, Shift
+from supermap_cli.simulation.worlds.places import PlacedPiece
+from supermap_cli.simulation.worlds.room_recipes import AddThing, InteriorChange, RemoveThing, ShiftThing
 
 
 @dataclass(frozen=True)
-class Changed:
+class ChangedInterior:
     """The ids of things that are gone afterwards, are new, and stand elsewhere (with two places in the interior)."""
 
     gone: frozenset[str] = frozenset()
@@ -34,31 +34,33 @@ class Changed:
         return [placed.T_world_thing[:2, 3] for placed in interior.placed if placed.thing_id in self.ids]
 
 
-def change_interior(interior: Interior, changes: Sequence[Change], rng: np.random.Generator) -> Changed:
+def change_interior(interior: Interior, changes: Sequence[InteriorChange], rng: np.random.Generator) -> ChangedInterior:
     """Choose the things that change, and find places for what is new or moves: free before as well as afterwards.
 
     Of several that fit a change the one that stands most freely is chosen, so that it can be seen well. Raises
     `SimulationError` when there is none, or no place.
     """
-    changed = Changed()
+    changed = ChangedInterior()
     for change in changes:
-        if isinstance(change, Arrival):
+        if isinstance(change, AddThing):
             thing = interior.add(change.line, change.room, rng)
-            changed = Changed(changed.gone, changed.new | {thing.thing_id}, changed.moved)
+            changed = ChangedInterior(changed.gone, changed.new | {thing.thing_id}, changed.moved)
             continue
-        thing = _most_open(interior, change.label, change.room if isinstance(change, Removal) else None, changed.ids)
-        if isinstance(change, Removal):
-            changed = Changed(changed.gone | {thing.thing_id}, changed.new, changed.moved)
+        thing = _most_open(
+            interior, change.label, change.room if isinstance(change, RemoveThing) else None, changed.ids
+        )
+        if isinstance(change, RemoveThing):
+            changed = ChangedInterior(changed.gone | {thing.thing_id}, changed.new, changed.moved)
             continue
-        if isinstance(change, Shift):
+        if isinstance(change, ShiftThing):
             interior.nudged(thing, change.distance_m, rng)
         else:
             interior.another_place(thing, change.place, change.room, rng, at_least_m=change.at_least_m)
-        changed = Changed(changed.gone, changed.new, changed.moved | {thing.thing_id})
+        changed = ChangedInterior(changed.gone, changed.new, changed.moved | {thing.thing_id})
     return changed
 
 
-def stays_with(interior: Interior, changed: Changed, change_ns: int | None) -> tuple[Stay, ...]:
+def stays_with(interior: Interior, changed: ChangedInterior, change_ns: int | None) -> tuple[Stay, ...]:
     """Where everything stands until and since the time of the changes."""
     begun: set[str] = set()
     stays = []
@@ -71,7 +73,7 @@ def stays_with(interior: Interior, changed: Changed, change_ns: int | None) -> t
     return tuple(stays)
 
 
-def _most_open(interior: Interior, label: str, room: str | None, taken: frozenset[str]) -> Placed:
+def _most_open(interior: Interior, label: str, room: str | None, taken: frozenset[str]) -> PlacedPiece:
     hosts = {placed.on for placed in interior.placed}
     fitting = [
         placed
@@ -84,7 +86,7 @@ def _most_open(interior: Interior, label: str, room: str | None, taken: frozense
     return max(fitting, key=lambda thing: _gap_m(thing, interior.placed))
 
 
-def _gap_m(thing: Placed, others: Sequence[Placed]) -> float:
+def _gap_m(thing: PlacedPiece, others: Sequence[PlacedPiece]) -> float:
     """How far the nearest other thing in its room is."""
     boxes = [placed.box for placed in others if placed.thing_id != thing.thing_id and placed.room == thing.room]
     return min((footprint_gap_m(thing.box, box) for box in boxes), default=float("inf"))

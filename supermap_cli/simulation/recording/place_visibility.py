@@ -10,7 +10,7 @@ import numpy as np
 from supermap_cli.geometry.arrays import BoolArray, Float32Array, FloatArray, Int32Array, IntArray
 from supermap_cli.geometry.cameras import Camera
 from supermap_cli.geometry.se3 import inverse, transform_points
-from supermap_cli.simulation.views import Sights, View
+from supermap_cli.simulation.views import PlaceVisibility, RenderedView
 from supermap_cli.simulation.world import Shape, World, sample_surface
 
 _SAMPLES_A_PLACE = 300
@@ -71,7 +71,7 @@ class _Patches:
 
 
 def area_m2(shape: Shape) -> float:
-    """Surface of a shape."""
+    """Surface area of a shape."""
     a, b, c = (shape.vertices[shape.triangles[:, k]] for k in range(3))
     return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
 
@@ -89,7 +89,7 @@ class _Comparison:
     slack_m: FloatArray
 
 
-def _compare(view: View, camera: Camera, points_camera: FloatArray) -> _Comparison:
+def _compare(view: RenderedView, camera: Camera, points_camera: FloatArray) -> _Comparison:
     pixels, on_image = camera.project(points_camera)
     u, v = np.rint(np.where(on_image[:, None], pixels, 0)).astype(np.int64).T
     surface_m = view.depth_m[v, u]
@@ -100,11 +100,11 @@ def _compare(view: View, camera: Camera, points_camera: FloatArray) -> _Comparis
     return _Comparison(on_image, view.thing[v, u], behind_m, slack_m)
 
 
-class SightLines:
-    """Says of every place in the world how an image shows it, by surface samples held against the exact depth.
+class VisibilityModel:
+    """Measures how an image shows every place in the world, by comparing surface samples with the exact depth.
 
-    Only what faces the camera counts. A thing does not stand before itself: samples that its own near side hides are
-    free, as they are for a place that it has left.
+    Only samples that face the camera count. A thing does not occlude itself: samples behind its own near side count as
+    visible, as they do for a place that it has left.
     """
 
     def __init__(self, world: World, *, farthest_m: float) -> None:
@@ -118,9 +118,9 @@ class SightLines:
         self._standing, self._middles = _Patches.joined(places), [place.middle() for place in places]
         self._bodies = [(world.index[motion.thing_id], motion, _some_patches(motion.shape)) for motion in world.motions]
 
-    def look(self, view: View, camera: Camera, T_world_camera: FloatArray) -> Sights:
-        """The sights of a view: a row for each stay of each thing, in the order of both, then one for each thing that
-        is in motion now.
+    def measure(self, view: RenderedView, camera: Camera, T_world_camera: FloatArray) -> PlaceVisibility:
+        """How a view shows all places: a row for each stay of each thing, in the order of both, then a row for each
+        thing that is in motion now.
         """
         moving = self._moving(view.stamp_ns)
         thing = np.array([*(k for k, _, _ in self._stays), *moving], np.int64)
@@ -137,7 +137,7 @@ class SightLines:
         itself = (compared.thing == thing[front.row] + 1) & present[front.row]
         visible = in_image & (itself | (compared.behind_m <= compared.slack_m))
         pixels = np.bincount(view.thing.ravel(), minlength=len(self.world.things) + 1)
-        return Sights(
+        return PlaceVisibility(
             thing,
             stay,
             present,
@@ -148,7 +148,7 @@ class SightLines:
         )
 
     def _moving(self, stamp_ns: int) -> dict[int, _Patches]:
-        """Thing in motion -> the patches of all its bodies where they are now, in rows after those of all stays."""
+        """Patches of all bodies of each thing in motion, where they are now, in rows after those of all stays."""
         placed = [(k, motion.at(stamp_ns), patches) for k, motion, patches in self._bodies]
         now = [(k, T_world_body, patches) for k, T_world_body, patches in placed if T_world_body is not None]
         return {
@@ -180,7 +180,7 @@ class SurfaceCoverage:
         """Per fixture of the world: samples (n, 3) in the world frame, and which of them have been seen (n,)."""
         return tuple((samples.points, samples.seen.copy()) for samples in self._fixtures)
 
-    def add(self, view: View, camera: Camera, T_world_camera: FloatArray) -> None:
+    def add(self, view: RenderedView, camera: Camera, T_world_camera: FloatArray) -> None:
         """Take in a view: a sample is seen if it faces the camera and its pixel shows its thing at its depth."""
         T_camera_world = inverse(T_world_camera)
         shown = np.bincount(view.thing.ravel(), minlength=len(self.world.things) + 1) > 0
@@ -197,7 +197,7 @@ class SurfaceCoverage:
 
 
 class _Samples:
-    """Surface samples of one thing (as in `Hits`) or fixture in its own frame, and which of them have been `seen`."""
+    """Surface samples of one thing (as in `RayHits`) or fixture in its own frame; `seen` tells which have been seen."""
 
     def __init__(self, thing: int, shape: Shape, spacing_m: float) -> None:
         self.thing = thing

@@ -1,4 +1,4 @@
-"""When things happen: while the robot looks, or while it looks away."""
+"""What the robot sees of a place from its route and when: events are timed to be in view, or out of it."""
 
 from __future__ import annotations
 
@@ -15,25 +15,25 @@ from supermap_cli.simulation.motion.free_space import FreeSpace
 from supermap_cli.simulation.route import Route
 
 STEP_NS = 250_000_000
-"""The grain of all that is found out here."""
+"""Time step of the search, ns."""
 _STEP_S = STEP_NS / 1e9
 _SEEING_M = 5.0
 _KEEP_APART_M = 0.65
 _SEEN_S = 2.0
-_UNWATCHED_S = 2.0
+_UNOBSERVED_S = 2.0
 _EVERY = 2
 
 
 @dataclass(frozen=True)
-class Start:
+class WalkStart:
     """The step of the traversal at which a person sets out (negative: before it), and how long the robot sees them."""
 
     step: int
     seen_s: float
 
 
-class Watch:
-    """What the robot can see from its way, told by its places at every step of the traversal.
+class RouteVisibility:
+    """What the robot can see from its route, by its poses at every step of the traversal.
 
     Its camera looks ahead and is `view_rad` wide.
     """
@@ -56,17 +56,17 @@ class Watch:
         """The sensor time of a step."""
         return self._start_ns + step * STEP_NS
 
-    def best_start(self, way_xy: FloatArray, worth_seeing: slice) -> Start | None:
+    def best_start(self, way_xy: FloatArray, worth_seeing: slice) -> WalkStart | None:
         """When to set out on a way (m, 2), one point a step, so that the robot sees most of its `worth_seeing` points.
 
         The person never comes near the robot, and appears and vanishes behind walls, or before and after the traversal.
         `None` where that is not possible.
         """
         starts = [k for k in range(1 - len(way_xy), len(self._xy), 2) if self._can_start(way_xy, k)]
-        found = [Start(k, self._seen_s(way_xy, k, worth_seeing)) for k in starts]
+        found = [WalkStart(k, self._seen_s(way_xy, k, worth_seeing)) for k in starts]
         return max(found, key=lambda start: start.seen_s, default=None)
 
-    def unwatched_ns(self, target_xy: FloatArray) -> int:
+    def unobserved_ns(self, target_xy: FloatArray) -> int:
         """The middle of the longest time in which walls hide a place (2,) that is well seen both before and after.
 
         Raises `SimulationError` when there is no such time.
@@ -77,7 +77,7 @@ class Watch:
             (first, last)
             for first, last in _runs(~self._walls.sees(target_xy, self._xy))
             if min(seen[:first].sum(), seen[last:].sum()) >= _SEEN_S / _STEP_S
-            and last - first >= _UNWATCHED_S / _STEP_S
+            and last - first >= _UNOBSERVED_S / _STEP_S
         ]
         if not gaps:
             raise SimulationError(
