@@ -48,11 +48,11 @@ SCENARIOS: dict[str, str] = {
 MONDAY_NS = 1_767_603_600_000_000_000
 """2026-01-05 09:00 UTC."""
 DAY_NS = 86_400_000_000_000
-_ATTEMPTS = 6
-_ROUTES_DRAWN = 6
-_PANORAMAS_DRAWN = 3
-_OTHER_START_M = 1.0
-_STILL = 0.02
+_ATTEMPTS = 6  # at a world that has room for everything; then the seed is given up
+_ROUTES_DRAWN = 6  # for a second day that starts elsewhere
+_PANORAMAS_DRAWN = 3  # routes on which the robot is to be away when something happens
+_OTHER_START_M = 1.0  # m between the starts of two traversals
+_STILL = 0.02  # m/s below which the robot stands still
 
 Recipes = Callable[[np.random.Generator], Mapping[str, Sequence[RecipeLine]]]
 

@@ -27,6 +27,7 @@ from supermap_cli.types.detections import Detections, Hypothesis, RegionMask, jo
 from supermap_cli.types.sensing import MAIN_CAMERA
 
 _NOTHING = ("nothing", 0, 0)
+"""The noise key of random false detections."""
 
 __all__ = ["DetectorErrors", "SimulatedDetector"]
 

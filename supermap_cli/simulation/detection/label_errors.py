@@ -11,7 +11,7 @@ import numpy as np
 
 from supermap_cli.types.detections import Hypothesis
 
-_LIKELIER = 0.55
+_LIKELIER = 0.55  # ratio of the chances of a look-alike and of the one listed before it
 
 
 @cache

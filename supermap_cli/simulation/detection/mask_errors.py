@@ -7,8 +7,8 @@ import numpy as np
 from supermap_cli.geometry.arrays import BoolArray, Float32Array, FloatArray
 from supermap_cli.types.detections import RegionMask, cut_mask
 
-_GRID_PX = 12
-_LARGEST_SHARE = 0.08
+_GRID_PX = 12  # px over which the outline's wobble changes
+_LARGEST_SHARE = 0.08  # of the square root of a mask's area: the most that its outline moves
 
 
 def enlarged(mask: RegionMask, margin: int, height: int, width: int) -> RegionMask:

@@ -14,8 +14,8 @@ from supermap_cli.simulation.views import RenderedView
 from supermap_cli.simulation.world import World, sample_surface
 from supermap_cli.types.detections import RegionMask
 
-_NEAREST_M, _FARTHEST_M = 0.6, 4.5
-_HIDDEN_BEHIND_M = 0.1
+_NEAREST_M, _FARTHEST_M = 0.6, 4.5  # m, distances from which a spot is mistaken for a thing
+_HIDDEN_BEHIND_M = 0.1  # m of depth difference from which on something stands before it
 
 
 @dataclass(frozen=True)

@@ -19,11 +19,11 @@ from supermap_cli.simulation.motion.route_visibility import STEP_NS, RouteVisibi
 from supermap_cli.simulation.world import Motion, SimulatedThing
 from supermap_cli.simulation.worlds.shapes.materials import pick
 
-_WALKS_DRAWN = 5
-_POINTS_DRAWN = 6
-_SPEED = 0.95
-_LEAST_SEEN_S = 0.5
-_LEAST_CARRYING_SEEN_S = 2.5
+_WALKS_DRAWN = 5  # of which the robot sees one longest
+_POINTS_DRAWN = 6  # of which one lies farthest from the last
+_SPEED = 0.95  # m/s, an unhurried indoor walk
+_LEAST_SEEN_S = 0.5  # s for which the robot has to see who walks
+_LEAST_CARRYING_SEEN_S = 2.5  # s for which it has to see who carries something
 
 
 @dataclass(frozen=True)

@@ -12,22 +12,24 @@ from supermap_cli.geometry.boxes import Box3D
 from supermap_cli.simulation.building_plan import BuildingPlan, Room
 from supermap_cli.simulation.motion.free_space import FreeSpace
 
-_SIDES = 8
-_NEAR_M, _FAR_M, _FAR_FOR_SMALL_M = 0.9, 4.4, 2.8
-_SMALL_M = 0.4
-_HALF_VIEW = np.radians(28)
-_FORGETTING_S = 25.0
-_LONGEST_LOOK_S = 2.2
-_STEADY_S = 0.6
-_TURNING_RATE = np.radians(50)
-_FAST_TURNING_RATE = np.radians(95)
-_FAST_SHARE = 0.2
-_TURNING_ACCELERATION = np.radians(180)
-_BLURRING_RATE = np.radians(70)
-_RELUCTANCE_RAD = 1.8
-_LEAST_GAIN = 0.05
-_COMING_TO_REST_S = 0.7
-_FOCUS_WEIGHT, _OBSTACLE_WEIGHT, _WALL_WEIGHT = 5.0, 1.0, 0.3
+# All of these were chosen so that a route shows the things of a room from 1 to 3 m and from several sides
+# (tests/simulation/test_routes.py), with turns as fast as those of small robots.
+_SIDES = 8  # directions of view that are told apart
+_NEAR_M, _FAR_M, _FAR_FOR_SMALL_M = 0.9, 4.4, 2.8  # m: nearest and farthest good view; farthest of a small thing
+_SMALL_M = 0.4  # m, longest side of a small thing
+_HALF_VIEW = np.radians(28)  # rad, half the width of what counts as in view
+_FORGETTING_S = 25.0  # s, time constant with which views lose their weight
+_LONGEST_LOOK_S = 2.2  # s at one point
+_STEADY_S = 0.6  # s of steady view after which a point is done
+_TURNING_RATE = np.radians(50)  # rad/s
+_FAST_TURNING_RATE = np.radians(95)  # rad/s
+_FAST_SHARE = 0.2  # of the turns
+_TURNING_ACCELERATION = np.radians(180)  # rad/s^2
+_BLURRING_RATE = np.radians(70)  # rad/s, above which nothing counts as seen
+_RELUCTANCE_RAD = 1.8  # rad of turn that reduce a point's gain to 1/e
+_LEAST_GAIN = 0.05  # no unit; below it the robot looks ahead
+_COMING_TO_REST_S = 0.7  # s before the end
+_FOCUS_WEIGHT, _OBSTACLE_WEIGHT, _WALL_WEIGHT = 5.0, 1.0, 0.3  # no unit
 
 
 @dataclass(frozen=True)

@@ -15,19 +15,20 @@ from supermap_cli.simulation.building_plan import BuildingPlan
 from supermap_cli.simulation.motion.free_space import FreeSpace
 from supermap_cli.simulation.world import Material, Motion, Shape, SimulatedThing, join_shapes
 
-PERSON_CLEARANCE_M = 0.25
-_STEP_S = 0.05
-_STRIDE_M = 1.4
-_LEG_SWING = np.radians(26)
-_SUNK_SHARE = 0.3
-_ARM_SWING = np.radians(20)
-_CARRYING_ARMS = np.radians(55)
-_FULL_SWING_SPEED = 1.1
-_ACCELERATION = 1.2
-_TURNING_RATE = np.radians(150)
-_STANDING_S = 0.6
-_LIFTING_S = 1.2
-_REACH_M = 1.6
+# An adult's unhurried walk, simplified; the values were chosen by eye.
+PERSON_CLEARANCE_M = 0.25  # m, half a shoulder's breadth
+_STEP_S = 0.05  # s between poses of a motion
+_STRIDE_M = 1.4  # m, two steps
+_LEG_SWING = np.radians(26)  # rad at full speed
+_SUNK_SHARE = 0.3  # of what the hip would sink with straight legs: knees take the rest
+_ARM_SWING = np.radians(20)  # rad at full speed
+_CARRYING_ARMS = np.radians(55)  # rad forward, with something in the hands
+_FULL_SWING_SPEED = 1.1  # m/s
+_ACCELERATION = 1.2  # m/s^2
+_TURNING_RATE = np.radians(150)  # rad/s on the spot
+_STANDING_S = 0.6  # s at rest after a turn
+_LIFTING_S = 1.2  # s to pick something up, or to put it down
+_REACH_M = 1.6  # m from where a person can stop to the thing that is fetched
 
 
 @dataclass(frozen=True)

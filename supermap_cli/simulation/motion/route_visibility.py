@@ -17,11 +17,11 @@ from supermap_cli.simulation.route import Route
 STEP_NS = 250_000_000
 """Time step of the search, ns."""
 _STEP_S = STEP_NS / 1e9
-_SEEING_M = 5.0
-_KEEP_APART_M = 0.65
-_SEEN_S = 2.0
-_UNOBSERVED_S = 2.0
-_EVERY = 2
+_SEEING_M = 5.0  # m, a thing within it is large enough in the image to be detected
+_KEEP_APART_M = 0.65  # m between the robot's and a person's middle: both radii and a hand's breadth
+_SEEN_S = 2.0  # s for which a place has to be seen before and after a change there
+_UNOBSERVED_S = 2.0  # s for which it has to be out of view between
+_EVERY = 2  # steps: how finely the time in view is counted
 
 
 @dataclass(frozen=True)

@@ -17,13 +17,14 @@ from supermap_cli.simulation.motion.gaze import GazePlanner, follow_gaze, room_p
 from supermap_cli.simulation.motion.tour import Stop, Tour, ordered_round, plan_tour, rooms_to_stop_in
 from supermap_cli.simulation.route import Route
 
+# A small indoor robot; the values were chosen for the simulator.
 ROBOT_RADIUS_M = 0.25
-_PLANNED_CLEARANCE_M = 0.33
-_STEP_S = 0.05
-_KNOT_S = 0.25
-_ACCELERATION = 0.7
-_SIDEWAYS_ACCELERATION = 0.8
-_BRAKING_S = 1.0
+_PLANNED_CLEARANCE_M = 0.33  # m: the radius and what the spline may cut off corners
+_STEP_S = 0.05  # s between points of the planned drive
+_KNOT_S = 0.25  # s between knots of the spline, where it keeps clear of everything
+_ACCELERATION = 0.7  # m/s^2
+_SIDEWAYS_ACCELERATION = 0.8  # m/s^2 in bends
+_BRAKING_S = 1.0  # s before the end
 
 
 def plan_route(

@@ -43,8 +43,8 @@ IMU_TOPIC = "/imu/data"
 ODOMETRY_TOPIC = "/odom"
 TRUTH_TOPIC = "/ground_truth/odom"
 
-_JPEG_QUALITY = 90
-_NO_DEPTH_PARAMETERS = bytes(12)
+_JPEG_QUALITY = 90  # percent
+_NO_DEPTH_PARAMETERS = bytes(12)  # compressedDepth's header for 16UC1: format and two quantisation parameters, unused
 _LIVOX_POINT = np.dtype(
     {
         "names": ["x", "y", "z", "intensity", "tag", "line", "timestamp"],
@@ -53,7 +53,8 @@ _LIVOX_POINT = np.dtype(
         "itemsize": 26,
     }
 )
-_LIVOX_LINES = 4
+_LIVOX_LINES = 4  # laser lines of a Mid-360
+# numpy type -> datatype of sensor_msgs/PointField
 _POINT_FIELD = {"<f4": 7, "|u1": 2, "<f8": 8}
 
 

@@ -13,9 +13,9 @@ from supermap_cli.geometry.se3 import inverse, transform_points
 from supermap_cli.simulation.views import PlaceVisibility, RenderedView
 from supermap_cli.simulation.world import Shape, World, sample_surface
 
-_SAMPLES_A_PLACE = 300
-_TOLERANCE_M = 0.01
-_STEEPEST_TAN, _PIXEL_REACH = 4.0, 0.75
+_SAMPLES_A_PLACE = 300  # surface samples: shares are exact to about 3 %
+_TOLERANCE_M = 0.01  # m that a sample may lie behind the pixel's surface and still be on it
+_STEEPEST_TAN, _PIXEL_REACH = 4.0, 0.75  # slope up to which that grows with the slant; pixels from a sample to its ray
 
 
 @dataclass(frozen=True)

@@ -30,14 +30,18 @@ from supermap_cli.simulation.recording.observed_truth import ObservedTruth, Unde
 from supermap_cli.types.truth import GroundTruth, TrueQuestion, TrueState
 
 STRICT, WIDE = 1 / 1.4, 1.3 * 1.4
+"""Slack with which a relation surely holds, and without which it surely fails: the graph's hysteresis (1.3) and a
+margin of 1.4 for the map's errors of size and place.
+"""
 
 KINDS: Mapping[str, tuple[str, ...]] = {"chair": ("armchair",), "table": ("desk",)}
 """What else a label means, besides labels that end in it ("coffee table")."""
 
 SPOKEN: Mapping[str, str] = {"potted plant": "plant", "refrigerator": "fridge", "cardboard box": "box"}
-"""What people rather say."""
+"""What people say instead of a label."""
 
 NEVER_THERE = ("piano", "bathtub", "bicycle", "guitar", "aquarium", "surfboard")
+"""Labels that no scenario has."""
 
 _PLURALS: Mapping[str, str] = {"mouse": "mice", "bookshelf": "bookshelves", "tv": "televisions"}
 _MOST: Mapping[str, int] = {

@@ -27,8 +27,11 @@ from supermap_cli.types.truth import (
 )
 
 SURFACE_SPACING_M = 0.02
+"""Distance of surface samples of things, m: less than a voxel of the map (5 cm by default) has an edge."""
 FIXTURE_SPACING_M = 0.05
+"""Distance of surface samples of walls, floors and the like, m."""
 PERSON = "person"
+"""The label of people."""
 
 LEAST_MOVE_M = 0.1
 """A thing that stands again within this of where it stood has not moved."""

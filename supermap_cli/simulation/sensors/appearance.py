@@ -12,9 +12,10 @@ from supermap_cli.geometry.arrays import BoolArray, Float32Array, FloatArray, In
 from supermap_cli.simulation.sensors.textures import LEVELS, atlas, texels_a_cell
 from supermap_cli.simulation.world import Material, Shape
 
-_LIGHT = np.array([0.37, 0.26, 0.89])
-_AMBIENT, _FROM_ABOVE, _DIRECT = 0.62, 0.1, 0.35
-_FADES_M = 25.0
+# Lambertian light of an evenly lit office; the values were chosen by eye.
+_LIGHT = np.array([0.37, 0.26, 0.89])  # direction towards the light, unit length, world
+_AMBIENT, _FROM_ABOVE, _DIRECT = 0.62, 0.1, 0.35  # shares of full brightness
+_FADES_M = 25.0  # m at which a surface is half as bright
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,8 @@ from supermap_cli.geometry.arrays import Float32Array, IntArray
 from supermap_cli.simulation.rigs import DepthSensor
 from supermap_cli.simulation.views import RenderedView
 
-_EDGE_M, _EDGE_SHARE = 0.03, 0.05
-_HOLES_AT_EDGES, _MIXED_AT_EDGES = 0.7, 0.08
+_EDGE_M, _EDGE_SHARE = 0.03, 0.05  # m and share of the depth: the greater is the least jump of an edge
+_HOLES_AT_EDGES, _MIXED_AT_EDGES = 0.7, 0.08  # shares of edge pixels without a return, and with a mixed one
 
 
 def measure_depth(view: RenderedView, sensor: DepthSensor, rng: np.random.Generator) -> Float32Array:

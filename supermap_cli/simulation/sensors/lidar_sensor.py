@@ -20,9 +20,9 @@ from supermap_cli.simulation.sensors.scene import Scene
 from supermap_cli.simulation.views import RayHits
 
 _BEAMS = 4
-_TURNS_HZ, _SWINGS_HZ = 10 * np.sqrt(5), 100 * np.sqrt(3)
-_SWING_BETWEEN_BEAMS = (3 - np.sqrt(5)) / 2
-_WORLD_STANDS_NS = 20_000_000
+_TURNS_HZ, _SWINGS_HZ = 10 * np.sqrt(5), 100 * np.sqrt(3)  # Hz, incommensurable
+_SWING_BETWEEN_BEAMS = (3 - np.sqrt(5)) / 2  # of a swing: the golden ratio spreads the beams' phases evenly
+_WORLD_STANDS_NS = 20_000_000  # ns for which moving things are held still while rays are cast: 2 cm at a walk
 
 
 @dataclass(frozen=True)

@@ -25,8 +25,8 @@ from supermap_cli.simulation.worlds.shapes.materials import Rgb, between, pick, 
 
 CORRIDOR = "corridor"
 AREA_M2 = (70.0, 110.0)
-"""How large a building of three rooms and a corridor is."""
-_SLAB_M = 0.2
+"""Least and greatest floor area of a building of three rooms and a corridor, m^2."""
+_SLAB_M = 0.2  # m, thickness of floors and ceilings
 _TINTS: tuple[Rgb, ...] = ((232, 228, 218), (214, 222, 226), (226, 216, 204), (218, 226, 212), (238, 236, 230))
 _CARPETS: tuple[Rgb, ...] = ((112, 116, 124), (134, 118, 98), (92, 104, 116), (146, 140, 130))
 

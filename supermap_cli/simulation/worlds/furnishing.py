@@ -21,11 +21,15 @@ from supermap_cli.simulation.worlds.shapes import build_shape
 _SPOTS_DRAWN = 80
 """How often a spot is drawn for a thing before its whole room is begun anew."""
 _ROOMS_DRAWN = 80
+"""How often a room is begun anew before it counts as too small."""
 _WALKING_CLEARANCE_M = 0.37
+"""Free radius around robots and people, m: more than either plans with."""
 _OPEN_SHARE = 0.2
 """The least share of a room's floor on which one of that clearance can stand, all of it within reach of the door."""
 _DOOR_DEPTH_M = 0.95
+"""Depth of the zone kept free before a doorway, m: a leaf's width."""
 _WINDOW_DEPTH_M = 0.25
+"""Depth of the zone kept free before a window, m."""
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,9 @@ from supermap_cli.simulation.world import Shape
 TOUCH_M = 0.002
 """How far solids may reach into one another and still only touch."""
 _NARROWEST_SURFACE_M = 0.2
+"""Least side of a surface that other things can stand on, m."""
 _LOWEST_GAP_M = 0.05
+"""Least height above such a surface, m."""
 
 
 @dataclass(frozen=True)

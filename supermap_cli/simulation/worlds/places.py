@@ -20,6 +20,7 @@ from supermap_cli.simulation.worlds.shapes.materials import between, pick
 
 Range = tuple[float, float]
 _WHOLE: Range = (-1.0, 1.0)
+"""All of the free way on a surface."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,7 +12,7 @@ from supermap_cli.simulation.worlds.furnishing import RecipeLine
 from supermap_cli.simulation.worlds.places import AlongWall, AnyOf, At, Beside, Hung, Inside, On, OnFloor, Place, Under
 
 ON_FLOOR_OR_WALL = AnyOf((AlongWall(), OnFloor()))
-_SCREEN_Y, _KEYS_Y = (0.45, 0.95), (-0.8, -0.55)
+_SCREEN_Y, _KEYS_Y = (0.45, 0.95), (-0.8, -0.55)  # shares of a desk from its front (-1) to its back (1)
 
 OFFICE = (
     RecipeLine("desk", AlongWall(), name="first desk"),
