@@ -132,6 +132,7 @@ def _traversal(traversal: TrueTraversal) -> dict[str, Any]:
         "stamps_ns": traversal.stamps_ns.tolist(),
         "T_world_base": [_transform(T) for T in traversal.T_world_base],
         "sightings": _sightings(traversal.sightings),
+        **({"camera_ids": list(traversal.camera_ids)} if traversal.camera_ids else {}),
     }
 
 
@@ -242,6 +243,7 @@ def _read_traversal(entry: Document) -> TrueTraversal:
         T_world_base=_read_transforms(entry["T_world_base"]),
         sightings=_read_sightings(entry["sightings"]),
         fingerprint=_optional(_text, entry.get("fingerprint")),
+        camera_ids=tuple(map(_text, entry.get("camera_ids", ()))),
     )
 
 

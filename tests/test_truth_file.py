@@ -37,6 +37,25 @@ def test_a_fingerprint_comes_back_and_may_be_missing(fingerprint: str | None) ->
         assert from_document(document).traversals[0].fingerprint is None
 
 
+def test_the_cameras_of_images_come_back_and_are_left_out_of_a_truth_of_one_camera() -> None:
+    truth = kitchen_truth.kitchen_truth()
+    (traversal, *_), images = truth.traversals, len(truth.traversals[0].stamps_ns)
+    cameras = tuple("left" if k % 2 else "right" for k in range(images))
+    document = json.loads(json.dumps(to_document(replace(truth, traversals=(replace(traversal, camera_ids=cameras),)))))
+    SCHEMA.validate(document)
+    assert from_document(document).traversals[0].camera_ids == cameras
+    assert "camera_ids" not in to_document(truth)["traversals"][0]
+    assert from_document(to_document(truth)).traversals[0].camera_ids == ()
+
+
+def test_a_truth_with_fewer_cameras_than_images_is_damaged() -> None:
+    truth = kitchen_truth.kitchen_truth()
+    document = to_document(truth)
+    document["traversals"][0]["camera_ids"] = ["left"]
+    with pytest.raises(ValueError, match="1 cameras of"):
+        from_document(document)
+
+
 @settings(deadline=None, max_examples=60)
 @given(truth=truths.truths())
 def test_written_again_it_has_the_same_bytes_and_follows_its_schema(truth: GroundTruth) -> None:

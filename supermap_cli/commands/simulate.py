@@ -20,7 +20,7 @@ from supermap_cli.errors import ConfigError, SimulationError
 
 if TYPE_CHECKING:
     from supermap_cli.simulation.detection.detector_errors import DetectorErrors
-    from supermap_cli.simulation.recording.recorder import Recorded
+    from supermap_cli.simulation.recording.recorder import RecordedScenario
     from supermap_cli.simulation.scenario import Scenario
 
 EXAMPLES = """
@@ -31,6 +31,8 @@ Examples:
     supermap simulate office-twice --out office --seed 1
 
     supermap simulate tiny --out tiny --perfect
+
+    supermap simulate office --rig three-cameras
 
     supermap simulate office --out hard --error recall=0.7 --error false_positives=1.5
 """
@@ -45,6 +47,10 @@ def simulate(  # noqa: PLR0917 - a command line has many options
     scenario: Annotated[
         str | None, typer.Argument(metavar="SCENARIO", help="What to simulate; see --list.", show_default=False)
     ] = None,
+    rig: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="The robot's sensors; see --list. [default: as the scenario says]"),
+    ] = None,
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="The folder to write to. [default: the scenario's name]")
     ] = None,
@@ -58,7 +64,9 @@ def simulate(  # noqa: PLR0917 - a command line has many options
         list[str] | None,
         typer.Option(metavar="NAME=VALUE", help="One of the detector's errors, e.g. recall=0.8; may be repeated."),
     ] = None,
-    listed: Annotated[bool, typer.Option("--list", help="List the scenarios and the detector's errors.")] = False,
+    listed: Annotated[
+        bool, typer.Option("--list", help="List the scenarios, the rigs and the detector's errors.")
+    ] = False,
     as_json: JsonOption = False,
 ) -> None:
     """Simulate a robot's recordings, with the exact truth beside them.
@@ -73,7 +81,7 @@ def simulate(  # noqa: PLR0917 - a command line has many options
         raise SimulationError("no scenario given", cure="name one of those that `supermap simulate --list` shows")
     began = time.perf_counter()
     errors = detector_errors(error or [], perfect=perfect)
-    recorded = simulate_scenario(scenario, out or Path(scenario), seed, seconds, errors, overwrite=overwrite)
+    recorded = simulate_scenario(scenario, out or Path(scenario), seed, seconds, errors, overwrite=overwrite, rig=rig)
     total_s = time.perf_counter() - began
     if as_json:
         print_json(to_document(recorded, total_s))
@@ -82,8 +90,15 @@ def simulate(  # noqa: PLR0917 - a command line has many options
 
 
 def simulate_scenario(
-    name: str, folder: Path, seed: int, seconds: float | None, errors: DetectorErrors, *, overwrite: bool
-) -> Recorded:
+    name: str,
+    folder: Path,
+    seed: int,
+    seconds: float | None,
+    errors: DetectorErrors,
+    *,
+    overwrite: bool,
+    rig: str | None = None,
+) -> RecordedScenario:
     """Make a scenario and record it, with progress bars."""
     if threading.current_thread() is threading.main_thread():
         signal.signal(signal.SIGTERM, signal.default_int_handler)  # stopped politely, it leaves no half recording
@@ -93,7 +108,7 @@ def simulate_scenario(
         from supermap_cli.simulation.scenarios import make_scenario  # noqa: PLC0415
 
         with err().status(f"making {name}"):
-            scenario = make_scenario(name, seed, seconds=seconds)
+            scenario = make_scenario(name, seed, seconds=seconds, rig=rig)
         with progress_bars(scenario) as progress:
             return record(scenario, folder, errors=errors, seed=seed, overwrite=overwrite, progress=progress)
     except KeyboardInterrupt:
@@ -120,7 +135,7 @@ def detector_errors(given: list[str], *, perfect: bool) -> DetectorErrors:
 
 @contextmanager
 def progress_bars(scenario: Scenario) -> Iterator[Callable[[str, int, int], None]]:
-    """A bar for each visit over its images, with rate, realtime factor and time left, on stderr."""
+    """A bar for each traversal over its images, with rate, realtime factor and time left, on stderr."""
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn  # noqa: PLC0415
 
     columns = (
@@ -129,7 +144,9 @@ def progress_bars(scenario: Scenario) -> Iterator[Callable[[str, int, int], None
         TextColumn("{task.percentage:>3.0f} %  {task.fields[speed]}  left"),
         TimeRemainingColumn(),
     )
-    spans_s = {each.name: (each.route.end_ns - each.route.start_ns) / 1e9 for each in scenario.visits}
+    spans_s = {
+        traversal.name: (traversal.route.end_ns - traversal.route.start_ns) / 1e9 for traversal in scenario.traversals
+    }
     console = err()
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bars:
         tasks = {name: bars.add_task(f"{name}.mcap", total=None, start=False, speed="") for name in spans_s}
@@ -146,7 +163,7 @@ def progress_bars(scenario: Scenario) -> Iterator[Callable[[str, int, int], None
         yield advance
 
 
-def to_document(recorded: Recorded, total_s: float) -> dict[str, object]:
+def to_document(recorded: RecordedScenario, total_s: float) -> dict[str, object]:
     """What was written, as JSON values."""
     truth = recorded.ground_truth
     return {
@@ -163,27 +180,27 @@ def to_document(recorded: Recorded, total_s: float) -> dict[str, object]:
             for path, traversal in zip(recorded.recordings, truth.traversals, strict=True)
         ],
         "truth": str(recorded.truth),
-        "objects": sum(each.kind == "object" for each in truth.objects),
-        "people": sum(each.kind == "person" for each in truth.objects),
+        "objects": sum(true_object.kind == "object" for true_object in truth.objects),
+        "people": sum(true_object.kind == "person" for true_object in truth.objects),
         "changes": len(truth.changes),
         "questions": len(truth.questions),
         "total_s": round(total_s, 3),
         "timings": [
             {
-                "stage": each.stage,
-                "total_s": each.total_s,
-                "runs": each.runs,
-                "mean_ms": each.mean_ms,
-                "p95_ms": each.p95_ms,
+                "stage": timing.stage,
+                "total_s": timing.total_s,
+                "runs": timing.runs,
+                "mean_ms": timing.mean_ms,
+                "p95_ms": timing.p95_ms,
             }
-            for each in recorded.timings
+            for timing in recorded.timings
         ],
     }
 
 
-def _print(recorded: Recorded, total_s: float) -> None:
+def _print(recorded: RecordedScenario, total_s: float) -> None:
     console, truth = common.out(), recorded.ground_truth
-    recorded_s = sum((each.end_ns - each.start_ns) / 1e9 for each in truth.traversals)
+    recorded_s = sum((traversal.end_ns - traversal.start_ns) / 1e9 for traversal in truth.traversals)
     console.print(
         f"{truth.scenario}, seed {truth.seed}: {recorded_s:.1f} s recorded in {total_s:.1f} s "
         f"({recorded_s / max(total_s, 1e-9):.1f} x realtime)",
@@ -194,9 +211,9 @@ def _print(recorded: Recorded, total_s: float) -> None:
         console.print(
             f"  {path}: {seconds:.1f} s, {size:.0f} MB, {len(traversal.stamps_ns)} images with detections", markup=False
         )
-    things, people = (sum(each.kind == kind for each in truth.objects) for kind in ("object", "person"))
+    objects, people = (sum(true_object.kind == kind for true_object in truth.objects) for kind in ("object", "person"))
     console.print(
-        f"  {recorded.truth}: {things} objects, {people} people, {len(truth.changes)} changes, "
+        f"  {recorded.truth}: {objects} objects, {people} people, {len(truth.changes)} changes, "
         f"{len(truth.questions)} questions",
         markup=False,
     )
@@ -209,8 +226,9 @@ def _print(recorded: Recorded, total_s: float) -> None:
 
 
 def _list(*, as_json: bool) -> None:
-    """The scenarios, and the detector's errors with their defaults."""
+    """The scenarios, the rigs, and the detector's errors with their defaults."""
     from supermap_cli.simulation.detection.detector_errors import DetectorErrors  # noqa: PLC0415 - keeps start-up light
+    from supermap_cli.simulation.rigs import RIGS  # noqa: PLC0415
     from supermap_cli.simulation.scenarios import SCENARIOS  # noqa: PLC0415
 
     errors = DetectorErrors.model_fields
@@ -218,6 +236,7 @@ def _list(*, as_json: bool) -> None:
         print_json(
             {
                 "scenarios": [{"name": name, "description": text} for name, text in SCENARIOS.items()],
+                "rigs": [{"name": name, "description": text} for name, text in RIGS.items()],
                 "errors": [
                     {"name": name, "default": field.default, "description": field.description or ""}
                     for name, field in errors.items()
@@ -227,5 +246,6 @@ def _list(*, as_json: bool) -> None:
         return
     console = common.out()
     print_table(console, "", ("scenario", "what it is"), SCENARIOS.items())
+    print_table(console, "", ("--rig", "what it is"), RIGS.items())
     rows = ((name, f"{field.default:g}", field.description or "") for name, field in errors.items())
     print_table(console, "", ("--error", "default#", "of the detector"), rows)

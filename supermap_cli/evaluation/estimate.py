@@ -87,7 +87,8 @@ class EstimatedMap:
     `objects` are all believed instances, present or absent (doubted ones are left out). `keyframes_ns` (k,) are the
     stamps of all mapped images, of all traversals; `alignment_rmse_m` is the error of the robot's trajectory in the map
     against the true one after the alignment, by traversal. `doubted` are the demoted instances, people who walked by
-    among them: only the scores of person passages use them.
+    among them: only the scores of person passages use them. `keyframe_cameras` (k,) are the `camera_id`s of the
+    keyframes, () where they are not known.
     """
 
     objects: tuple[EstimatedObject, ...]
@@ -97,3 +98,4 @@ class EstimatedMap:
     T_world_map: FloatArray
     alignment_rmse_m: dict[str, float]
     doubted: tuple[EstimatedObject, ...] = ()
+    keyframe_cameras: tuple[str, ...] = ()

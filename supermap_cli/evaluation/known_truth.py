@@ -1,14 +1,16 @@
 """The part of the ground truth that a map can be scored against: mapped traversals, object places, their visibility.
 
-A map is scored at its end, the last mapped keyframe. Traversals without a keyframe in the map do not count. An object
-is *countable* in a place if some image, taken while it stood there and not after the end, showed at least
-`MIN_COUNTABLE_PIXELS` pixels and `MIN_COUNTABLE_SHARE` of its front; an object that no image showed so well is
-*ignored*: it need not be found, and finding it is no error (as COCO's crowds and ScanNet's void points). Only images
-within `MAX_KEYFRAME_OFFSET_NS` of a mapped keyframe count.
+A map is judged as it is at its end, the last mapped keyframe. Traversals with no keyframe in the map do not count. An
+object is *countable* in a place if some image, taken while it stood there and not after the end, showed at least
+`MIN_COUNTABLE_PIXELS` pixels of it and `MIN_COUNTABLE_SHARE` of its front; what no image showed so well is *ignored*:
+it need not be found, and finding it is no error (as COCO's crowds and ScanNet's void points). Only images near a mapped
+keyframe count, within `MAX_KEYFRAME_OFFSET_NS`: a map cannot know what the others showed. Where the robot has several
+cameras, a keyframe is an image of its own camera, and images that several of them took at once are one view.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -87,9 +89,9 @@ class Place:
 class KnownTruth:
     """The truth as far as the mapped images show it.
 
-    `places` (p) are all states of all objects that began before the end. `stamps_ns` (k,) are the mapped keyframes that
-    the truth has an image of; `visible` (p, k) is the share of each place's front that each shows, whether or not the
-    object is there.
+    `places` (p) are all stays of all objects that began before the end. `stamps_ns` (k,) are the mapped keyframes that
+    the truth has an image of, those of several cameras with one stamp being one; `visible` (p, k) is the share of each
+    place's front that each shows, whether or not the object is there.
 
     Of the truth's traversals, the map has keyframes of `traversals`, but only of a part of those in `partly_mapped`,
     and none of those in `not_mapped` (names).
@@ -173,9 +175,10 @@ class KnownTruth:
 def known_truth(estimate: EstimatedMap, truth: GroundTruth) -> KnownTruth:
     """Reduce the truth to what the map's keyframes can have shown."""
     keyframes_ns = np.sort(estimate.keyframes_ns)
+    by_camera = keyframes_by_camera(estimate)
     mapped = tuple(traversal for traversal in truth.traversals if len(_keyframes_in(traversal, keyframes_ns)))
     end_ns = int(keyframes_ns[-1]) if len(keyframes_ns) else None
-    images = [images_of(traversal, keyframes_ns) for traversal in mapped]
+    images = [images_of(traversal, by_camera) for traversal in mapped]
     states = [
         (number, index)
         for number, obj in enumerate(truth.objects)
@@ -184,10 +187,11 @@ def known_truth(estimate: EstimatedMap, truth: GroundTruth) -> KnownTruth:
     ]
     row_of = {state_key: row for row, state_key in enumerate(states)}
     visible = [
-        _visible(traversal.sightings, frames, row_of) for traversal, (frames, _) in zip(mapped, images, strict=True)
+        _at_once(_visible(traversal.sightings, frames, row_of), stamps_ns)
+        for traversal, (frames, stamps_ns) in zip(mapped, images, strict=True)
     ]
-    stamps_ns = np.concatenate([np.zeros(0, np.int64), *(stamps for _, stamps in images)])
-    well_seen = _first_well_seen_ns(mapped, keyframes_ns)
+    stamps_ns = np.concatenate([np.zeros(0, np.int64), *(np.unique(stamps_ns) for _, stamps_ns in images)])
+    well_seen = _well_seen(mapped, by_camera)
     places = tuple(Place(truth.objects[number], index, well_seen.get((number, index))) for number, index in states)
     return KnownTruth(
         traversals=mapped,
@@ -215,14 +219,51 @@ def _is_partly_mapped(traversal: TrueTraversal, keyframes_ns: IntArray) -> bool:
     )
 
 
-def images_of(traversal: TrueTraversal, keyframes_ns: IntArray) -> tuple[IntArray, IntArray]:
-    """The truth's frames (k,) that a traversal's keyframes are, and the keyframes' stamps (k,)."""
-    stamps_ns = _keyframes_in(traversal, keyframes_ns)
-    if not len(traversal.stamps_ns):
-        return np.zeros(0, np.int64), np.zeros(0, np.int64)
-    nearest = _nearest(stamps_ns, traversal.stamps_ns)
-    close = np.abs(traversal.stamps_ns[nearest] - stamps_ns) <= IMAGE_TOLERANCE_NS
-    return nearest[close], stamps_ns[close]
+def keyframes_by_camera(estimate: EstimatedMap) -> dict[str | None, IntArray]:
+    """Stamps of the mapped keyframes, ascending: of all of them (`None`), and of each camera where these are known."""
+    cameras = np.array(estimate.keyframe_cameras)
+    own = {camera_id: np.unique(estimate.keyframes_ns[cameras == camera_id]) for camera_id in np.unique(cameras)}
+    return {None: np.unique(estimate.keyframes_ns), **own}
+
+
+def images_of(traversal: TrueTraversal, by_camera: Mapping[str | None, IntArray]) -> tuple[IntArray, IntArray]:
+    """The truth's frames (k,) that a traversal's keyframes (`keyframes_by_camera`) are, and the keyframes' stamps (k,),
+    ascending.
+    """
+    frames, stamps_ns = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
+    for own_frames, keyframes_ns in _cameras(traversal, by_camera):
+        own_ns = _keyframes_in(traversal, keyframes_ns)
+        if not len(own_frames):
+            continue
+        images_ns = traversal.stamps_ns[own_frames]
+        nearest = _nearest(own_ns, images_ns)
+        close = np.abs(images_ns[nearest] - own_ns) <= IMAGE_TOLERANCE_NS
+        frames.append(own_frames[nearest[close]])
+        stamps_ns.append(own_ns[close])
+    order = np.argsort(np.concatenate(stamps_ns), kind="stable")
+    return np.concatenate(frames)[order], np.concatenate(stamps_ns)[order]
+
+
+def _cameras(traversal: TrueTraversal, by_camera: Mapping[str | None, IntArray]) -> Iterator[tuple[IntArray, IntArray]]:
+    """The frames of each camera of a traversal, and the stamps of its keyframes; of all cameras as one where the truth
+    has only one, or does not say. A map that does not know its keyframes' cameras is taken to have mapped all of them.
+    """
+    if not traversal.camera_ids:
+        yield np.arange(len(traversal.stamps_ns)), by_camera[None]
+        return
+    cameras, none = np.array(traversal.camera_ids), by_camera[None][:0]
+    for camera_id in dict.fromkeys(traversal.camera_ids):
+        own = by_camera.get(camera_id, none) if len(by_camera) > 1 else by_camera[None]
+        yield np.flatnonzero(cameras == camera_id), own
+
+
+def _at_once(visible: Float32Array, stamps_ns: IntArray) -> Float32Array:
+    """(p, m) of (p, k) the best of all images that share a stamp (k,), ascending."""
+    if not len(stamps_ns):
+        return visible
+    _, first = np.unique(stamps_ns, return_index=True)
+    best: Float32Array = np.maximum.reduceat(visible, first, axis=1)
+    return best
 
 
 def _nearest(stamps_ns: IntArray, others_ns: IntArray) -> IntArray:
@@ -243,19 +284,30 @@ def _visible(sightings: TrueSightings, frames: IntArray, row_of: dict[tuple[int,
     return visible[:, frames]
 
 
-def _first_well_seen_ns(traversals: tuple[TrueTraversal, ...], keyframes_ns: IntArray) -> dict[tuple[int, int], int]:
-    """(object, state) -> stamp of the first image near a keyframe that showed it well."""
+def _well_seen(
+    traversals: tuple[TrueTraversal, ...], by_camera: Mapping[str | None, IntArray]
+) -> dict[tuple[int, int], int]:
+    """When each stay (object, state) was first shown well, where it was, by an image near a keyframe."""
     first: dict[tuple[int, int], int] = {}
     for traversal in traversals:
         seen = traversal.sightings
         stamps_ns = traversal.stamps_ns[seen.frame]
         well = seen.present & (seen.pixels >= MIN_COUNTABLE_PIXELS) & (seen.visible >= MIN_COUNTABLE_SHARE)
-        nearest_ns = keyframes_ns[_nearest(stamps_ns, keyframes_ns)]
-        well &= (seen.state >= 0) & (np.abs(nearest_ns - stamps_ns) <= MAX_KEYFRAME_OFFSET_NS)
-        well &= stamps_ns <= keyframes_ns[-1]
+        well &= (seen.state >= 0) & _near_keyframe(traversal, by_camera)[seen.frame]
+        well &= stamps_ns <= by_camera[None][-1]
         for number, index, stamp_ns in zip(
             seen.object[well].tolist(), seen.state[well].tolist(), stamps_ns[well].tolist(), strict=True
         ):
             state_key = (number, index)
             first[state_key] = min(stamp_ns, first.get(state_key, stamp_ns))
     return first
+
+
+def _near_keyframe(traversal: TrueTraversal, by_camera: Mapping[str | None, IntArray]) -> BoolArray:
+    """(f,): which images of a traversal were taken within `MAX_KEYFRAME_OFFSET_NS` of a keyframe of their camera."""
+    near = np.zeros(len(traversal.stamps_ns), bool)
+    for frames, keyframes_ns in _cameras(traversal, by_camera):
+        if len(keyframes_ns):
+            images_ns = traversal.stamps_ns[frames]
+            near[frames] = np.abs(keyframes_ns[_nearest(images_ns, keyframes_ns)] - images_ns) <= MAX_KEYFRAME_OFFSET_NS
+    return near

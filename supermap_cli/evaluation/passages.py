@@ -9,7 +9,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from supermap_cli.evaluation.estimate import EstimatedMap, EstimatedObject
-from supermap_cli.evaluation.known_truth import MIN_COUNTABLE_PIXELS, MIN_COUNTABLE_SHARE, images_of
+from supermap_cli.evaluation.known_truth import (
+    MIN_COUNTABLE_PIXELS,
+    MIN_COUNTABLE_SHARE,
+    images_of,
+    keyframes_by_camera,
+)
 from supermap_cli.evaluation.matching import same_label
 from supermap_cli.evaluation.objects import PERSON
 from supermap_cli.evaluation.shares import share
@@ -90,12 +95,12 @@ def score_passages(estimate: EstimatedMap, truth: GroundTruth) -> PassageScores:
 
 
 def _passages(estimate: EstimatedMap, truth: GroundTruth) -> Iterator[ObservedPassage]:
-    keyframes_ns = np.sort(estimate.keyframes_ns)
+    by_camera = keyframes_by_camera(estimate)
     observers = _observers(estimate, [obj for obj in truth.objects if obj.kind == "person"])
     for traversal in truth.traversals:
         for number, person in enumerate(truth.objects):
             if person.kind == "person":
-                for run in split_at_gaps(_well_visible(traversal, number, keyframes_ns)):
+                for run in split_at_gaps(_well_visible(traversal, number, by_camera)):
                     yield _passage(person.id, run, observers)
 
 
@@ -106,13 +111,13 @@ def split_at_gaps(stamps_ns: IntArray) -> list[IntArray]:
     return np.split(stamps_ns, np.flatnonzero(np.diff(stamps_ns) > MAX_PASSAGE_GAP_NS) + 1)
 
 
-def _well_visible(traversal: TrueTraversal, number: int, keyframes_ns: IntArray) -> IntArray:
+def _well_visible(traversal: TrueTraversal, number: int, by_camera: Mapping[str | None, IntArray]) -> IntArray:
     """The stamps of the keyframes of a traversal that show an object in motion well."""
-    frames, stamps_ns = images_of(traversal, keyframes_ns)
+    frames, stamps_ns = images_of(traversal, by_camera)
     seen = traversal.sightings
     moving = (seen.object == number) & (seen.state < 0) & seen.present
     well = moving & (seen.pixels >= MIN_COUNTABLE_PIXELS) & (seen.visible >= MIN_COUNTABLE_SHARE)
-    return stamps_ns[np.isin(frames, seen.frame[well])]
+    return np.unique(stamps_ns[np.isin(frames, seen.frame[well])])
 
 
 def _passage(object_id: str, run: IntArray, observers: dict[tuple[str, int], str]) -> ObservedPassage:

@@ -91,7 +91,8 @@ def _matched_poses(
 
 def _true_trajectory(traversal: TrueTraversal) -> Trajectory:
     def poses() -> Iterator[StampedPose]:
-        for stamp_ns, T_world_base in zip(traversal.stamps_ns.tolist(), traversal.T_world_base, strict=True):
+        stamps_ns, first = np.unique(traversal.stamps_ns, return_index=True)
+        for stamp_ns, T_world_base in zip(stamps_ns.tolist(), traversal.T_world_base[first], strict=True):
             yield StampedPose(stamp_ns, T_world_base)
 
     return Trajectory(poses(), max_gap_s=MAX_GAP_S, hold_s=0.0)

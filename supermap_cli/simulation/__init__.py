@@ -1,1 +1,1 @@
-"""Simulated worlds with exact ground truth: a robot's recording of rooms that never were."""
+"""Simulated worlds: recordings of a robot in rooms, with exact ground truth."""

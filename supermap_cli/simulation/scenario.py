@@ -1,4 +1,4 @@
-"""What is simulated: a world, a robot, and the visits it pays."""
+"""What is simulated: a world, a robot, and its traversals of the world."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ from dataclasses import dataclass
 
 from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.simulation.building_plan import BuildingPlan
-from supermap_cli.simulation.rigs import Rig
+from supermap_cli.simulation.rigs import SimulatedRig
 from supermap_cli.simulation.route import Route
 from supermap_cli.simulation.world import World
 
 
 @dataclass(frozen=True)
-class SimulatedVisit:
+class SimulatedTraversal:
     """One traversal: `name` becomes the recording's; `T_world_odom` (4, 4) is where its odometry starts from."""
 
     name: str
@@ -22,11 +22,11 @@ class SimulatedVisit:
 
 @dataclass(frozen=True)
 class Scenario:
-    """A world with all its changes on one clock, and the visits to it in the order of time."""
+    """A world with all its changes on one clock, and the traversals of it in the order of time."""
 
     name: str
     seed: int
     plan: BuildingPlan
     world: World
-    rig: Rig
-    visits: tuple[SimulatedVisit, ...]
+    rig: SimulatedRig
+    traversals: tuple[SimulatedTraversal, ...]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 
 import numpy as np
@@ -12,18 +12,18 @@ import numpy as np
 from supermap_cli.errors import SimulationError
 from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.geometry.cameras import EquirectangularCamera
-from supermap_cli.simulation.motion.bystanders import Bystanders, Passage
-from supermap_cli.simulation.motion.moments import Watch
+from supermap_cli.simulation.motion.bystanders import Bystanders, PersonMotion
+from supermap_cli.simulation.motion.route_visibility import RouteVisibility
 from supermap_cli.simulation.motion.routes import plan_route
-from supermap_cli.simulation.rigs import Rig, panorama_rig, rgbd_rig
+from supermap_cli.simulation.rigs import SimulatedRig, make_rig, panorama_rig, rgbd_rig
 from supermap_cli.simulation.route import Route
-from supermap_cli.simulation.scenario import Scenario, SimulatedVisit
+from supermap_cli.simulation.scenario import Scenario, SimulatedTraversal
 from supermap_cli.simulation.world import Stay, World
 from supermap_cli.simulation.worlds.building import CORRIDOR, make_building
-from supermap_cli.simulation.worlds.changing import Changed, change_interior, stays_with
-from supermap_cli.simulation.worlds.furnishing import Interior, Line
-from supermap_cli.simulation.worlds.places import Placed
-from supermap_cli.simulation.worlds.recipes import (
+from supermap_cli.simulation.worlds.furnishing import Interior, RecipeLine
+from supermap_cli.simulation.worlds.interior_changes import ChangedInterior, change_interior, stays_with
+from supermap_cli.simulation.worlds.places import PlacedPiece
+from supermap_cli.simulation.worlds.room_recipes import (
     BUCKET,
     DEMO_CHANGES,
     DEMO_ROOM,
@@ -32,7 +32,7 @@ from supermap_cli.simulation.worlds.recipes import (
     PANORAMA_BUCKET_ROOMS,
     PANORAMA_ROOMS,
     TINY_ROOM,
-    Change,
+    InteriorChange,
     office_recipes,
 )
 
@@ -48,17 +48,17 @@ SCENARIOS: dict[str, str] = {
 MONDAY_NS = 1_767_603_600_000_000_000
 """2026-01-05 09:00 UTC."""
 DAY_NS = 86_400_000_000_000
-_ATTEMPTS = 6
-_ROUTES_DRAWN = 6
-_PANORAMAS_DRAWN = 3
-_OTHER_START_M = 1.0
-_STILL = 0.02
+_ATTEMPTS = 6  # at a world that has room for everything; then the seed is given up
+_ROUTES_DRAWN = 6  # for a second day that starts elsewhere
+_PANORAMAS_DRAWN = 3  # routes on which the robot is to be away when something happens
+_OTHER_START_M = 1.0  # m between the starts of two traversals
+_STILL = 0.02  # m/s below which the robot stands still
 
-Recipes = Callable[[np.random.Generator], Mapping[str, Sequence[Line]]]
+Recipes = Callable[[np.random.Generator], Mapping[str, Sequence[RecipeLine]]]
 
 
-class _Concern(IntEnum):
-    """What is drawn at random: each from a generator of its own, so that none disturbs another."""
+class _Stream(IntEnum):
+    """What is drawn at random, each from a generator of its own, so that one does not change another."""
 
     BUILDING = 0
     FURNITURE = 1
@@ -68,131 +68,152 @@ class _Concern(IntEnum):
 
 
 @dataclass(frozen=True)
-class _Dice:
+class _RandomStreams:
     """All randomness of one attempt at a world."""
 
     seed: int
     attempt: int
 
-    def of(self, concern: _Concern, number: int = 0) -> np.random.Generator:
-        return np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=(concern, number, self.attempt)))
+    def of(self, stream: _Stream, number: int = 0) -> np.random.Generator:
+        return np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=(stream, number, self.attempt)))
 
 
-class _Site:
-    """A furnished building, and what the robot and people do in it."""
+class _FurnishedBuilding:
+    """A furnished building, and the routes of the robot and of people in it."""
 
-    def __init__(self, dice: _Dice, recipes: Recipes) -> None:
-        self.dice = dice
-        furniture = dice.of(_Concern.FURNITURE)
+    def __init__(self, streams: _RandomStreams, recipes: Recipes) -> None:
+        self.streams = streams
+        furniture = streams.of(_Stream.FURNITURE)
         by_room = recipes(furniture)
-        plan, self.fixtures = make_building(dice.of(_Concern.BUILDING), [name for name in by_room if name != CORRIDOR])
+        plan, self.fixtures = make_building(
+            streams.of(_Stream.BUILDING), [name for name in by_room if name != CORRIDOR]
+        )
         self.interior = Interior(plan, self.fixtures)
         self.interior.furnish(by_room, furniture)
 
-    def visit(
+    def traversal(
         self, name: str, start_ns: int, seconds: float, *, focus: Sequence[FloatArray] = (), number: int = 0
-    ) -> SimulatedVisit:
+    ) -> SimulatedTraversal:
         """A traversal whose odometry starts where the robot does; another `number`, another way."""
         return _starting_with(name, self.route(start_ns, seconds, focus, number))
 
     def route(self, start_ns: int, seconds: float, focus: Sequence[FloatArray], number: int) -> Route:
         """A way for the robot."""
-        plan, obstacles, rng = self.interior.plan, self.interior.obstacles, self.dice.of(_Concern.ROUTES, number)
+        plan, obstacles, rng = self.interior.plan, self.interior.obstacles, self.streams.of(_Stream.ROUTES, number)
         try:
             return plan_route(plan, obstacles, rng, start_ns=start_ns, seconds=seconds, focus=focus)
         except ValueError as error:  # whatever stands in the robot's way stands elsewhere in another world
             raise SimulationError(f"the robot cannot get about: {error}", cure="choose another --seed") from error
 
-    def bystanders(self, visit: SimulatedVisit, rig: Rig, number: int = 0) -> Bystanders:
-        """Those who come by on a visit."""
+    def bystanders(self, traversal: SimulatedTraversal, rig: SimulatedRig, number: int = 0) -> Bystanders:
+        """Those who come by on a traversal."""
         plan, obstacles = self.interior.plan, self.interior.obstacles
-        panoramic = isinstance(rig.camera, EquirectangularCamera)
-        view_rad = 2 * np.pi if panoramic else 2 * np.arctan(rig.camera.width / 2 / rig.camera.focal_px())
-        watch = Watch(plan, obstacles, visit.route, float(view_rad))
-        return Bystanders(plan, obstacles, watch, self.dice.of(_Concern.PEOPLE, number))
+        camera = rig.cameras[0].model
+        panoramic = isinstance(camera, EquirectangularCamera)
+        view_rad = 2 * np.pi if panoramic else 2 * np.arctan(camera.width / 2 / camera.focal_px())
+        route_visibility = RouteVisibility(plan, obstacles, traversal.route, float(view_rad))
+        return Bystanders(plan, obstacles, route_visibility, self.streams.of(_Stream.PEOPLE, number))
 
     def scenario(
-        self, name: str, rig: Rig, visits: Sequence[SimulatedVisit], stays: Sequence[Stay], passages: Sequence[Passage]
+        self,
+        name: str,
+        rig: SimulatedRig,
+        traversals: Sequence[SimulatedTraversal],
+        stays: Sequence[Stay],
+        walks: Sequence[PersonMotion],
     ) -> Scenario:
         """All of it together."""
-        things = (*self.interior.things, *(passage.person for passage in passages))
-        motions = tuple(motion for passage in passages for motion in passage.motions)
+        things = (*self.interior.things, *(walk.person for walk in walks))
+        motions = tuple(motion for walk in walks for motion in walk.motions)
         world = World(self.fixtures, things, tuple(stays), motions)
-        return Scenario(name, self.dice.seed, self.interior.plan, world, rig, tuple(visits))
+        return Scenario(name, self.streams.seed, self.interior.plan, world, rig, tuple(traversals))
 
 
-def make_scenario(name: str, seed: int, *, seconds: float | None = None) -> Scenario:
-    """The scenario of a name, the same for the same seed; its visits last `seconds` each (default: as it likes best).
+def make_scenario(name: str, seed: int, *, seconds: float | None = None, rig: str | None = None) -> Scenario:
+    """The scenario of a name, the same for the same seed; its traversals last `seconds` each (default: its own length).
 
-    Raises `SimulationError` for an unknown name, a negative seed, or a time too short for what should happen.
+    `rig` names another rig of `rigs.RIGS` than the scenario's own. World and drive stay the same whatever the rig, so
+    that maps of different rigs can be compared.
+
+    Raises `SimulationError` for an unknown name or rig, a negative seed, or a time too short for what should happen.
     """
+    other_rig = None if rig is None else make_rig(rig)
     if name not in _MAKERS:
         raise SimulationError(f"there is no scenario {name!r}", cure=f"choose one of {', '.join(SCENARIOS)}")
     if seed < 0:
         raise SimulationError(f"a seed is not negative: {seed}", cure="choose a --seed of 0 or more")
     if seconds is not None and seconds <= 0:
-        raise SimulationError(f"a visit takes time, not {seconds} s", cure="choose --seconds above 0")
-    maker, usual_s = _MAKERS[name]
+        raise SimulationError(f"a traversal takes time, not {seconds} s", cure="choose --seconds above 0")
+    scenario = _drawn(*_MAKERS[name], seed, seconds)
+    return scenario if other_rig is None else replace(scenario, rig=other_rig)
+
+
+def _drawn(maker: Maker, usual_s: float, seed: int, seconds: float | None) -> Scenario:
+    """The first attempt at a world that has room for all that should be in it, and a route through it."""
     for attempt in range(_ATTEMPTS - 1):
-        try:
-            return maker(_Dice(seed, attempt), seconds or usual_s)
-        except SimulationError:  # this draw of a world has no room for all that should be in it, or no way
-            continue
-    return maker(_Dice(seed, _ATTEMPTS - 1), seconds or usual_s)
+        with suppress(SimulationError):
+            return maker(_RandomStreams(seed, attempt), seconds or usual_s)
+    return maker(_RandomStreams(seed, _ATTEMPTS - 1), seconds or usual_s)
 
 
-def _office(dice: _Dice, seconds: float) -> Scenario:
-    site, rig = _Site(dice, office_recipes), rgbd_rig()
-    visit = site.visit("office", MONDAY_NS, seconds)
-    bystanders = site.bystanders(visit, rig)
-    passages = [bystanders.pass_through(f"person-{number}") for number in (1, 2)]
-    return site.scenario("office", rig, [visit], stays_with(site.interior, Changed(), None), passages)
+def _office(streams: _RandomStreams, seconds: float) -> Scenario:
+    building, rig = _FurnishedBuilding(streams, office_recipes), rgbd_rig()
+    traversal = building.traversal("office", MONDAY_NS, seconds)
+    bystanders = building.bystanders(traversal, rig)
+    people = [bystanders.pass_through(f"person-{number}") for number in (1, 2)]
+    return building.scenario("office", rig, [traversal], stays_with(building.interior, ChangedInterior(), None), people)
 
 
-def _office_twice(dice: _Dice, seconds: float) -> Scenario:
-    return _twice("office-twice", _Site(dice, office_recipes), OFFICE_CHANGES, seconds, people=True)
+def _office_twice(streams: _RandomStreams, seconds: float) -> Scenario:
+    return _twice(
+        "office-twice", _FurnishedBuilding(streams, office_recipes), OFFICE_CHANGES, seconds, with_people=True
+    )
 
 
-def _demo(dice: _Dice, seconds: float) -> Scenario:
-    return _twice("demo", _Site(dice, lambda _: {"office": DEMO_ROOM}), DEMO_CHANGES, seconds, people=False)
+def _demo(streams: _RandomStreams, seconds: float) -> Scenario:
+    return _twice(
+        "demo", _FurnishedBuilding(streams, lambda _: {"office": DEMO_ROOM}), DEMO_CHANGES, seconds, with_people=False
+    )
 
 
-def _twice(name: str, site: _Site, changes: Sequence[Change], seconds: float, *, people: bool) -> Scenario:
-    """Two visits a day apart, and the changes half way between them."""
+def _twice(
+    name: str, building: _FurnishedBuilding, changes: Sequence[InteriorChange], seconds: float, *, with_people: bool
+) -> Scenario:
+    """Two traversals a day apart, and the changes half way between them."""
     rig = rgbd_rig()
-    changed = change_interior(site.interior, changes, site.dice.of(_Concern.CHANGES))
-    focus = changed.places_xy(site.interior)
-    monday = site.visit("monday", MONDAY_NS, seconds, focus=focus)
-    tuesday = _from_elsewhere(site, monday, "tuesday", seconds, focus)
+    changed = change_interior(building.interior, changes, building.streams.of(_Stream.CHANGES))
+    focus = changed.places_xy(building.interior)
+    monday = building.traversal("monday", MONDAY_NS, seconds, focus=focus)
+    tuesday = _from_elsewhere(building, monday, "tuesday", seconds, focus)
     change_ns = (monday.route.end_ns + tuesday.route.start_ns) // 2
-    visits = [monday, tuesday]
-    passages = [
-        site.bystanders(visit, rig, number).pass_through(f"person-{number}")
-        for number, visit in enumerate(visits if people else [], start=1)
+    traversals = [monday, tuesday]
+    people = [
+        building.bystanders(traversal, rig, number).pass_through(f"person-{number}")
+        for number, traversal in enumerate(traversals if with_people else [], start=1)
     ]
-    return site.scenario(name, rig, visits, stays_with(site.interior, changed, change_ns), passages)
+    return building.scenario(name, rig, traversals, stays_with(building.interior, changed, change_ns), people)
 
 
 def _from_elsewhere(
-    site: _Site, first: SimulatedVisit, name: str, seconds: float, focus: Sequence[FloatArray]
-) -> SimulatedVisit:
-    """A visit on the next day that starts in another place: a way whose beginning, if need be, is left out."""
+    building: _FurnishedBuilding, first: SimulatedTraversal, name: str, seconds: float, focus: Sequence[FloatArray]
+) -> SimulatedTraversal:
+    """A traversal on the next day that starts in another place: a way whose beginning, if need be, is left out."""
     start_ns, start_xy = first.route.start_ns + DAY_NS, first.T_world_odom[:2, 3]
     for number in range(1, 1 + _ROUTES_DRAWN):
-        route = site.route(start_ns, seconds, focus, number)
+        route = building.route(start_ns, seconds, focus, number)
         left_out_s = _first_rest_s(route, start_xy)
         if left_out_s is None:
             continue
         if left_out_s > 0:
-            route = _without_beginning(site.route(start_ns, seconds + left_out_s, focus, number), left_out_s)
-        visit = _starting_with(name, route)
-        if np.linalg.norm(visit.T_world_odom[:2, 3] - start_xy) >= _OTHER_START_M:
-            return visit
-    raise SimulationError("both visits start in the same place", cure="choose another --seed")
+            route = _without_beginning(building.route(start_ns, seconds + left_out_s, focus, number), left_out_s)
+        traversal = _starting_with(name, route)
+        if np.linalg.norm(traversal.T_world_odom[:2, 3] - start_xy) >= _OTHER_START_M:
+            return traversal
+    raise SimulationError("both traversals start in the same place", cure="choose another --seed")
 
 
-def _starting_with(name: str, route: Route) -> SimulatedVisit:
-    return SimulatedVisit(name, route, route.T_world_base(np.array([route.start_ns]))[0])
+def _starting_with(name: str, route: Route) -> SimulatedTraversal:
+    return SimulatedTraversal(name, route, route.T_world_base(np.array([route.start_ns]))[0])
 
 
 def _first_rest_s(route: Route, away_from_xy: FloatArray) -> float | None:
@@ -212,65 +233,69 @@ def _without_beginning(route: Route, left_out_s: float) -> Route:
     return Route(route.start_ns, times_s, route.knots_xy[first:], route.knots_yaw[first:])
 
 
-def _panorama(dice: _Dice, seconds: float) -> Scenario:
+def _panorama(streams: _RandomStreams, seconds: float) -> Scenario:
     """Someone carries the backpack elsewhere in its room; while the robot is somewhere else, a trash can goes and a
     bucket comes. The places of all of them are free before and after.
     """
-    site = _Site(dice, lambda _: PANORAMA_ROOMS)
-    interior = site.interior
-    bag = next(each for each in interior.placed if each.piece.label == "backpack")
-    interior.another_place(bag, ON_FLOOR_OR_WALL, bag.room, dice.of(_Concern.CHANGES), at_least_m=1.8)
-    arriving = dice.of(_Concern.CHANGES, 1)
+    building = _FurnishedBuilding(streams, lambda _: PANORAMA_ROOMS)
+    interior = building.interior
+    bag = next(placed for placed in interior.placed if placed.piece.label == "backpack")
+    interior.another_place(bag, ON_FLOOR_OR_WALL, bag.room, streams.of(_Stream.CHANGES), at_least_m=1.8)
+    arriving = streams.of(_Stream.CHANGES, 1)
     for room in PANORAMA_BUCKET_ROOMS:
         interior.add(BUCKET, room, arriving)
     for number in range(_PANORAMAS_DRAWN - 1):
         with suppress(SimulationError):  # on this way the robot is not where it should be when things happen
-            return _panorama_on_a_way(site, seconds, number)
-    return _panorama_on_a_way(site, seconds, _PANORAMAS_DRAWN - 1)
+            return _panorama_on_a_way(building, seconds, number)
+    return _panorama_on_a_way(building, seconds, _PANORAMAS_DRAWN - 1)
 
 
-def _panorama_on_a_way(site: _Site, seconds: float, number: int) -> Scenario:
+def _panorama_on_a_way(building: _FurnishedBuilding, seconds: float, number: int) -> Scenario:
     """What happens while the robot takes one of its ways."""
-    interior, rig = site.interior, panorama_rig()
+    interior, rig = building.interior, panorama_rig()
     (bag, bag_after), bins, buckets = (
-        [each for each in interior.placed if each.piece.label == label] for label in ("backpack", "trash can", "bucket")
+        [placed for placed in interior.placed if placed.piece.label == label]
+        for label in ("backpack", "trash can", "bucket")
     )
-    focus = [each.T_world_thing[:2, 3] for each in (bag, bag_after, *bins)]
-    visit = site.visit("panorama", MONDAY_NS, seconds, focus=focus, number=number)
-    bystanders = site.bystanders(visit, rig, number)
-    vanishing, vanished_ns = _unwatched(bins, bystanders.watch)
-    appearing, appeared_ns = _unwatched(buckets, bystanders.watch)
+    focus = [placed.T_world_thing[:2, 3] for placed in (bag, bag_after, *bins)]
+    traversal = building.traversal("panorama", MONDAY_NS, seconds, focus=focus, number=number)
+    bystanders = building.bystanders(traversal, rig, number)
+    vanishing, vanished_ns = _unobserved(bins, bystanders.route_visibility)
+    appearing, appeared_ns = _unobserved(buckets, bystanders.route_visibility)
     carrying = bystanders.carry("person-1", interior.thing(bag.thing_id), bag.T_world_thing, bag_after.T_world_thing)
     walking = bystanders.pass_through("person-2")
     taken_ns, put_ns = carrying.carried_between_ns
     special = (bag.thing_id, vanishing.thing_id, appearing.thing_id)
     stays = [
-        *(stay for stay in stays_with(interior, Changed(), None) if stay.thing_id not in special),
+        *(stay for stay in stays_with(interior, ChangedInterior(), None) if stay.thing_id not in special),
         Stay(bag.thing_id, bag.T_world_thing, until_ns=taken_ns),
         Stay(bag.thing_id, bag_after.T_world_thing, since_ns=put_ns),
         Stay(vanishing.thing_id, vanishing.T_world_thing, until_ns=vanished_ns),
         Stay(appearing.thing_id, appearing.T_world_thing, since_ns=appeared_ns),
     ]
-    return site.scenario("panorama", rig, [visit], stays, [carrying, walking])
+    return building.scenario("panorama", rig, [traversal], stays, [carrying, walking])
 
 
-def _unwatched(things: Sequence[Placed], watch: Watch) -> tuple[Placed, int]:
+def _unobserved(things: Sequence[PlacedPiece], route_visibility: RouteVisibility) -> tuple[PlacedPiece, int]:
     """The first of these whose place the robot sees, loses from view and sees again, and the middle of meanwhile."""
-    for each in things[:-1]:
+    for placed in things[:-1]:
         with suppress(SimulationError):
-            return each, watch.unwatched_ns(each.T_world_thing[:2, 3])
-    return things[-1], watch.unwatched_ns(things[-1].T_world_thing[:2, 3])
+            return placed, route_visibility.unobserved_ns(placed.T_world_thing[:2, 3])
+    return things[-1], route_visibility.unobserved_ns(things[-1].T_world_thing[:2, 3])
 
 
-def _tiny(dice: _Dice, seconds: float) -> Scenario:
-    site, rig = _Site(dice, lambda _: {"office": TINY_ROOM}), rgbd_rig()
-    table = site.interior.placed[0].T_world_thing[:2, 3]
-    visit = site.visit("tiny", MONDAY_NS, seconds, focus=[table])
-    passage = site.bystanders(visit, rig).pass_through("person-1")
-    return site.scenario("tiny", rig, [visit], stays_with(site.interior, Changed(), None), [passage])
+def _tiny(streams: _RandomStreams, seconds: float) -> Scenario:
+    building, rig = _FurnishedBuilding(streams, lambda _: {"office": TINY_ROOM}), rgbd_rig()
+    table = building.interior.placed[0].T_world_thing[:2, 3]
+    traversal = building.traversal("tiny", MONDAY_NS, seconds, focus=[table])
+    person = building.bystanders(traversal, rig).pass_through("person-1")
+    return building.scenario("tiny", rig, [traversal], stays_with(building.interior, ChangedInterior(), None), [person])
 
 
-_MAKERS: Mapping[str, tuple[Callable[[_Dice, float], Scenario], float]] = {
+Maker = Callable[[_RandomStreams, float], Scenario]
+"""Makes a scenario whose traversals last so many seconds."""
+
+_MAKERS: Mapping[str, tuple[Maker, float]] = {
     "office": (_office, 100.0),
     "office-twice": (_office_twice, 110.0),
     "panorama": (_panorama, 70.0),

@@ -8,7 +8,7 @@ from supermap_cli.geometry.arrays import BoolArray, Float32Array, Int32Array, In
 
 
 @dataclass(frozen=True)
-class Hits:
+class RayHits:
     """Where n rays end. `thing` (n,) int32: 0 = a fixture or nothing, k = `world.things[k - 1]`.
 
     `distance` (n,) float32 in lengths of the direction, inf where nothing is hit; `normals` (n, 3) float32 in the
@@ -24,9 +24,9 @@ class Hits:
 
 
 @dataclass(frozen=True)
-class View:
+class RenderedView:
     """One exact image: `depth_m` (h, w) float32 in the camera's measure, 0 = nothing there; `thing` (h, w) int32 as in
-    `Hits`; `slant_cos` (h, w) float32, the cosine between ray and surface normal; `rgb` (h, w, 3) uint8.
+    `RayHits`; `slant_cos` (h, w) float32, the cosine between ray and surface normal; `rgb` (h, w, 3) uint8.
     """
 
     stamp_ns: int
@@ -43,7 +43,7 @@ class View:
 
 
 @dataclass(frozen=True)
-class Sights:
+class PlaceVisibility:
     """How one image shows n places: every stay of every thing (also when the thing is not there), and moving body.
 
     `thing` (n,) int64 indexes `world.things`, `stay` (n,) int64 the thing's stays in their order, -1 = in motion.

@@ -2,7 +2,7 @@
 
 The world frame is level: z up, z = 0 on the floor. A thing's own frame has its origin at the foot's centre (lying on
 the surface it stands on; for what hangs on a wall, the middle of its back side's lower edge), z up, and its front
-towards -y. Times are sensor time in nanoseconds, the same clock for all visits.
+towards -y. Times are sensor time in nanoseconds, the same clock for all traversals.
 """
 
 from __future__ import annotations
@@ -64,13 +64,13 @@ class Shape:
 
 def join_shapes(shapes: Sequence[Shape]) -> Shape:
     """One shape of several that share a frame; equal materials are kept once."""
-    materials = tuple(dict.fromkeys(each for shape in shapes for each in shape.materials))
+    materials = tuple(dict.fromkeys(material for shape in shapes for material in shape.materials))
     offsets = np.cumsum([0, *(len(shape.vertices) for shape in shapes)])
     return Shape(
         np.concatenate([shape.vertices for shape in shapes]),
         np.concatenate([shape.triangles + at for shape, at in zip(shapes, offsets[:-1], strict=True)]),
         np.concatenate(
-            [np.array([materials.index(each) for each in shape.materials])[shape.material] for shape in shapes]
+            [np.array([materials.index(material) for material in shape.materials])[shape.material] for shape in shapes]
         ),
         materials,
     )
@@ -85,7 +85,7 @@ class Fixture:
 
 
 @dataclass(frozen=True)
-class Thing:
+class SimulatedThing:
     """Something the map should know (or, for a person, should know to keep out): `id` is unique in the world."""
 
     id: str
@@ -149,7 +149,7 @@ class World:
     """All there is. Stays of one thing do not overlap, nor do they overlap its motions."""
 
     fixtures: tuple[Fixture, ...]
-    things: tuple[Thing, ...]
+    things: tuple[SimulatedThing, ...]
     stays: tuple[Stay, ...]
     motions: tuple[Motion, ...] = ()
 
@@ -165,7 +165,7 @@ class World:
         """A thing's id -> its place in `things`."""
         return {thing.id: k for k, thing in enumerate(self.things)}
 
-    def thing(self, thing_id: str) -> Thing:
+    def thing(self, thing_id: str) -> SimulatedThing:
         """The thing of an id."""
         return self.things[self.index[thing_id]]
 

@@ -128,7 +128,8 @@ class TrueTraversal:
     images that a detector looked at: `stamps_ns` (f,), `T_world_base` (f, 4, 4).
 
     `fingerprint` is that of the whole recording (`recordings.fingerprint`), whatever its path; `None` where it is not
-    known, as it may be in a truth that was annotated by hand.
+    known, as it may be in a truth that was annotated by hand. Where the robot has several cameras, whose images may
+    share a stamp, `camera_ids` (f,) tells which of them took each image; else it is ().
     """
 
     name: str
@@ -140,10 +141,13 @@ class TrueTraversal:
     T_world_base: FloatArray
     sightings: TrueSightings
     fingerprint: str | None = None
+    camera_ids: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         check_transform("T_world_odom", self.T_world_odom)
         check_shape("T_world_base", self.T_world_base, (len(self.stamps_ns), 4, 4))
+        if len(self.camera_ids) not in {0, len(self.stamps_ns)}:
+            raise ValueError(f"{len(self.camera_ids)} cameras of {len(self.stamps_ns)} images")
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ import pytest
 from supermap_cli.commands.simulate import detector_errors
 from supermap_cli.errors import ConfigError, SimulationError
 from supermap_cli.simulation import scenarios
+from supermap_cli.simulation.rigs import RIGS
 from supermap_cli.simulation.scenarios import SCENARIOS
 from support import cli
 
@@ -19,9 +20,10 @@ EXAMPLE = Path(__file__).parents[2] / "examples" / "simulated_office" / "run.sh"
 
 def test_the_list_names_every_scenario_and_every_error_of_the_detector() -> None:
     shown = cli.supermap("simulate", "--list").stdout
-    assert all(name in shown for name in (*SCENARIOS, "recall", "false_positives"))
+    assert all(name in shown for name in (*SCENARIOS, *RIGS, "recall", "false_positives"))
     listed = cli.document("simulate_list", "simulate", "--list")
-    assert [each["name"] for each in listed["scenarios"]] == list(SCENARIOS)
+    assert [scenario["name"] for scenario in listed["scenarios"]] == list(SCENARIOS)
+    assert [rig["name"] for rig in listed["rigs"]] == list(RIGS)
     assert {"name": "recall", "default": 0.95}.items() <= listed["errors"][0].items()
 
 
@@ -31,11 +33,11 @@ def test_a_scenario_is_written_and_told(tmp_path: Path) -> None:
     assert (told["scenario"], told["seed"]) == ("tiny", 2)
     assert told["truth"] == str(folder / "truth.json")
     written = {path.name for path in folder.iterdir()}
-    assert written == {"truth.json", *(Path(each["path"]).name for each in told["recordings"])}
-    for each in told["recordings"]:
-        assert each["bytes"] == Path(each["path"]).stat().st_size
-        assert each["seconds"] == pytest.approx(2, abs=0.5)
-        assert each["detection_images"] >= 5
+    assert written == {"truth.json", *(Path(recording["path"]).name for recording in told["recordings"])}
+    for recording in told["recordings"]:
+        assert recording["bytes"] == Path(recording["path"]).stat().st_size
+        assert recording["seconds"] == pytest.approx(2, abs=0.5)
+        assert recording["detection_images"] >= 5
 
 
 def test_people_are_told_what_to_do_next(tmp_path: Path) -> None:
@@ -53,7 +55,11 @@ def test_people_are_told_what_to_do_next(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("arguments", "what"),
-    [((), "no scenario given.*--list"), (("moon",), r"there is no scenario 'moon'.*tiny")],
+    [
+        ((), "no scenario given.*--list"),
+        (("moon",), r"there is no scenario 'moon'.*tiny"),
+        (("tiny", "--rig", "moon"), r"there is no rig 'moon'.*three-cameras"),
+    ],
 )
 def test_a_scenario_that_there_is_none_of(arguments: tuple[str, ...], what: str) -> None:
     result = cli.supermap("simulate", *arguments)

@@ -103,3 +103,56 @@ def test_a_place_is_empty_before_and_after_its_object_stands_there():
     assert known.in_view_left[plant].tolist() == [False] * 10 + [True] * 10
     assert not known.in_view_left[cart].any()
     assert known.place_of("plant-1", None) is None
+
+
+def two_cameras():
+    """One traversal of 0 to 9 s: every second the left camera shows the cup alone, the right one the pen alone."""
+    objects = (e.thing("cup-1", e.stay((0, 0, 0))), e.thing("pen-1", e.stay((1, 0, 0))))
+    shown = {"left": "cup-1", "right": "pen-1"}
+    one, other = (
+        e.traversal("monday", 0, 9, objects, lambda object_id, *_, own=own: e.Sight() if object_id == own else None)
+        for own in shown.values()
+    )
+    rows, more = one.sightings, other.sightings
+    sightings = replace(
+        rows,
+        frame=np.concatenate([2 * rows.frame, 2 * more.frame + 1]),
+        **{
+            name: np.concatenate([getattr(rows, name), getattr(more, name)])
+            for name in ("object", "state", "present", "in_image", "visible", "pixels", "distance_m")
+        },
+    )
+    both = replace(
+        one,
+        stamps_ns=np.repeat(one.stamps_ns, 2),
+        T_world_base=np.repeat(one.T_world_base, 2, axis=0),
+        sightings=sightings,
+        camera_ids=("left", "right") * 10,
+    )
+    return e.world(objects, [both])
+
+
+def test_images_that_several_cameras_took_at_once_are_one_view():
+    truth = two_cameras()
+    stamps_ns = truth.traversals[0].stamps_ns
+    for cameras in ((), ("left", "right") * 10):
+        known = known_truth(replace(e.empty_map(truth), keyframes_ns=stamps_ns, keyframe_cameras=cameras), truth)
+        assert known.stamps_ns.tolist() == [e.ns(second) for second in range(10)]
+        assert known.in_view_with_object.all()
+
+
+def test_a_keyframe_shows_what_its_own_camera_shows():
+    truth = two_cameras()
+    stamps_ns = np.array([e.ns(2), e.ns(4), e.ns(4), e.ns(6)])
+    cameras = ("left", "left", "right", "right")
+    known = known_truth(replace(e.empty_map(truth), keyframes_ns=stamps_ns, keyframe_cameras=cameras), truth)
+    assert known.stamps_ns.tolist() == [e.ns(2), e.ns(4), e.ns(6)]
+    assert known.in_view.tolist() == [[True, True, False], [False, True, True]]
+    assert [place.well_seen_ns for place in known.places] == [e.ns(2), e.ns(4)]
+
+
+def test_what_only_a_camera_showed_that_was_not_mapped_is_not_countable():
+    truth = two_cameras()
+    stamps_ns = truth.traversals[0].stamps_ns[::2]
+    known = known_truth(replace(e.empty_map(truth), keyframes_ns=stamps_ns, keyframe_cameras=("left",) * 10), truth)
+    assert [place.countable for place in known.places] == [True, False]

@@ -3,16 +3,18 @@ import pytest
 
 from supermap_cli.simulation.rigs import DepthSensor
 from supermap_cli.simulation.sensors.depth_sensor import measure_depth
-from supermap_cli.simulation.views import View
+from supermap_cli.simulation.views import RenderedView
 
 PERFECT = DepthSensor(noise_per_m=0.0, lost_share=0.0)
 SHAPE = (60, 80)
 
 
-def view_of(depth_m: np.ndarray, slant_cos: float | np.ndarray = 1.0) -> View:
+def view_of(depth_m: np.ndarray, slant_cos: float | np.ndarray = 1.0) -> RenderedView:
     shape = depth_m.shape
     slant = np.broadcast_to(np.asarray(slant_cos, np.float32), shape).copy()
-    return View(0, depth_m.astype(np.float32), np.zeros(shape, np.int32), slant, np.zeros((*shape, 3), np.uint8))
+    return RenderedView(
+        0, depth_m.astype(np.float32), np.zeros(shape, np.int32), slant, np.zeros((*shape, 3), np.uint8)
+    )
 
 
 def step(near_m: float = 1.0, far_m: float = 2.0) -> np.ndarray:

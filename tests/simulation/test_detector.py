@@ -11,11 +11,11 @@ import pytest
 from pydantic import ValidationError
 
 from supermap_cli.geometry.cameras import PinholeCamera
+from supermap_cli.simulation.detection.correlated_noise import CorrelatedNoise
 from supermap_cli.simulation.detection.detector import DetectorErrors, SimulatedDetector
 from supermap_cli.simulation.detection.label_errors import look_alikes
-from supermap_cli.simulation.detection.moods import Moods
-from supermap_cli.simulation.views import Sights, View
-from supermap_cli.simulation.world import Fixture, Material, Shape, Thing, World
+from supermap_cli.simulation.views import PlaceVisibility, RenderedView
+from supermap_cli.simulation.world import Fixture, Material, Shape, SimulatedThing, World
 from supermap_cli.simulation.worlds.shapes import LABELS
 
 START_NS = 1_700_000_000_000_000_000
@@ -26,25 +26,25 @@ Rectangle = tuple[int, int, int, int]
 
 
 def _world(labels: Sequence[str], fixtures: tuple[Fixture, ...] = ()) -> World:
-    return World(fixtures, tuple(Thing(f"{label}-{k}", label, TRIANGLE) for k, label in enumerate(labels)), ())
+    return World(fixtures, tuple(SimulatedThing(f"{label}-{k}", label, TRIANGLE) for k, label in enumerate(labels)), ())
 
 
-def _view(rectangles: Sequence[Rectangle], frame: int = 0, size: tuple[int, int] = (240, 320)) -> View:
+def _view(rectangles: Sequence[Rectangle], frame: int = 0, size: tuple[int, int] = (240, 320)) -> RenderedView:
     """An image in which the k-th thing covers columns u0..u1 and rows v0..v1 of the k-th (u0, v0, u1, v1), 2 m away."""
     thing = np.zeros(size, np.int32)
     for k, (u0, v0, u1, v1) in enumerate(rectangles):
         thing[v0:v1, u0:u1] = k + 1
     stamp_ns = START_NS + frame * 200_000_000
-    return View(
+    return RenderedView(
         stamp_ns, np.full(size, 2, np.float32), thing, np.ones(size, np.float32), np.zeros((*size, 3), np.uint8)
     )
 
 
-def _sights(view: View, *, distance_m: float = 2.0, visible: float = 1.0) -> Sights:
+def _sights(view: RenderedView, *, distance_m: float = 2.0, visible: float = 1.0) -> PlaceVisibility:
     numbers, pixels = np.unique(view.thing[view.thing > 0], return_counts=True)
     n = len(numbers)
     share = np.full(n, visible, np.float32)
-    return Sights(
+    return PlaceVisibility(
         numbers.astype(np.int64) - 1,
         np.zeros(n, np.int64),
         np.ones(n, bool),
@@ -90,7 +90,7 @@ def test_a_perfect_detector_gives_the_views_masks_boxes_and_labels() -> None:
 def test_nothing_tells_the_true_ids() -> None:
     view = _view([(10, 10, 60, 80), (100, 90, 200, 200)])
     found = SimulatedDetector(_world(CHAIRS), DetectorErrors(), 0).detect(view, _sights(view), full_turn=False)
-    told = {each.label for hypotheses in found.hypotheses for each in hypotheses}
+    told = {hypothesis.label for hypotheses in found.hypotheses for hypothesis in hypotheses}
     assert told <= set(LABELS) | {"person"}
 
 
@@ -103,10 +103,10 @@ def test_detections_are_sorted_by_score_and_scores_are_probabilities() -> None:
         found = detector.detect(view, _sights(view), full_turn=False)
         assert (np.diff(found.scores) <= 0).all()
         for hypotheses in found.hypotheses:
-            scores = [each.score for each in hypotheses]
+            scores = [hypothesis.score for hypothesis in hypotheses]
             assert scores == sorted(scores, reverse=True)
             assert 0 < sum(scores) <= 1
-            assert len({each.label for each in hypotheses}) == len(hypotheses) == 3
+            assert len({hypothesis.label for hypothesis in hypotheses}) == len(hypotheses) == 3
 
 
 @pytest.mark.parametrize("what", ["distance_m", "visible", "pixels"])
@@ -141,7 +141,7 @@ def test_a_wrong_label_is_a_look_alikes_and_stays_the_same_for_a_while() -> None
         view = _view([(50, 50, 150, 150)], frame)
         found = detector.detect(view, _sights(view), full_turn=False)
         labels.append(found.labels[0])
-        assert "chair" in {each.label for each in found.hypotheses[0][:2]}
+        assert "chair" in {hypothesis.label for hypothesis in found.hypotheses[0][:2]}
     wrong = np.array([label != "chair" for label in labels])
     assert wrong.mean() == pytest.approx(0.5 * 0.6, abs=0.1)
     assert {label for label in labels if label != "chair"} <= set(look_alikes()["chair"])
@@ -289,13 +289,13 @@ def test_every_label_has_look_alikes_that_a_detector_knows() -> None:
         assert set(others) <= known
 
 
-def test_moods_last_and_keep_their_distribution() -> None:
-    moods = Moods(np.random.default_rng(0), lasting_s=1.0, lasting=0.8, constant=0.0)
-    drawn = np.array([moods.normal("a", k * 100_000_000) for k in range(20_000)])
+def test_correlated_noise_lasts_and_keeps_its_distribution() -> None:
+    noise = CorrelatedNoise(np.random.default_rng(0), lasting_s=1.0, lasting=0.8, constant=0.0)
+    drawn = np.array([noise.normal("a", k * 100_000_000) for k in range(20_000)])
     assert drawn.mean() == pytest.approx(0, abs=0.1)
     assert drawn.std() == pytest.approx(1, abs=0.05)
     assert np.corrcoef(drawn[:-1], drawn[1:])[0, 1] == pytest.approx(0.8 * np.exp(-0.1), abs=0.05)
-    constant = Moods(np.random.default_rng(0), lasting_s=1.0, lasting=0.0, constant=1.0)
+    constant = CorrelatedNoise(np.random.default_rng(0), lasting_s=1.0, lasting=0.0, constant=1.0)
     assert constant.uniform("b", 0) == constant.uniform("b", 10**12)
 
 
@@ -305,8 +305,8 @@ def test_an_image_of_fifteen_things_is_answered_fast() -> None:
     spent_s = []
     for frame in range(8):
         view = _view(rectangles, frame, (480, 640))
-        sights = _sights(view)
+        visibility = _sights(view)
         start_s = time.process_time()
-        detector.detect(view, sights, full_turn=False)
+        detector.detect(view, visibility, full_turn=False)
         spent_s.append(time.process_time() - start_s)
     assert min(spent_s) < 0.06

@@ -12,9 +12,9 @@ from supermap_cli.simulation.building_plan import BuildingPlan
 from supermap_cli.simulation.motion.free_space import FreeSpace
 from supermap_cli.simulation.world import Fixture, sample_surface
 from supermap_cli.simulation.worlds.building import AREA_M2, CORRIDOR, make_building
-from supermap_cli.simulation.worlds.furnishing import Interior, Line
-from supermap_cli.simulation.worlds.places import AlongWall, Hung, Inside, On, OnFloor, Placed
-from supermap_cli.simulation.worlds.recipes import TINY_ROOM, office_recipes
+from supermap_cli.simulation.worlds.furnishing import Interior, RecipeLine
+from supermap_cli.simulation.worlds.places import AlongWall, Hung, Inside, On, OnFloor, PlacedPiece
+from supermap_cli.simulation.worlds.room_recipes import TINY_ROOM, office_recipes
 from supermap_cli.simulation.worlds.shapes import HANGING_LABELS
 from supermap_cli.simulation.worlds.shapes.primitives import signed_volume_m3
 
@@ -81,7 +81,7 @@ def test_a_building_has_all_its_parts(names: tuple[str, ...]) -> None:
     assert set(labels) == {"wall", "floor", "ceiling", "door", "window"}
     assert labels.count("door") == len(names)
     assert len(plan.rooms) == (1 if len(names) == 1 else len(names) + 1)
-    assert all(signed_volume_m3(each.shape.vertices[each.shape.triangles]) > 0 for each in fixtures)
+    assert all(signed_volume_m3(fixture.shape.vertices[fixture.shape.triangles]) > 0 for fixture in fixtures)
 
 
 @pytest.mark.parametrize("seed", [0, 2, 3])
@@ -90,8 +90,8 @@ def test_no_ray_leaves_the_building(seed: int) -> None:
     plan, fixtures = building(seed)
     o3d = load_open3d()
     scene = o3d.t.geometry.RaycastingScene()
-    for each in fixtures:
-        scene.add_triangles(each.shape.vertices.astype(np.float32), each.shape.triangles.astype(np.uint32))
+    for fixture in fixtures:
+        scene.add_triangles(fixture.shape.vertices.astype(np.float32), fixture.shape.triangles.astype(np.uint32))
     rng = np.random.default_rng(seed)
     origins = np.concatenate(
         [rng.uniform([*room.low + 0.3, 0.3], [*room.high - 0.3, 2.3], (20, 3)) for room in plan.rooms]
@@ -111,8 +111,8 @@ def test_no_ray_leaves_the_building(seed: int) -> None:
 @pytest.mark.parametrize("seed", SEEDS)
 def test_an_office_holds_exactly_its_things(seed: int) -> None:
     things = office(seed).things
-    assert len(things) == len({each.id for each in things}) == 41
-    assert len({each.label for each in things}) >= 18
+    assert len(things) == len({thing.id for thing in things}) == 41
+    assert len({thing.label for thing in things}) >= 18
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -125,7 +125,7 @@ def test_no_two_things_share_any_space(seed: int) -> None:
             assert not _deepest_point_inside(other, one) > 0.004
 
 
-def _deepest_point_inside(one: Placed, other: Placed) -> float:
+def _deepest_point_inside(one: PlacedPiece, other: PlacedPiece) -> float:
     """How deep surface points of one thing lie within the parts' boxes of another."""
     shape = one.piece.shape.moved(one.T_world_thing)
     points = sample_surface(shape, 0.03)[0].astype(np.float64)
@@ -140,15 +140,15 @@ def _deepest_point_inside(one: Placed, other: Placed) -> float:
 @pytest.mark.parametrize("seed", SEEDS)
 def test_things_stand_on_the_floor_on_their_hosts_or_hang(seed: int) -> None:
     interior = office(seed)
-    placed = {each.thing_id: each for each in interior.placed}
-    for each in interior.placed:
-        z = each.T_world_thing[2, 3]
-        if each.on is not None:
-            host = placed[each.on]
+    placed = {placed_thing.thing_id: placed_thing for placed_thing in interior.placed}
+    for placed_thing in interior.placed:
+        z = placed_thing.T_world_thing[2, 3]
+        if placed_thing.on is not None:
+            host = placed[placed_thing.on]
             levels = [host.T_world_thing[2, 3] + surface.z_m for surface in host.piece.surfaces]
             assert min(abs(z - level) for level in levels) < 1e-9
-            assert host.box.footprint().min() - 0.001 <= each.T_world_thing[0, 3]
-        elif each.piece.label in HANGING_LABELS:
+            assert host.box.footprint().min() - 0.001 <= placed_thing.T_world_thing[0, 3]
+        elif placed_thing.piece.label in HANGING_LABELS:
             assert 0.7 < z < 2.0
         else:
             assert z == 0
@@ -157,40 +157,44 @@ def test_things_stand_on_the_floor_on_their_hosts_or_hang(seed: int) -> None:
 @pytest.mark.parametrize("seed", SEEDS)
 def test_hanging_things_touch_a_wall_that_is_there(seed: int) -> None:
     interior = office(seed)
-    for each in interior.placed:
-        if each.piece.label in HANGING_LABELS:
-            room = interior.plan.room(each.room)
-            inwards = -each.T_world_thing[:2, 1]
-            behind = each.T_world_thing[:2, 3] - 0.02 * inwards
+    for placed_thing in interior.placed:
+        if placed_thing.piece.label in HANGING_LABELS:
+            room = interior.plan.room(placed_thing.room)
+            inwards = -placed_thing.T_world_thing[:2, 1]
+            behind = placed_thing.T_world_thing[:2, 3] - 0.02 * inwards
             assert not room.holds(behind)
-            assert room.holds(each.T_world_thing[:2, 3])
+            assert room.holds(placed_thing.T_world_thing[:2, 3])
             for doorway in interior.plan.doorways:
-                assert np.linalg.norm(doorway.center - each.T_world_thing[:2, 3]) > doorway.width_m / 2
+                assert np.linalg.norm(doorway.center - placed_thing.T_world_thing[:2, 3]) > doorway.width_m / 2
 
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_relations_are_as_the_recipe_says(seed: int) -> None:
     interior = office(seed)
-    by_id = {each.thing_id: each for each in interior.placed}
-    desks = [each for each in interior.placed if each.piece.label == "desk"]
-    first = next(each for each in interior.placed if each.name == "first desk")
+    by_id = {placed_thing.thing_id: placed_thing for placed_thing in interior.placed}
+    desks = [placed_thing for placed_thing in interior.placed if placed_thing.piece.label == "desk"]
+    first = next(placed_thing for placed_thing in interior.placed if placed_thing.name == "first desk")
     assert {"monitor", "keyboard", "mouse", "mug"} <= {
-        each.piece.label for each in interior.placed if each.on == first.thing_id
+        placed_thing.piece.label for placed_thing in interior.placed if placed_thing.on == first.thing_id
     }
-    books = [each for each in interior.placed if each.piece.label == "book"]
+    books = [placed_thing for placed_thing in interior.placed if placed_thing.piece.label == "book"]
     assert all(by_id[str(book.on)].piece.label == "bookshelf" for book in books)
     assert all(by_id[str(book.on)].box.z_max > book.box.z_max for book in books)
     under = [
-        each
-        for each in interior.placed
-        if each.piece.label == "trash can" and any(_covers(desk, each) for desk in desks)
+        placed_thing
+        for placed_thing in interior.placed
+        if placed_thing.piece.label == "trash can" and any(_covers(desk, placed_thing) for desk in desks)
     ]
     assert len(under) == 1
-    in_box = next(each for each in interior.placed if each.on and each.on.startswith("cardboard-box"))
+    in_box = next(
+        placed_thing
+        for placed_thing in interior.placed
+        if placed_thing.on and placed_thing.on.startswith("cardboard-box")
+    )
     assert in_box.piece.label == "bottle"
 
 
-def _covers(desk: Placed, thing: Placed) -> bool:
+def _covers(desk: PlacedPiece, thing: PlacedPiece) -> bool:
     local = np.linalg.inv(desk.T_world_thing) @ thing.T_world_thing[:, 3]
     return bool((np.abs(local[:2]) < desk.piece.size[:2] / 2).all())
 
@@ -198,12 +202,12 @@ def _covers(desk: Placed, thing: Placed) -> bool:
 @pytest.mark.parametrize("seed", SEEDS)
 def test_repeated_things_share_their_shape_and_others_do_not(seed: int) -> None:
     things = office(seed).things
-    whiteboards = [each.shape for each in things if each.label == "whiteboard"]
+    whiteboards = [thing.shape for thing in things if thing.label == "whiteboard"]
     assert len(whiteboards) == 2
     assert whiteboards[0] is whiteboards[1]
-    chairs = [id(each.shape) for each in things if each.label == "chair"]
-    assert sorted(chairs.count(each) for each in set(chairs)) == [2, 4]
-    plants = [each.shape for each in things if each.label == "potted plant"]
+    chairs = [id(thing.shape) for thing in things if thing.label == "chair"]
+    assert sorted(chairs.count(shape_id) for shape_id in set(chairs)) == [2, 4]
+    plants = [thing.shape for thing in things if thing.label == "potted plant"]
     assert plants[0] is not plants[1]
 
 
@@ -236,7 +240,7 @@ def test_an_empty_recipe_leaves_an_empty_room() -> None:
 def test_a_further_place_is_far_enough_and_both_stay_taken() -> None:
     interior = empty_room()
     rng = np.random.default_rng(3)
-    suitcase = interior.add(Line("suitcase", AlongWall()), "office", rng)
+    suitcase = interior.add(RecipeLine("suitcase", AlongWall()), "office", rng)
     moved = interior.another_place(suitcase, OnFloor(), "office", rng, at_least_m=2.0)
     assert np.linalg.norm(moved.box.center - suitcase.box.center) >= 2.0
     assert len(interior.placed) == 2
@@ -246,28 +250,28 @@ def test_a_further_place_is_far_enough_and_both_stay_taken() -> None:
 def test_a_nudge_is_as_long_as_asked() -> None:
     interior = empty_room()
     rng = np.random.default_rng(3)
-    armchair = interior.add(Line("armchair", OnFloor()), "office", rng)
+    armchair = interior.add(RecipeLine("armchair", OnFloor()), "office", rng)
     moved = interior.nudged(armchair, 0.25, rng)
     assert np.linalg.norm(moved.box.center - armchair.box.center) == pytest.approx(0.25)
 
 
 def test_a_room_that_is_too_small_is_an_error_with_a_cure() -> None:
     with pytest.raises(SimulationError, match="no place") as caught:
-        empty_room().furnish({"office": (Line("couch", AlongWall(), count=30),)}, np.random.default_rng(0))
+        empty_room().furnish({"office": (RecipeLine("couch", AlongWall(), count=30),)}, np.random.default_rng(0))
     assert caught.value.cure
 
 
 def test_a_recipe_that_names_no_host_is_a_mistake() -> None:
     with pytest.raises(LookupError, match="desk"):
-        empty_room().add(Line("mug", On("desk")), "office", np.random.default_rng(0))
+        empty_room().add(RecipeLine("mug", On("desk")), "office", np.random.default_rng(0))
 
 
 @pytest.mark.parametrize(("thing", "height"), [("bottle", 0.3), ("book", 0.3)])
 def test_what_is_inside_a_box_stands_on_its_bottom(thing: str, height: float) -> None:
     interior = empty_room()
     rng = np.random.default_rng(1)
-    box = interior.add(Line("cardboard box", AlongWall()), "office", rng)
-    inside = interior.add(Line(thing, Inside("cardboard box")), "office", rng)
+    box = interior.add(RecipeLine("cardboard box", AlongWall()), "office", rng)
+    inside = interior.add(RecipeLine(thing, Inside("cardboard box")), "office", rng)
     assert inside.on == box.thing_id
     assert 0 < inside.T_world_thing[2, 3] < 0.02
     assert inside.box.z_min < height
@@ -278,11 +282,11 @@ def test_what_hangs_keeps_clear_of_windows() -> None:
     interior = Interior(plan, fixtures)
     rng = np.random.default_rng(5)
     for _ in range(4):
-        interior.add(Line("painting", Hung((1.2, 1.5))), "office", rng)
-    for window in (each for each in fixtures if each.label == "window"):
+        interior.add(RecipeLine("painting", Hung((1.2, 1.5))), "office", rng)
+    for window in (fixture for fixture in fixtures if fixture.label == "window"):
         low, high = window.shape.bounds
-        for each in interior.placed:
-            footprint = each.box.footprint()
+        for placed_thing in interior.placed:
+            footprint = placed_thing.box.footprint()
             assert (footprint.min(axis=0) > high[:2]).any() or (footprint.max(axis=0) < low[:2]).any()
 
 

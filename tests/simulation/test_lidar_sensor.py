@@ -53,7 +53,7 @@ def test_points_deskewed_by_their_own_poses_lie_on_surfaces_and_others_do_not(sc
     points = scan.points_lidar.astype(float)
     deskewed = moved(turning(scan.stamps_ns), points)
     skewed = moved(np.repeat(turning(np.array([START_NS])), len(points), axis=0), points)
-    off, skewed_off = (simulated.distance_to_surfaces(scene.world, each, START_NS) for each in (deskewed, skewed))
+    off, skewed_off = (simulated.distance_to_surfaces(scene.world, points, START_NS) for points in (deskewed, skewed))
     assert off.max() < 5 * 0.02
     assert np.sqrt((off**2).mean()) < 0.02
     assert np.percentile(skewed_off, 90) > 0.1

@@ -13,7 +13,7 @@ from supermap_cli.hookspecs import RecordingRequest
 from supermap_cli.recordings import open_bag_recording
 from supermap_cli.recordings.inspection import inspect_recording
 from supermap_cli.simulation.recording.messages import Outgoing, RecordingFile, RigMessages, number_image
-from supermap_cli.simulation.rigs import Rig, panorama_rig, rgbd_rig
+from supermap_cli.simulation.rigs import SimulatedRig, panorama_rig, rgbd_rig
 from supermap_cli.simulation.sensors.lidar_sensor import LidarScan
 from supermap_cli.types.detections import Detections, Hypothesis, RegionMask, no_detections
 
@@ -22,25 +22,26 @@ STEP_NS = 100_000_000
 YAW_30 = make_transform([[np.cos(0.5), -np.sin(0.5), 0], [np.sin(0.5), np.cos(0.5), 0], [0, 0, 1]], [1.0, 2.0, 0.0])
 
 
-def write(path: Path, rig: Rig, messages: Iterable[Outgoing]) -> Path:
+def write(path: Path, rig: SimulatedRig, messages: Iterable[Outgoing]) -> Path:
     with RecordingFile(path, RigMessages(rig)) as file:
         for message in messages:
             file.write(message)
     return path
 
 
-def drive(rig: Rig, images: int = 3) -> list[Outgoing]:
+def drive(rig: SimulatedRig, images: int = 3) -> list[Outgoing]:
     """A robot that stands still while the truth says it is 100 m away."""
     writes, sent = RigMessages(rig), []
-    rgb = np.full((rig.camera.height, rig.camera.width, 3), (200, 100, 50), np.uint8)
+    (camera,) = rig.cameras
+    rgb = np.full((camera.model.height, camera.model.width, 3), (200, 100, 50), np.uint8)
     for k in range(images):
         at = START_NS + k * STEP_NS
         sent += [*([writes.mounting(at)] if k == 0 else []), *writes.odometry(at, YAW_30)]
         sent += [writes.true_pose(at, make_transform(np.eye(3), [100.0, 0, 0]))]
         sent += [writes.imu(at, np.array([0.1, 0.2, 0.3]), np.array([0, 0, 9.81]))]
-        sent += writes.colour(at, rgb)
+        sent += writes.color(camera, at, rgb)
         if rig.depth is not None:
-            sent += writes.depth(at, np.full(rgb.shape[:2], 1.234, np.float32))
+            sent += writes.depth(camera, at, np.full(rgb.shape[:2], 1.234, np.float32))
         else:
             scan = LidarScan(np.full((5, 3), 2.0, np.float32), at + np.arange(5), np.ones(5, np.float32))
             sent += [writes.points(at, scan)]
@@ -64,9 +65,9 @@ def test_the_reader_finds_every_stream_of_the_rgbd_rig(tmp_path: Path) -> None:
     recording = open_bag_recording(write(tmp_path / "run.mcap", rig, messages), RecordingRequest(fit_color=False))
     assert recording.streams == {"color", "depth", "poses", "imu", "detections", "masks"}
     frames = list(recording.frames())
-    assert [each.stamp_ns for each in frames] == [START_NS + k * STEP_NS for k in range(3)]
-    assert frames[0].camera == rig.camera
-    np.testing.assert_allclose(frames[0].T_base_camera, rig.T_base_camera, atol=1e-9)
+    assert [frame.stamp_ns for frame in frames] == [START_NS + k * STEP_NS for k in range(3)]
+    assert frames[0].camera == rig.cameras[0].model
+    np.testing.assert_allclose(frames[0].T_base_camera, rig.cameras[0].T_base_camera, atol=1e-9)
     np.testing.assert_allclose(frames[0].rgb[100, 100], (200, 100, 50), atol=3)
     np.testing.assert_allclose(frames[0].depth_m, 1.234, atol=1e-6)
     sample = next(recording.imu())
@@ -78,7 +79,7 @@ def test_the_robots_own_odometry_is_used_and_not_the_truth(tmp_path: Path) -> No
     rig = rgbd_rig()
     path = write(tmp_path / "run.mcap", rig, drive(rig))
     report = inspect_recording(path, RecordingRequest())
-    assert {each.role: each.topic for each in report.roles}["odometry"] == "/odom"
+    assert {role.role: role.topic for role in report.roles}["odometry"] == "/odom"
     assert report.base_frame == "base_link"
     recording = open_bag_recording(path, RecordingRequest())
     np.testing.assert_allclose(next(recording.poses()).T_odom_base, YAW_30, atol=1e-9)
@@ -86,7 +87,7 @@ def test_the_robots_own_odometry_is_used_and_not_the_truth(tmp_path: Path) -> No
 
 def test_the_truth_serves_where_there_is_nothing_else(tmp_path: Path) -> None:
     rig = rgbd_rig()
-    without = [each for each in drive(rig) if each.topic not in {"/odom", "/tf"}]
+    without = [message for message in drive(rig) if message.topic not in {"/odom", "/tf"}]
     recording = open_bag_recording(write(tmp_path / "run.mcap", rig, without), RecordingRequest())
     assert next(recording.poses()).T_odom_base[0, 3] == pytest.approx(100)
 
@@ -95,7 +96,7 @@ def test_the_reader_finds_every_stream_of_the_panorama_rig(tmp_path: Path) -> No
     rig = panorama_rig()
     recording = open_bag_recording(write(tmp_path / "run.mcap", rig, drive(rig, images=2)), RecordingRequest())
     assert recording.streams == {"color", "lidar", "poses", "imu"}
-    assert next(recording.frames()).camera == rig.camera
+    assert next(recording.frames()).camera == rig.cameras[0].model
     sweep = next(recording.sweeps())
     np.testing.assert_allclose(sweep.points_lidar, 2.0)
     np.testing.assert_allclose(sweep.point_stamps_ns - START_NS, np.arange(5), atol=256)
@@ -120,7 +121,7 @@ def test_an_image_without_detections_is_told_as_such(tmp_path: Path) -> None:
     rig = rgbd_rig()
     messages = [*drive(rig), *RigMessages(rig).detections(no_detections(START_NS), START_NS + 5 * STEP_NS)]
     recording = open_bag_recording(write(tmp_path / "run.mcap", rig, messages), RecordingRequest(fit_color=False))
-    assert [len(each) for each in recording.detections()] == [0]
+    assert [len(found) for found in recording.detections()] == [0]
 
 
 def test_no_detections_give_an_empty_number_image() -> None:

@@ -8,7 +8,7 @@ import pytest
 from supermap_cli.geometry.se3 import make_transform, transform_points
 from supermap_cli.simulation.motion.free_space import FreeSpace
 from supermap_cli.simulation.motion.people import PERSON_CLEARANCE_M, carried_by_person, walking_person
-from supermap_cli.simulation.world import Material, Shape, Thing
+from supermap_cli.simulation.world import Material, Shape, SimulatedThing
 from support.small_office import furniture, two_rooms
 
 START_NS = 1_700_000_000_000_000_000
@@ -22,7 +22,9 @@ PERSON, MOTIONS = walking_person(
     start_ns=START_NS,
 )
 CUBE = np.array([[x, y, z] for x in (-0.1, 0.1) for y in (-0.1, 0.1) for z in (0, 0.2)], float)
-BAG = Thing("bag-1", "handbag", Shape(CUBE, np.array([[0, 1, 2]]), np.zeros(1, np.int64), (Material((9, 9, 9)),)))
+BAG = SimulatedThing(
+    "bag-1", "handbag", Shape(CUBE, np.array([[0, 1, 2]]), np.zeros(1, np.int64), (Material((9, 9, 9)),))
+)
 T_FROM = make_transform(np.eye(3), [2.0, 3.9, 0.74])
 T_TO = make_transform([[0, -1, 0], [1, 0, 0], [0, 0, 1]], [6.2, 3.0, 0.0])
 CARRIAGE = carried_by_person(
@@ -50,7 +52,7 @@ def test_all_limbs_share_the_id_the_label_and_the_time() -> None:
 @pytest.mark.parametrize("motions", [MOTIONS, CARRIAGE.person_motions], ids=["walking", "carrying"])
 def test_the_limbs_stay_together_in_a_box_of_a_persons_size(motions: tuple) -> None:
     for k in range(0, len(motions[0].stamps_ns), 7):
-        points = np.vstack([transform_points(each.T_world_body[k], each.shape.vertices) for each in motions])
+        points = np.vstack([transform_points(motion.T_world_body[k], motion.shape.vertices) for motion in motions])
         size = np.ptp(points, axis=0)
         assert 1.5 < size[2] < 1.95
         assert np.hypot(*size[:2]) < 1.7

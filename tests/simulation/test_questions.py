@@ -10,8 +10,8 @@ import pytest
 
 from supermap_cli.query.grammar import parse
 from supermap_cli.query.vocabulary import load_vocabulary, match_labels
+from supermap_cli.simulation.recording.observed_truth import ObservedTruth, Undetermined
 from supermap_cli.simulation.recording.questions import KINDS, NEVER_THERE, SPOKEN, ask_questions, means, plural
-from supermap_cli.simulation.recording.witness import Unsure, Witness
 from supermap_cli.simulation.worlds.shapes import LABELS
 from supermap_cli.types.truth import GroundTruth, TrueChange, TrueObject
 from support import kitchen_truth as kt
@@ -45,23 +45,23 @@ def office() -> GroundTruth:
     )
     change = TrueChange("disappeared", "trash-can-1", 0, None, 500, 500, None, ("monday", "tuesday"))
     came = replace(change, kind="appeared", object_id="bucket-1", from_state=None, to_state=0)
-    visits = tuple(kt.traversal(name, each, objects) for name, each in zip(("monday", "tuesday"), DAYS, strict=True))
-    return GroundTruth("office", 2, visits, objects, (), (change, came), ())
+    traversals = tuple(kt.traversal(name, day, objects) for name, day in zip(("monday", "tuesday"), DAYS, strict=True))
+    return GroundTruth("office", 2, traversals, objects, (), (change, came), ())
 
 
 def asked(truth: GroundTruth) -> dict[str, tuple[str, ...]]:
-    return {each.text: each.answer for each in ask_questions(truth)}
+    return {question.text: question.answer for question in ask_questions(truth)}
 
 
 def hidden(truth: GroundTruth, object_id: str, *, pixels: int, frames: int = 100) -> GroundTruth:
     """The truth with an object that shows so few pixels in the first images of each traversal, and none later."""
-    k = [each.id for each in truth.objects].index(object_id)
+    k = [thing.id for thing in truth.objects].index(object_id)
     traversals = []
-    for each in truth.traversals:
-        rows = each.sightings
+    for traversal in truth.traversals:
+        rows = traversal.sightings
         shown = np.where(rows.frame < frames, pixels, 0)
         changed = np.where((rows.object == k) & rows.present, shown, rows.pixels)
-        traversals.append(replace(each, sightings=replace(rows, pixels=changed)))
+        traversals.append(replace(traversal, sightings=replace(rows, pixels=changed)))
     return replace(truth, traversals=tuple(traversals))
 
 
@@ -93,7 +93,7 @@ def test_what_is_asked_follows_from_the_geometry(text: str, answer_ids: tuple[st
 def test_what_is_between_two_answers_is_not_asked() -> None:
     truth = office()
     doubtful = kt.thing("backpack-1", "backpack", BAG, ((-0.75, 0, 0.2), None, None))  # a third of it under the desk
-    objects = tuple(doubtful if each.id == doubtful.id else each for each in truth.objects)
+    objects = tuple(doubtful if thing.id == doubtful.id else thing for thing in truth.objects)
     assert "backpack under the desk" not in asked(replace(truth, objects=objects))
 
 
@@ -118,14 +118,14 @@ def test_a_thing_whose_leaving_nobody_saw_is_not_asked_for() -> None:
 
 def test_a_witness_of_a_moved_thing_wants_its_old_place_seen_empty() -> None:
     thing = kt.thing("cart-1", "cart", CAN, ((0, 0, 0.2), None, 500), ((3, 0, 0.2), 500, None))
-    visits = tuple(kt.traversal(name, each, (thing,)) for name, each in zip(("monday", "tuesday"), DAYS, strict=True))
-    truth = GroundTruth("", 0, visits, (thing,), (), (), ())
-    assert Witness(truth).now(0) is thing.states[1]
-    assert Witness(truth).earlier(0) is thing.states[0]
-    rows = visits[1].sightings
-    blind = replace(visits[1], sightings=replace(rows, visible=np.where(rows.present, 1, 0).astype(np.float32)))
-    with pytest.raises(Unsure):
-        Witness(replace(truth, traversals=(visits[0], blind))).now(0)
+    traversals = tuple(kt.traversal(name, day, (thing,)) for name, day in zip(("monday", "tuesday"), DAYS, strict=True))
+    truth = GroundTruth("", 0, traversals, (thing,), (), (), ())
+    assert ObservedTruth(truth).now(0) is thing.states[1]
+    assert ObservedTruth(truth).earlier(0) is thing.states[0]
+    rows = traversals[1].sightings
+    blind = replace(traversals[1], sightings=replace(rows, visible=np.where(rows.present, 1, 0).astype(np.float32)))
+    with pytest.raises(Undetermined):
+        ObservedTruth(replace(truth, traversals=(traversals[0], blind))).now(0)
 
 
 @pytest.mark.parametrize("label", LABELS)

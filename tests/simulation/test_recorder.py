@@ -14,13 +14,16 @@ from supermap_cli.errors import SimulationError
 from supermap_cli.geometry.se3 import inverse
 from supermap_cli.hookspecs import RecordingRequest
 from supermap_cli.recordings import open_bag_recording
+from supermap_cli.simulation.detection.detector import SimulatedDetector
 from supermap_cli.simulation.detection.detector_errors import DetectorErrors
-from supermap_cli.simulation.recording.recorder import Recorded, record
-from supermap_cli.simulation.rigs import OdometryDrift
+from supermap_cli.simulation.recording.place_visibility import VisibilityModel
+from supermap_cli.simulation.recording.recorder import RecordedScenario, record
+from supermap_cli.simulation.rigs import OdometryDrift, SimulatedRig
+from supermap_cli.simulation.scenario import Scenario
 from supermap_cli.simulation.sensors.camera_view import render
 from supermap_cli.simulation.sensors.scene import Scene
 from supermap_cli.truth_file import read_truth
-from support import perfect_map, simulated, simulated_visits
+from support import perfect_map, simulated, simulated_traversals
 
 TOPICS = (
     *("/camera/color/image_raw/compressed", "/imu/data", "/odom", "/detections", "/detections/masks"),
@@ -28,29 +31,36 @@ TOPICS = (
 )
 
 
+def one_second(rig: SimulatedRig) -> Scenario:
+    """The first traversal of the small world, cut to a second."""
+    scenario = simulated_traversals.two_traversals(rig)
+    traversal = replace(scenario.traversals[0], route=simulated_traversals.route(simulated.START_NS, 1))
+    return replace(scenario, traversals=(traversal,))
+
+
 @pytest.fixture(scope="module")
-def recorded(tmp_path_factory: pytest.TempPathFactory) -> Recorded:
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> RecordedScenario:
     folder = tmp_path_factory.mktemp("recorded")
-    return record(simulated_visits.two_visits(), folder, errors=DetectorErrors.perfect())
+    return record(simulated_traversals.two_traversals(), folder, errors=DetectorErrors.perfect())
 
 
-def test_there_is_a_recording_for_each_visit_and_the_truth_and_nothing_else(recorded: Recorded) -> None:
+def test_there_is_a_recording_for_each_visit_and_the_truth_and_nothing_else(recorded: RecordedScenario) -> None:
     assert [path.name for path in recorded.recordings] == ["monday.mcap", "tuesday.mcap"]
     assert recorded.truth.name == "truth.json"
     assert {path.name for path in recorded.truth.parent.iterdir()} == {"monday.mcap", "tuesday.mcap", "truth.json"}
     truth = read_truth(recorded.truth)
     assert (truth.scenario, truth.seed, truth.questions) == ("test", 3, recorded.ground_truth.questions)
-    assert [each.recording for each in truth.traversals] == ["monday.mcap", "tuesday.mcap"]
+    assert [traversal.recording for traversal in truth.traversals] == ["monday.mcap", "tuesday.mcap"]
 
 
-def test_a_perfect_map_answers_all_the_questions(recorded: Recorded, tmp_path: Path) -> None:
-    texts = [each.text for each in recorded.ground_truth.questions]
+def test_a_perfect_map_answers_all_the_questions(recorded: RecordedScenario, tmp_path: Path) -> None:
+    texts = [question.text for question in recorded.ground_truth.questions]
     assert {"chair in monday", "chair", "where was the chair", "chair earlier"} <= set(texts)
     assert perfect_map.wrong_answers(recorded.ground_truth, tmp_path / "map.db") == []
 
 
-def test_what_happened_is_told(recorded: Recorded) -> None:
-    changes = [(each.kind, each.object_id, each.between) for each in recorded.ground_truth.changes]
+def test_what_happened_is_told(recorded: RecordedScenario) -> None:
+    changes = [(change.kind, change.object_id, change.between) for change in recorded.ground_truth.changes]
     assert changes == [
         ("moved", "box-1", ("monday", "monday")),
         ("disappeared", "chair-1", ("monday", "tuesday")),
@@ -58,15 +68,15 @@ def test_what_happened_is_told(recorded: Recorded) -> None:
     ]
 
 
-def test_images_depth_and_masks_are_those_of_the_world_at_the_true_pose(recorded: Recorded) -> None:
-    scenario = simulated_visits.two_visits()
+def test_images_depth_and_masks_are_those_of_the_world_at_the_true_pose(recorded: RecordedScenario) -> None:
+    scenario = simulated_traversals.two_traversals()
     recording = open_bag_recording(recorded.recordings[0], RecordingRequest(fit_color=False))
-    frames, found = list(recording.frames()), {each.stamp_ns: each for each in recording.detections()}
+    frames, found = list(recording.frames()), {detections.stamp_ns: detections for detections in recording.detections()}
     assert len(frames) == 26
-    scene, route = Scene(scenario.world), scenario.visits[0].route
+    scene, route = Scene(scenario.world), scenario.traversals[0].route
     for frame in frames[::8]:
         T_world_base = route.T_world_base(np.array([frame.stamp_ns]))[0]
-        view = render(scene, scenario.rig.camera, T_world_base @ frame.T_base_camera, frame.stamp_ns)
+        view = render(scene, scenario.rig.cameras[0].model, T_world_base @ frame.T_base_camera, frame.stamp_ns)
         assert frame.depth_m is not None
         returned = frame.depth_m > 0
         assert returned.mean() > 0.8
@@ -80,27 +90,24 @@ def test_images_depth_and_masks_are_those_of_the_world_at_the_true_pose(recorded
             assert scenario.world.things[thing - 1].label == label
 
 
-def test_odometry_starts_from_its_own_frame_and_the_truth_is_on_a_topic_of_its_own(recorded: Recorded) -> None:
-    scenario = simulated_visits.two_visits()
-    route = scenario.visits[0].route
+def test_odometry_starts_from_its_own_frame_and_the_truth_is_on_a_topic_of_its_own(recorded: RecordedScenario) -> None:
+    scenario = simulated_traversals.two_traversals()
+    route = scenario.traversals[0].route
     own = list(open_bag_recording(recorded.recordings[0], RecordingRequest()).poses())
-    first = inverse(simulated_visits.T_WORLD_ODOM) @ route.T_world_base(np.array([own[0].stamp_ns]))[0]
+    first = inverse(simulated_traversals.T_WORLD_ODOM) @ route.T_world_base(np.array([own[0].stamp_ns]))[0]
     np.testing.assert_allclose(own[0].T_odom_base, first, atol=1e-9)
     request = RecordingRequest(topics={"odometry": "/ground_truth/odom"})
     true = list(open_bag_recording(recorded.recordings[0], request).poses())
     np.testing.assert_allclose(
-        np.array([each.T_odom_base for each in true]),
-        route.T_world_base(np.array([each.stamp_ns for each in true])),
+        np.array([pose.T_odom_base for pose in true]),
+        route.T_world_base(np.array([pose.stamp_ns for pose in true])),
         atol=1e-9,
     )
 
 
 def test_everything_lies_in_the_file_in_the_order_of_log_time_and_detections_come_late(tmp_path: Path) -> None:
     slow = DetectorErrors(latency_min_s=0.3, latency_max_s=0.5)
-    scenario = simulated_visits.two_visits()
-    short = replace(
-        scenario, visits=(replace(scenario.visits[0], route=simulated_visits.route(simulated.START_NS, 1)),)
-    )
+    short = one_second(simulated_traversals.small_rig())
     (path,) = record(short, tmp_path, errors=slow).recordings
     with path.open("rb") as file:
         stored = [
@@ -116,14 +123,11 @@ def test_everything_lies_in_the_file_in_the_order_of_log_time_and_detections_com
 
 
 def test_the_lidar_rig_is_recorded_too(tmp_path: Path) -> None:
-    scenario = simulated_visits.two_visits(simulated_visits.small_panorama_rig())
-    short = replace(
-        scenario, visits=(replace(scenario.visits[0], route=simulated_visits.route(simulated.START_NS, 1)),)
-    )
+    short = one_second(simulated_traversals.small_panorama_rig())
     (path,) = record(short, tmp_path).recordings
     recording = open_bag_recording(path, RecordingRequest())
     assert recording.streams == {"color", "lidar", "poses", "imu", "detections", "masks"}
-    route = short.visits[0].route
+    route = short.traversals[0].route
     for sweep in recording.sweeps():
         T = route.T_world_base(sweep.point_stamps_ns) @ sweep.T_base_lidar
         points = np.einsum("nij,nj->ni", T[:, :3, :3], sweep.points_lidar) + T[:, :3, 3]
@@ -132,12 +136,9 @@ def test_the_lidar_rig_is_recorded_too(tmp_path: Path) -> None:
 
 
 def test_the_same_seed_gives_the_same_bytes_and_another_one_other_noise(tmp_path: Path) -> None:
-    scenario = simulated_visits.two_visits(replace(simulated_visits.small_rig(), drift=OdometryDrift()))
-    short = replace(
-        scenario, visits=(replace(scenario.visits[0], route=simulated_visits.route(simulated.START_NS, 1)),)
-    )
+    short = one_second(replace(simulated_traversals.small_rig(), drift=OdometryDrift()))
     files = [record(short, tmp_path / str(k), seed=seed) for k, seed in enumerate((5, 5, 6))]
-    same, again, other = ([path.read_bytes() for path in (*each.recordings, each.truth)] for each in files)
+    same, again, other = ([path.read_bytes() for path in (*made.recordings, made.truth)] for made in files)
     assert same == again
     assert same[0] != other[0]
 
@@ -148,7 +149,7 @@ def test_an_interrupted_run_leaves_nothing(tmp_path: Path) -> None:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        record(simulated_visits.two_visits(), tmp_path / "new" / "out", progress=interrupt)
+        record(simulated_traversals.two_traversals(), tmp_path / "new" / "out", progress=interrupt)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -157,14 +158,14 @@ def test_an_interrupted_run_leaves_a_folder_that_was_there(tmp_path: Path) -> No
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        record(simulated_visits.two_visits(), tmp_path, progress=interrupt)
+        record(simulated_traversals.two_traversals(), tmp_path, progress=interrupt)
     assert list(tmp_path.iterdir()) == []
 
 
 def test_files_are_not_overwritten_unasked(tmp_path: Path) -> None:
     (tmp_path / "truth.json").write_text("mine", encoding="utf-8")
     with pytest.raises(SimulationError, match=r"truth\.json would be overwritten.*--overwrite"):
-        record(simulated_visits.two_visits(), tmp_path)
+        record(simulated_traversals.two_traversals(), tmp_path)
     assert (tmp_path / "truth.json").read_text(encoding="utf-8") == "mine"
 
 
@@ -176,20 +177,20 @@ def never(*_: object) -> None:
 def test_a_folder_where_a_file_should_be_is_told_before_anything_is_simulated(tmp_path: Path, overwrite: bool) -> None:
     (tmp_path / "truth.json").mkdir()
     with pytest.raises(SimulationError, match=r"truth\.json is a folder.*--out"):
-        record(simulated_visits.two_visits(), tmp_path, overwrite=overwrite, progress=never)
+        record(simulated_traversals.two_traversals(), tmp_path, overwrite=overwrite, progress=never)
 
 
 def test_a_folder_that_cannot_be_made_is_told(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("", encoding="utf-8")
     with pytest.raises(SimulationError, match=r"cannot write: .*file/out.*--out"):
-        record(simulated_visits.two_visits(), tmp_path / "file" / "out", progress=never)
+        record(simulated_traversals.two_traversals(), tmp_path / "file" / "out", progress=never)
 
 
 @pytest.mark.skipif(not Path("/proc/self").exists(), reason="there is no /proc here")
 @pytest.mark.parametrize("name", ["", "supermap-out"])
 def test_a_folder_that_cannot_be_written_to_is_told(name: str) -> None:
     with pytest.raises(SimulationError, match=r"cannot write: .*/proc.*--out"):
-        record(simulated_visits.two_visits(), Path("/proc") / name, progress=never)
+        record(simulated_traversals.two_traversals(), Path("/proc") / name, progress=never)
 
 
 def test_a_full_disk_is_told_and_leaves_nothing(tmp_path: Path) -> None:
@@ -197,13 +198,85 @@ def test_a_full_disk_is_told_and_leaves_nothing(tmp_path: Path) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
 
     with pytest.raises(SimulationError, match=r"No space left on device.*out.*there is space"):
-        record(simulated_visits.two_visits(), tmp_path / "out", progress=full)
+        record(simulated_traversals.two_traversals(), tmp_path / "out", progress=full)
     assert list(tmp_path.iterdir()) == []
 
 
 def test_progress_counts_every_visits_images(tmp_path: Path) -> None:
     told: list[tuple[str, int, int]] = []
-    scenario = simulated_visits.two_visits()
-    short = replace(scenario, visits=(scenario.visits[1],))
-    record(short, tmp_path, progress=lambda *each: told.append(each))
+    scenario = simulated_traversals.two_traversals()
+    short = replace(scenario, traversals=(scenario.traversals[1],))
+    record(short, tmp_path, progress=lambda *progress: told.append(progress))
     assert told == [("tuesday", done, 11) for done in range(1, 12)]
+
+
+def messages_by_topic(path: Path) -> dict[str, list[tuple[int, bytes]]]:
+    """Log time and data of every message."""
+    found: dict[str, list[tuple[int, bytes]]] = {}
+    with path.open("rb") as file:
+        for _, channel, message in NonSeekingReader(file).iter_messages(log_time_order=False):
+            found.setdefault(channel.topic, []).append((message.log_time, message.data))
+    return found
+
+
+@pytest.fixture(scope="module")
+def three_cameras(tmp_path_factory: pytest.TempPathFactory) -> RecordedScenario:
+    return record(one_second(simulated_traversals.small_three_camera_rig()), tmp_path_factory.mktemp("three"))
+
+
+def test_each_of_several_cameras_has_topics_of_its_own_and_all_expose_at_once(three_cameras: RecordedScenario) -> None:
+    stored = messages_by_topic(three_cameras.recordings[0])
+    stamps_ns = [simulated.START_NS + k * simulated.SECOND_NS // 5 for k in range(6)]
+    for name in ("camera_front", "camera_left", "camera_right"):
+        for topic in ("color/image_raw/compressed", "color/camera_info", "aligned_depth_to_color/camera_info"):
+            assert [log_ns for log_ns, _ in stored[f"/{name}/{topic}"]] == stamps_ns
+        assert len(stored[f"/{name}/aligned_depth_to_color/image_raw/compressedDepth"]) == 6
+        assert len(stored[f"/{name}/detections"]) == len(stored[f"/{name}/detections/masks"]) == 6
+    assert len({data for _, data in stored["/tf_static"]}) == 1
+
+
+def test_the_messages_of_several_cameras_lie_in_the_order_of_log_time(three_cameras: RecordedScenario) -> None:
+    with three_cameras.recordings[0].open("rb") as file:
+        log_ns = [found.log_time for _, _, found in NonSeekingReader(file).iter_messages(log_time_order=False)]
+    assert log_ns == sorted(log_ns)
+
+
+@pytest.mark.parametrize("camera_id", ["front", "left"])
+def test_a_camera_alone_records_what_it_records_among_others(
+    three_cameras: RecordedScenario, camera_id: str, tmp_path: Path
+) -> None:
+    rig = simulated_traversals.only_camera(simulated_traversals.small_three_camera_rig(), camera_id)
+    alone = messages_by_topic(record(one_second(rig), tmp_path).recordings[0])
+    among = messages_by_topic(three_cameras.recordings[0])
+    own = [topic for topic in alone if topic != "/tf_static"]
+    assert any(topic.startswith(f"/camera_{camera_id}/detections") for topic in own)
+    assert all(alone[topic] == among[topic] for topic in own)
+
+
+def test_the_truth_tells_which_camera_took_each_image(three_cameras: RecordedScenario) -> None:
+    (traversal,) = read_truth(three_cameras.truth).traversals
+    assert traversal.camera_ids == ("front", "left", "right") * 6
+    assert (np.diff(traversal.stamps_ns.reshape(6, 3), axis=1) == 0).all()
+    truth = three_cameras.ground_truth
+    views = {
+        camera_id: {truth.objects[k].id for k in traversal.sightings.object[traversal.sightings.frame % 3 == number]}
+        for number, camera_id in enumerate(("front", "left", "right"))
+    }
+    assert "table-1" in views["front"]
+    assert views["left"] != views["right"]
+
+
+def test_the_only_camera_of_a_rig_adds_nothing_to_the_seeds_of_its_noise(tmp_path: Path) -> None:
+    scenario = one_second(simulated_traversals.small_rig())
+    (path,) = record(scenario, tmp_path, seed=7).recordings
+    recording = open_bag_recording(path, RecordingRequest(fit_color=False))
+    seed = int(np.random.default_rng((7, 0, 4)).integers(2**31))
+    detector = SimulatedDetector(scenario.world, DetectorErrors(), seed)
+    scene, (camera,), route = Scene(scenario.world), scenario.rig.cameras, scenario.traversals[0].route
+    for read in recording.detections():
+        T_world_camera = route.T_world_base(np.array([read.stamp_ns]))[0] @ camera.T_base_camera
+        view = render(scene, camera.model, T_world_camera, read.stamp_ns)
+        visibility = VisibilityModel(scenario.world, farthest_m=8.0).measure(view, camera.model, T_world_camera)
+        found = detector.detect(view, visibility, full_turn=False, camera=camera.model, T_world_camera=T_world_camera)
+        assert found.labels == read.labels
+        np.testing.assert_allclose(found.scores, read.scores)

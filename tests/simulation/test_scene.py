@@ -3,7 +3,7 @@ import pytest
 
 from supermap_cli.geometry.se3 import transform_points
 from supermap_cli.simulation.sensors.scene import Scene
-from supermap_cli.simulation.world import Fixture, Material, Stay, Thing, World
+from supermap_cli.simulation.world import Fixture, Material, SimulatedThing, Stay, World
 from support import simulated
 from support.simulated import BOX_ARRIVES_NS, BOX_FROM, BOX_LEAVES_NS, BOX_TO, CUP_LEAVES_NS, SECOND_NS, START_NS
 
@@ -69,7 +69,7 @@ def test_a_moving_body_is_where_it_is_between_its_stamps(scene: Scene, share: fl
 
 def test_what_stands_before_a_moving_body_hides_it() -> None:
     world = simulated.small_world()
-    lid = Thing("lid", "lid", simulated.block((1, 1, 0.02), (0, 0, 0), simulated.WOOD))
+    lid = SimulatedThing("lid", "lid", simulated.block((1, 1, 0.02), (0, 0, 0), simulated.WOOD))
     world = World(
         world.fixtures,
         (*world.things, lid),

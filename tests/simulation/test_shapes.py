@@ -35,7 +35,7 @@ def parts_of(shape: Shape) -> list[np.ndarray]:
 def is_closed(shape: Shape) -> bool:
     """Every edge is met by two triangles, in opposite directions."""
     edges = np.concatenate([shape.triangles[:, [0, 1]], shape.triangles[:, [1, 2]], shape.triangles[:, [2, 0]]])
-    forth, back = ({tuple(edge) for edge in each.tolist()} for each in (edges, edges[:, ::-1]))
+    forth, back = ({tuple(edge) for edge in directed.tolist()} for directed in (edges, edges[:, ::-1]))
     return forth == back and len(forth) == len(edges)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from supermap_cli.geometry.open3d_loader import load_open3d
 from supermap_cli.geometry.se3 import make_transform, transform_points
-from supermap_cli.simulation.world import Fixture, Material, Motion, Shape, Stay, Thing, World, join_shapes
+from supermap_cli.simulation.world import Fixture, Material, Motion, Shape, SimulatedThing, Stay, World, join_shapes
 
 START_NS = 1_700_000_000_000_000_000
 SECOND_NS = 1_000_000_000
@@ -87,11 +87,11 @@ def small_world() -> World:
     """The room, furnished. The cup is taken away at `CUP_LEAVES_NS`; the box is carried from `BOX_FROM` to `BOX_TO`."""
     box = block((0.4, 0.3, 0.3), (0, 0, 0), CARDBOARD)
     things = (
-        Thing("table-1", "table", _table()),
-        Thing("cup-1", "cup", block((0.08, 0.08, 0.1), (0, 0, 0), RED)),
-        Thing("chair-1", "chair", _chair()),
-        Thing("ball-1", "ball", ball(0.25, RED)),
-        Thing("box-1", "box", box),
+        SimulatedThing("table-1", "table", _table()),
+        SimulatedThing("cup-1", "cup", block((0.08, 0.08, 0.1), (0, 0, 0), RED)),
+        SimulatedThing("chair-1", "chair", _chair()),
+        SimulatedThing("ball-1", "ball", ball(0.25, RED)),
+        SimulatedThing("box-1", "box", box),
     )
     carried = np.stack([standing(*BOX_FROM), standing(*BOX_TO, yaw=np.pi / 2)])
     return World(
@@ -119,7 +119,7 @@ def looking(from_xyz: tuple[float, float, float], at_xyz: tuple[float, float, fl
 
 def distance_to_surfaces(world: World, points: np.ndarray, stamp_ns: int, thing: int | None = None) -> np.ndarray:
     """(n,) metres from points (n, 3) in the world to the nearest surface that stands at a time; of one thing alone if
-    it is given as in `Hits` (k = `world.things[k - 1]`). Measured by open3d on meshes placed here.
+    it is given as in `RayHits` (k = `world.things[k - 1]`). Measured by open3d on meshes placed here.
     """
     placed = [(0, fixture.shape, np.eye(4)) for fixture in world.fixtures]
     standing = (stay for stay in world.stays if stay.covers(stamp_ns))

@@ -25,9 +25,9 @@ from supermap_cli.simulation.detection.detector_errors import DetectorErrors
 from supermap_cli.simulation.recording.recorder import record
 from supermap_cli.simulation.rigs import DepthSensor, OdometryDrift
 from supermap_cli.simulation.route import Route
-from supermap_cli.simulation.scenario import Scenario, SimulatedVisit
+from supermap_cli.simulation.scenario import Scenario, SimulatedTraversal
 from supermap_schema.models import Base
-from support import databases, simulated, simulated_visits
+from support import databases, simulated, simulated_traversals
 
 SETTINGS = "[build.keyframes]\nrate_hz = 5\nbatch = 3\ncheckpoint_s = 0.05\n"
 """Small batches and frequent checkpoints: many moments to be killed at."""
@@ -43,14 +43,14 @@ def long_route(start_ns: int, seconds: float) -> Route:
 
 def record_two_visits(folder: Path) -> tuple[Path, ...]:
     """Two visits of a few seconds with noise, drift and a detector that errs."""
-    noisy = replace(simulated_visits.small_rig(), depth=DepthSensor(), drift=OdometryDrift())
-    short = simulated_visits.two_visits(noisy)
-    later_ns = short.visits[1].route.start_ns
-    visits = (
-        SimulatedVisit("monday", long_route(simulated.START_NS, 9.0), simulated_visits.T_WORLD_ODOM),
-        SimulatedVisit("tuesday", long_route(later_ns, 7.0), simulated_visits.T_WORLD_ODOM),
+    noisy = replace(simulated_traversals.small_rig(), depth=DepthSensor(), drift=OdometryDrift())
+    short = simulated_traversals.two_traversals(noisy)
+    later_ns = short.traversals[1].route.start_ns
+    traversals = (
+        SimulatedTraversal("monday", long_route(simulated.START_NS, 9.0), simulated_traversals.T_WORLD_ODOM),
+        SimulatedTraversal("tuesday", long_route(later_ns, 7.0), simulated_traversals.T_WORLD_ODOM),
     )
-    scenario: Scenario = replace(short, visits=visits)
+    scenario: Scenario = replace(short, traversals=traversals)
     return record(scenario, folder, errors=DetectorErrors()).recordings
 
 

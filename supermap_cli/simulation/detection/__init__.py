@@ -1,1 +1,1 @@
-"""A detector that errs as real ones do: misses, look-alikes, bleeding masks, phantoms."""
+"""A simulated detector with the errors of real ones: misses, look-alikes, bleeding masks, phantoms."""

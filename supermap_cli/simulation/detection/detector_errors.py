@@ -15,8 +15,9 @@ class DetectorErrors(Section):
     The kinds of error are those of Hoiem, Chodpathumwan and Dai (2012) and of TIDE (Bolya et al. 2020): missed, wrong
     label, badly localised, background. Near, unoccluded things are found in 80 to 95 of 100 images; the rate falls with
     distance, with what hides the thing, and with its area in the image (COCO's small objects, below 32 x 32 pixels, are
-    found about half as well as its large ones). Errors of neighbouring images are alike (see `simulation.moods`), so
-    that more images of the same view do not average them out. Pixels are those of the image, whatever its size.
+    found about half as well as its large ones). Errors of neighbouring images are
+    correlated (`detection.correlated_noise`), so that more images of the same view do not average them out. Pixels are
+    those of the image, whatever its size.
     """
 
     recall: float = Field(default=0.95, ge=0, le=1, description="share of large, near, unoccluded things that is found")

@@ -11,7 +11,7 @@ import numpy as np
 
 from supermap_cli.types.detections import Hypothesis
 
-_LIKELIER = 0.55
+_LIKELIER = 0.55  # ratio of the chances of a look-alike and of the one listed before it
 
 
 @cache
@@ -21,7 +21,7 @@ def look_alikes() -> Mapping[str, tuple[str, ...]]:
     return {label: tuple(others) for label, others in tomllib.loads(text)["look_alikes"].items()}
 
 
-class Vocabulary:
+class LabelErrors:
     """All labels that a detector knows, and how it errs among them."""
 
     def __init__(self, labels: Iterable[str]) -> None:
@@ -33,7 +33,7 @@ class Vocabulary:
         liking = rng.gumbel(size=len(known)) + np.arange(len(known)) * np.log(_LIKELIER)
         chosen = [known[k] for k in np.argsort(-liking)[:count]]
         if len(chosen) < count:
-            rest = [each for each in self.labels if each != label and each not in known]
+            rest = [other for other in self.labels if other != label and other not in known]
             chosen += [rest[k] for k in rng.permutation(len(rest))[: count - len(chosen)]]
         return chosen
 
@@ -43,7 +43,7 @@ class Vocabulary:
         """The best `count` labels with scores that add up to at most 1: the true one first with `score`, or, where the
         thing is `taken_for` another, that one with a lower score and the true one close behind.
         """
-        others = [each for each in self.others(label, count, rng) if each != taken_for]
+        others = [other for other in self.others(label, count, rng) if other != taken_for]
         if taken_for is None:
             ranked = [label, *others]
         else:
@@ -53,4 +53,6 @@ class Vocabulary:
             closeness = rng.uniform(0.6, 0.95) if taken_for is not None and len(scores) == 1 else rng.uniform(0.3, 0.7)
             left = 1 - sum(scores)
             scores.append(float(min(closeness * left, 0.95 * scores[-1])))
-        return tuple(Hypothesis(name, each) for name, each in zip(ranked[:count], scores, strict=True))
+        return tuple(
+            Hypothesis(name, hypothesis_score) for name, hypothesis_score in zip(ranked[:count], scores, strict=True)
+        )

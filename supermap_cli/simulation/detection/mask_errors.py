@@ -7,8 +7,8 @@ import numpy as np
 from supermap_cli.geometry.arrays import BoolArray, Float32Array, FloatArray
 from supermap_cli.types.detections import RegionMask, cut_mask
 
-_GRID_PX = 12
-_LARGEST_SHARE = 0.08
+_GRID_PX = 12  # px over which the outline's wobble changes
+_LARGEST_SHARE = 0.08  # of the square root of a mask's area: the most that its outline moves
 
 
 def enlarged(mask: RegionMask, margin: int, height: int, width: int) -> RegionMask:
@@ -36,7 +36,7 @@ def touch(first: RegionMask, second: RegionMask) -> bool:
     high_v = min(first.v0 + first.pixels.shape[0], second.v0 + second.pixels.shape[0]) + 2
     if low_u >= high_u or low_v >= high_v:
         return False
-    a, b = (_window(each, low_u, low_v, high_u, high_v) for each in (first, second))
+    a, b = (_window(mask, low_u, low_v, high_u, high_v) for mask in (first, second))
     return bool((cv2.dilate(a.view(np.uint8), np.ones((5, 5), np.uint8)).view(bool) & b).any())
 
 

@@ -10,12 +10,12 @@ from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.geometry.cameras import Camera
 from supermap_cli.geometry.se3 import inverse, transform_points
 from supermap_cli.simulation.detection.mask_errors import ellipse, tight
-from supermap_cli.simulation.views import View
+from supermap_cli.simulation.views import RenderedView
 from supermap_cli.simulation.world import World, sample_surface
 from supermap_cli.types.detections import RegionMask
 
-_NEAREST_M, _FARTHEST_M = 0.6, 4.5
-_HIDDEN_BEHIND_M = 0.1
+_NEAREST_M, _FARTHEST_M = 0.6, 4.5  # m, distances from which a spot is mistaken for a thing
+_HIDDEN_BEHIND_M = 0.1  # m of depth difference from which on something stands before it
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Phantoms:
         chosen = points[rng.choice(len(points), count, replace=False)]
         return cls(chosen, rng.uniform(0.08, 0.3, (count, 2)), tuple(map(str, rng.choice(labels, count))))
 
-    def seen(self, view: View, camera: Camera, T_world_camera: FloatArray) -> list[tuple[int, RegionMask]]:
+    def seen(self, view: RenderedView, camera: Camera, T_world_camera: FloatArray) -> list[tuple[int, RegionMask]]:
         """Which spots an image shows from 0.6 to 4.5 m with nothing before them, each with the region it covers."""
         if not len(self.points_world):
             return []
@@ -58,14 +58,14 @@ class Phantoms:
         return shown
 
 
-def random_region(view: View, rng: np.random.Generator) -> RegionMask:
+def random_region(view: RenderedView, rng: np.random.Generator) -> RegionMask:
     """An ellipse somewhere in the image, 2 to 8 % of its height in radius, on one thing or on the building alone."""
     height, width = view.thing.shape
     center_uv = int(rng.integers(width)), int(rng.integers(height))
     return _on_one_surface(view, center_uv, rng.uniform(0.02, 0.08, 2) * height)
 
 
-def _on_one_surface(view: View, center_uv: tuple[int, int], radii_px: FloatArray) -> RegionMask:
+def _on_one_surface(view: RenderedView, center_uv: tuple[int, int], radii_px: FloatArray) -> RegionMask:
     round_about = ellipse(center_uv, radii_px, view.thing.shape)
     h, w = round_about.pixels.shape
     things = view.thing[round_about.v0 : round_about.v0 + h, round_about.u0 : round_about.u0 + w]

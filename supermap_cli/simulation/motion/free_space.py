@@ -12,12 +12,12 @@ from supermap_cli.geometry.arrays import BoolArray, FloatArray, IntArray
 from supermap_cli.geometry.boxes import Box3D
 from supermap_cli.simulation.building_plan import BuildingPlan, Doorway
 
-CELL_M = 0.05
-_OVERHEAD_M = 1.3
-_UNDERFOOT_M = 0.05
-_EYE_M = 1.05
-_KEEP_OFF_M = 0.5
-_FARTHEST_SNAP_M = 1.6
+CELL_M = 0.05  # m, edge of a grid cell
+_OVERHEAD_M = 1.3  # m: robots and people pass under what begins above it
+_UNDERFOOT_M = 0.05  # m: what ends below it is driven and walked over
+_EYE_M = 1.05  # m, height of the cameras
+_KEEP_OFF_M = 0.5  # m beyond the clearance within which paths are dearer
+_FARTHEST_SNAP_M = 1.6  # m to the nearest free place: as far as a person reaches with a step
 
 
 class FreeSpace:
@@ -38,7 +38,7 @@ class FreeSpace:
                 np.array([[*room.low], [room.high[0], room.low[1]], [*room.high], [room.low[0], room.high[1]]])
             )
         for doorway in plan.doorways:
-            floor |= self._inside(_passage(plan, doorway))
+            floor |= self._inside(_doorway_floor(plan, doorway))
         self._floor = floor
         blocking = [box for box in obstacles if box.z_min <= _OVERHEAD_M and box.z_max > _UNDERFOOT_M]
         self._standable = floor & ~self._covered([box for box in blocking if not _rests_on_another(box, blocking)])
@@ -227,7 +227,7 @@ class FreeSpace:
         return inside
 
 
-def _passage(plan: BuildingPlan, doorway: Doorway) -> FloatArray:
+def _doorway_floor(plan: BuildingPlan, doorway: Doorway) -> FloatArray:
     """The doorway's floor (4, 2), counter-clockwise, through the whole wall and a little into both rooms."""
     through = doorway.through / np.linalg.norm(doorway.through)
     across = np.array([-through[1], through[0]]) * doorway.width_m / 2

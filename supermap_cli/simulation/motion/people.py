@@ -13,28 +13,29 @@ from supermap_cli.geometry.boxes import Box3D
 from supermap_cli.geometry.se3 import interpolate_transform, inverse, make_transform
 from supermap_cli.simulation.building_plan import BuildingPlan
 from supermap_cli.simulation.motion.free_space import FreeSpace
-from supermap_cli.simulation.world import Material, Motion, Shape, Thing, join_shapes
+from supermap_cli.simulation.world import Material, Motion, Shape, SimulatedThing, join_shapes
 
-PERSON_CLEARANCE_M = 0.25
-_STEP_S = 0.05
-_STRIDE_M = 1.4
-_LEG_SWING = np.radians(26)
-_SUNK_SHARE = 0.3
-_ARM_SWING = np.radians(20)
-_CARRYING_ARMS = np.radians(55)
-_FULL_SWING_SPEED = 1.1
-_ACCELERATION = 1.2
-_TURNING_RATE = np.radians(150)
-_STANDING_S = 0.6
-_LIFTING_S = 1.2
-_REACH_M = 1.6
+# An adult's unhurried walk, simplified; the values were chosen by eye.
+PERSON_CLEARANCE_M = 0.25  # m, half a shoulder's breadth
+_STEP_S = 0.05  # s between poses of a motion
+_STRIDE_M = 1.4  # m, two steps
+_LEG_SWING = np.radians(26)  # rad at full speed
+_SUNK_SHARE = 0.3  # of what the hip would sink with straight legs: knees take the rest
+_ARM_SWING = np.radians(20)  # rad at full speed
+_CARRYING_ARMS = np.radians(55)  # rad forward, with something in the hands
+_FULL_SWING_SPEED = 1.1  # m/s
+_ACCELERATION = 1.2  # m/s^2
+_TURNING_RATE = np.radians(150)  # rad/s on the spot
+_STANDING_S = 0.6  # s at rest after a turn
+_LIFTING_S = 1.2  # s to pick something up, or to put it down
+_REACH_M = 1.6  # m from where a person can stop to the thing that is fetched
 
 
 @dataclass(frozen=True)
-class Carriage:
+class CarryMotion:
     """Someone fetches a thing and puts it down elsewhere; `thing_motion` spans exactly pick-up to put-down."""
 
-    person: Thing
+    person: SimulatedThing
     person_motions: tuple[Motion, ...]
     thing_motion: Motion
 
@@ -79,7 +80,7 @@ def walking_person(
     goal_xy: FloatArray,
     start_ns: int,
     speed: float = 1.1,
-) -> tuple[Thing, tuple[Motion, ...]]:
+) -> tuple[SimulatedThing, tuple[Motion, ...]]:
     """A person who appears at the start at `start_ns`, walks to the goal round all obstacles, and is gone there.
 
     The person's `Motion`s are the limbs (torso, head, two arms, two legs), all under the one id. Raises `ValueError`
@@ -94,7 +95,7 @@ def walking_person(
 
 def carried_by_person(  # noqa: PLR0917 - who, what, from where, to where, and in what building
     person_id: str,
-    thing: Thing,
+    thing: SimulatedThing,
     T_from: FloatArray,
     T_to: FloatArray,
     plan: BuildingPlan,
@@ -105,7 +106,7 @@ def carried_by_person(  # noqa: PLR0917 - who, what, from where, to where, and i
     come_from_xy: FloatArray,
     leave_to_xy: FloatArray,
     speed: float = 1.0,
-) -> Carriage:
+) -> CarryMotion:
     """A person comes to where a thing stands (`T_from`), carries it before the hip to where it shall (`T_to`), leaves.
 
     The person stops at the free place nearest to the thing, at most 1.6 m off. Raises `ValueError` when there is none,
@@ -124,7 +125,7 @@ def carried_by_person(  # noqa: PLR0917 - who, what, from where, to where, and i
     holding = np.zeros(len(gait.speed))
     holding[picked:put] = _eased(carry, _LIFTING_S)
     carried = _carried(thing, T_from, T_to, gait.poses[picked:put], holding[picked:put])
-    return Carriage(
+    return CarryMotion(
         _thing(person_id, limbs),
         _limb_motions(person_id, limbs, gait, holding, start_ns),
         Motion(thing.id, thing.shape, stamps_ns[picked:put], carried),
@@ -207,7 +208,9 @@ def _eased(gait: _Gait, seconds: float) -> FloatArray:
     return eased
 
 
-def _carried(thing: Thing, T_from: FloatArray, T_to: FloatArray, poses: FloatArray, holding: FloatArray) -> FloatArray:
+def _carried(
+    thing: SimulatedThing, T_from: FloatArray, T_to: FloatArray, poses: FloatArray, holding: FloatArray
+) -> FloatArray:
     """The thing's poses (n, 4, 4): lifted from where it stood, held before the body, put where it shall stand."""
     low, high = thing.shape.bounds
     height_m = max(0.15, 0.95 - float(low[2] + high[2]) / 2)
@@ -257,8 +260,8 @@ def _swung(joint: FloatArray, angle: FloatArray) -> FloatArray:
     return turned
 
 
-def _thing(thing_id: str, limbs: Sequence[_Limb]) -> Thing:
-    return Thing(thing_id, "person", join_shapes([limb.shape for limb in limbs]))
+def _thing(thing_id: str, limbs: Sequence[_Limb]) -> SimulatedThing:
+    return SimulatedThing(thing_id, "person", join_shapes([limb.shape for limb in limbs]))
 
 
 def _body(rng: np.random.Generator) -> list[_Limb]:
@@ -299,7 +302,7 @@ def _body(rng: np.random.Generator) -> list[_Limb]:
 
 
 def _cloth(rng: np.random.Generator) -> tuple[float, float, float]:
-    red, green, blue = (float(each) for each in rng.uniform(30, 210, 3))
+    red, green, blue = (float(value) for value in rng.uniform(30, 210, 3))
     return red, green, blue
 
 

@@ -13,17 +13,18 @@ from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.geometry.boxes import Box3D
 from supermap_cli.simulation.building_plan import BuildingPlan
 from supermap_cli.simulation.motion.free_space import FreeSpace
-from supermap_cli.simulation.motion.gaze import Gaze, follow_gaze, room_interests
+from supermap_cli.simulation.motion.gaze import GazePlanner, follow_gaze, room_points_of_interest
 from supermap_cli.simulation.motion.tour import Stop, Tour, ordered_round, plan_tour, rooms_to_stop_in
 from supermap_cli.simulation.route import Route
 
+# A small indoor robot; the values were chosen for the simulator.
 ROBOT_RADIUS_M = 0.25
-_PLANNED_CLEARANCE_M = 0.33
-_STEP_S = 0.05
-_KNOT_S = 0.25
-_ACCELERATION = 0.7
-_SIDEWAYS_ACCELERATION = 0.8
-_BRAKING_S = 1.0
+_PLANNED_CLEARANCE_M = 0.33  # m: the radius and what the spline may cut off corners
+_STEP_S = 0.05  # s between points of the planned drive
+_KNOT_S = 0.25  # s between knots of the spline, where it keeps clear of everything
+_ACCELERATION = 0.7  # m/s^2
+_SIDEWAYS_ACCELERATION = 0.8  # m/s^2 in bends
+_BRAKING_S = 1.0  # s before the end
 
 
 def plan_route(
@@ -48,13 +49,13 @@ def plan_route(
         raise ValueError(f"a route takes time, not {seconds} s")
     free = FreeSpace(plan, obstacles, clearance_m=_PLANNED_CLEARANCE_M)
     chosen = [plan.room(name) for name in rooms] if rooms is not None else list(plan.rooms)
-    interests = {room.name: room_interests(room, obstacles, focus) for room in chosen}
+    interests = {room.name: room_points_of_interest(room, obstacles, focus) for room in chosen}
     stopping = rooms_to_stop_in(plan, chosen, interests)
     starts = [room for room in stopping if interests[room.name].focused] or stopping
     ordered = ordered_round(free, stopping, starts[int(rng.integers(len(starts)))])
     tour = plan_tour(free, ordered, interests, seconds, rng)
     way_xy = _drive(free, tour, seconds, rng)
-    yaw = follow_gaze(Gaze(plan, free, interests), way_xy, _STEP_S, rng)
+    yaw = follow_gaze(GazePlanner(plan, free, interests), way_xy, _STEP_S, rng)
     body = FreeSpace(plan, obstacles, clearance_m=ROBOT_RADIUS_M)
     return _knotted(body, start_ns, seconds, way_xy, yaw)
 
@@ -121,7 +122,7 @@ def _knotted(body: FreeSpace, start_ns: int, seconds: float, way_xy: FloatArray,
     stamps_ns = start_ns + (np.linspace(0, seconds, 1 + int(seconds * 40)) * 1e9).astype(np.int64)
     for knot_s in (_KNOT_S, _KNOT_S / 2, _STEP_S):
         times_s = np.linspace(0, seconds, 1 + max(4, int(np.ceil(seconds / knot_s))))
-        x, y, turned = (np.interp(times_s, elapsed_s, each) for each in (way_xy[:, 0], way_xy[:, 1], yaw))
+        x, y, turned = (np.interp(times_s, elapsed_s, values) for values in (way_xy[:, 0], way_xy[:, 1], yaw))
         route = Route(start_ns, times_s, np.column_stack([x, y]), turned)
         if body.are_free(route.derivative(stamps_ns)[:, :2]).all():
             return route

@@ -11,12 +11,13 @@ import numpy as np
 from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.simulation.building_plan import BuildingPlan, Room
 from supermap_cli.simulation.motion.free_space import FreeSpace
-from supermap_cli.simulation.motion.gaze import Interests
+from supermap_cli.simulation.motion.gaze import PointsOfInterest
 
-_MEAN_SPEED = 0.62
-_CANDIDATE_SPACING_M = 0.4
+_MEAN_SPEED = 0.62  # m/s of the routes that `routes._drive` makes, measured
+_CANDIDATE_SPACING_M = 0.4  # m between places where the robot may stop
 _EFFORTS = ((5, 0.5), (4, 0.5), (3, 0.5), (4, 1.0), (3, 1.0), (2, 1.0), (1, 1.0))
-_HURRY = 0.5
+"""Stops a room at most, and the share of the time that one round may take: the first pair that fits is used."""
+_HURRY = 0.5  # factor on the dwell times where not even one stop a room fits
 
 
 @dataclass(frozen=True)
@@ -44,7 +45,7 @@ class Tour:
 def plan_tour(
     free: FreeSpace,
     rooms: Sequence[Room],
-    interests: Mapping[str, Interests],
+    interests: Mapping[str, PointsOfInterest],
     seconds: float,
     rng: np.random.Generator,
 ) -> Tour:
@@ -53,23 +54,25 @@ def plan_tour(
     Each room gets as many stops as let two rounds fit into the time, or else one. When that is too short for all rooms,
     only some are visited, those with a focus first.
     """
-    guide = _Guide(free, rooms, interests, rng)
-    efforts = (most for most, share in _EFFORTS if guide.first_round(rooms, most).duration_s <= share * seconds)
+    planner = _StopPlanner(free, rooms, interests, rng)
+    efforts = (most for most, share in _EFFORTS if planner.first_round(rooms, most).duration_s <= share * seconds)
     most = next(efforts, None)
     if most is None:
-        guide.hurry = _HURRY
+        planner.hurry = _HURRY
         rooms, most = sorted(rooms, key=lambda room: not interests[room.name].focused), 1
-        while len(rooms) > 1 and guide.first_round(rooms, most).duration_s > seconds:
+        while len(rooms) > 1 and planner.first_round(rooms, most).duration_s > seconds:
             rooms, most = rooms[:-1], 2
     if len(rooms) == 1:
         most = _EFFORTS[0][0]
-    tour = guide.first_round(rooms, most)
+    tour = planner.first_round(rooms, most)
     while tour.duration_s < seconds + 2:
-        tour = guide.another_round(tour, rooms, most)
+        tour = planner.another_round(tour, rooms, most)
     return tour
 
 
-def rooms_to_stop_in(plan: BuildingPlan, rooms: Sequence[Room], interests: Mapping[str, Interests]) -> list[Room]:
+def rooms_to_stop_in(
+    plan: BuildingPlan, rooms: Sequence[Room], interests: Mapping[str, PointsOfInterest]
+) -> list[Room]:
     """All of the rooms but those that one comes through anyway and that hold next to nothing (corridors)."""
     ways_through = [name for doorway in plan.doorways for name in (doorway.first, doorway.second)]
 
@@ -112,7 +115,7 @@ def _places(free: FreeSpace, room: Room) -> FloatArray:
     spacing = _CANDIDATE_SPACING_M
     while spacing > 0.04:
         x, y = (np.arange(room.low[k] + 0.3, room.high[k] - 0.3, spacing) for k in (0, 1))
-        grid = np.column_stack([each.ravel() for each in np.meshgrid(x, y, indexing="ij")])
+        grid = np.column_stack([coordinates.ravel() for coordinates in np.meshgrid(x, y, indexing="ij")])
         places = grid[free.are_reachable(grid)]
         if len(places):
             return places
@@ -120,11 +123,15 @@ def _places(free: FreeSpace, room: Room) -> FloatArray:
     raise ValueError(f"the room {room.name!r} cannot be entered")
 
 
-class _Guide:
-    """Chooses stops, each for what was not yet seen from there, and remembers what has been seen."""
+class _StopPlanner:
+    """Chooses stops greedily by what they show that was not yet seen, and keeps what has been seen."""
 
     def __init__(
-        self, free: FreeSpace, rooms: Sequence[Room], interests: Mapping[str, Interests], rng: np.random.Generator
+        self,
+        free: FreeSpace,
+        rooms: Sequence[Room],
+        interests: Mapping[str, PointsOfInterest],
+        rng: np.random.Generator,
     ) -> None:
         self.hurry = 1.0
         self._free = free

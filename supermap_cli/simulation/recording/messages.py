@@ -2,11 +2,13 @@
 
 - RGB-D camera: /camera/color/image_raw/compressed (JPEG) and /camera/aligned_depth_to_color/image_raw/compressedDepth
   (16-bit PNG, millimetres), each with its camera_info. Raw depth takes 8 ms to write instead of 12, but 27 % more room,
-  and every stream that is read from the file has to inflate it.
+  and every stream that is read from the file has to inflate it. Of several cameras each has its own namespace:
+  /camera_front/color/..., /camera_left/color/...
 - Panorama: /panorama/image_raw/compressed and its camera_info, whose distortion_model is "equirectangular".
 - LiDAR: /livox/lidar, PointCloud2 as livox_ros_driver2 writes it (PointXYZRTLT: each point has its own nanoseconds).
 - /imu/data; /odom with /tf and /tf_static; the truth as /ground_truth/odom in the frame "world".
-- Detector: /detections (vision_msgs/Detection2DArray), /detections/masks (16UC1, k on the k-th detection, 1-based).
+- Detector: /detections (vision_msgs/Detection2DArray), /detections/masks (16UC1, k on the k-th detection, 1-based);
+  of several cameras: /camera_front/detections, /camera_front/detections/masks, ...
 
 Everything is logged at its header's stamp, but detections when they are there.
 """
@@ -30,7 +32,7 @@ from supermap_cli.geometry.arrays import Float32Array, FloatArray, UInt8Array, U
 from supermap_cli.geometry.cameras import EquirectangularCamera, PinholeCamera
 from supermap_cli.geometry.se3 import quaternion_xyzw_from_rotation
 from supermap_cli.recordings.definitions import FALLBACK_DEFINITIONS
-from supermap_cli.simulation.rigs import Rig
+from supermap_cli.simulation.rigs import SimulatedCamera, SimulatedRig
 from supermap_cli.simulation.sensors.lidar_sensor import LidarScan
 from supermap_cli.types.detections import Detections
 
@@ -40,15 +42,9 @@ LIDAR_TOPIC = "/livox/lidar"
 IMU_TOPIC = "/imu/data"
 ODOMETRY_TOPIC = "/odom"
 TRUTH_TOPIC = "/ground_truth/odom"
-DETECTIONS_TOPIC = "/detections"
-MASKS_TOPIC = "/detections/masks"
 
-CAMERA_FRAME = {"rgbd": "camera_color_optical_frame", "panorama": "panorama_optical_frame"}
-CAMERA_NAMESPACE = {"rgbd": "/camera/color", "panorama": "/panorama"}
-DEPTH_NAMESPACE = "/camera/aligned_depth_to_color"
-
-_JPEG_QUALITY = 90
-_NO_DEPTH_PARAMETERS = bytes(12)
+_JPEG_QUALITY = 90  # percent
+_NO_DEPTH_PARAMETERS = bytes(12)  # compressedDepth's header for 16UC1: format and two quantisation parameters, unused
 _LIVOX_POINT = np.dtype(
     {
         "names": ["x", "y", "z", "intensity", "tag", "line", "timestamp"],
@@ -57,7 +53,8 @@ _LIVOX_POINT = np.dtype(
         "itemsize": 26,
     }
 )
-_LIVOX_LINES = 4
+_LIVOX_LINES = 4  # laser lines of a Mid-360
+# numpy type -> datatype of sensor_msgs/PointField
 _POINT_FIELD = {"<f4": 7, "|u1": 2, "<f8": 8}
 
 
@@ -74,11 +71,10 @@ class Outgoing:
 class RigMessages:
     """Turns one rig's measurements into messages. Its methods may be called from several threads."""
 
-    def __init__(self, rig: Rig) -> None:
+    def __init__(self, rig: SimulatedRig) -> None:
         self._rig = rig
-        self._camera_frame = CAMERA_FRAME[rig.name]
         self._store = _typestore()
-        self._camera_info = _camera_info_fields(rig.camera)
+        self._camera_info = {camera.camera_id: _camera_info_fields(camera.model) for camera in rig.cameras}
 
     def definition(self, msgtype: str) -> str:
         """The text of a message's definition with all that it needs."""
@@ -87,7 +83,8 @@ class RigMessages:
 
     def mounting(self, stamp_ns: int) -> Outgoing:
         """/tf_static: where the sensors sit on the base."""
-        sensors = [(self._camera_frame, self._rig.T_base_camera), ("imu_link", self._rig.T_base_imu)]
+        sensors = [(camera.frame_id, camera.T_base_camera) for camera in self._rig.cameras]
+        sensors.append(("imu_link", self._rig.T_base_imu))
         if self._rig.T_base_lidar is not None:
             sensors.append(("livox_frame", self._rig.T_base_lidar))
         transforms = [self._transform(stamp_ns, "base_link", name, T) for name, T in sensors]
@@ -119,21 +116,26 @@ class RigMessages:
             linear_acceleration_covariance=unknown,
         )
 
-    def colour(self, stamp_ns: int, rgb: UInt8Array) -> Iterator[Outgoing]:
-        """A JPEG of an image (h, w, 3), and its camera_info."""
-        namespace = CAMERA_NAMESPACE[self._rig.name]
-        yield self._calibration(namespace, stamp_ns)
+    def color(self, camera: SimulatedCamera, stamp_ns: int, rgb: UInt8Array) -> Iterator[Outgoing]:
+        """A JPEG of a camera's image (h, w, 3), and its camera_info."""
+        yield self._calibration(camera, camera.color_namespace, stamp_ns)
         bgr = cv2.cvtColor(rgb, cv2.COLOR_RGB2BGR)
         jpeg = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])[1]
-        yield self._compressed(f"{namespace}/image_raw/compressed", stamp_ns, "jpeg", jpeg.ravel())
+        topic = f"{camera.color_namespace}/image_raw/compressed"
+        yield self._compressed(topic, camera, stamp_ns, "jpeg", jpeg.ravel())
 
-    def depth(self, stamp_ns: int, depth_m: Float32Array) -> Iterator[Outgoing]:
-        """Depth (h, w) on the colour camera's pixels, 0 = no return, and its camera_info."""
-        yield self._calibration(DEPTH_NAMESPACE, stamp_ns)
+    def depth(self, camera: SimulatedCamera, stamp_ns: int, depth_m: Float32Array) -> Iterator[Outgoing]:
+        """Depth (h, w) on the color camera's pixels, 0 = no return, and its camera_info.
+
+        Raises `ValueError` for a camera without depth.
+        """
+        if camera.depth_namespace is None:
+            raise ValueError(f"the camera {camera.camera_id!r} has no depth")
+        yield self._calibration(camera, camera.depth_namespace, stamp_ns)
         png = cv2.imencode(".png", np.rint(depth_m * 1000).astype(np.uint16))[1]
         data = np.concatenate([np.frombuffer(_NO_DEPTH_PARAMETERS, np.uint8), png.ravel()])
-        topic = f"{DEPTH_NAMESPACE}/image_raw/compressedDepth"
-        yield self._compressed(topic, stamp_ns, "16UC1; compressedDepth png", data)
+        topic = f"{camera.depth_namespace}/image_raw/compressedDepth"
+        yield self._compressed(topic, camera, stamp_ns, "16UC1; compressedDepth png", data)
 
     def points(self, stamp_ns: int, scan: LidarScan) -> Outgoing:
         """/livox/lidar: one scan."""
@@ -157,18 +159,19 @@ class RigMessages:
         )
 
     def detections(self, found: Detections, log_ns: int) -> Iterator[Outgoing]:
-        """What a detector says of the image of `found.stamp_ns`, told at `log_ns`."""
-        header = self._header(found.stamp_ns, self._camera_frame)
+        """The detections of the image of `found.stamp_ns` and `found.camera_id`, published at `log_ns`."""
+        camera = self._rig.camera(found.camera_id)
+        header = self._header(found.stamp_ns, camera.frame_id)
         yield self._message(
-            DETECTIONS_TOPIC,
+            camera.detections_topic,
             "vision_msgs/msg/Detection2DArray",
             log_ns,
             header=header,
             detections=[self._detection(header, found, k) for k in range(len(found))],
         )
-        numbers = number_image(found, self._rig.camera.height, self._rig.camera.width)
+        numbers = number_image(found, camera.model.height, camera.model.width)
         yield self._message(
-            MASKS_TOPIC,
+            f"{camera.detections_topic}/masks",
             "sensor_msgs/msg/Image",
             log_ns,
             header=header,
@@ -186,10 +189,12 @@ class RigMessages:
         results = [
             self._type(
                 "vision_msgs/msg/ObjectHypothesisWithPose",
-                hypothesis=self._type("vision_msgs/msg/ObjectHypothesis", class_id=each.label, score=float(each.score)),
+                hypothesis=self._type(
+                    "vision_msgs/msg/ObjectHypothesis", class_id=hypothesis.label, score=float(hypothesis.score)
+                ),
                 pose=pose,
             )
-            for each in found.hypotheses[k]
+            for hypothesis in found.hypotheses[k]
         ]
         middle = self._type("vision_msgs/msg/Point2D", x=(u0 + u1) / 2, y=(v0 + v1) / 2)
         center = self._type("vision_msgs/msg/Pose2D", position=middle, theta=0.0)
@@ -209,11 +214,11 @@ class RigMessages:
             twist=self._type("geometry_msgs/msg/TwistWithCovariance", twist=twist, covariance=np.zeros(36)),
         )
 
-    def _calibration(self, namespace: str, stamp_ns: int) -> Outgoing:
+    def _calibration(self, camera: SimulatedCamera, namespace: str, stamp_ns: int) -> Outgoing:
         roi = self._type(
             "sensor_msgs/msg/RegionOfInterest", x_offset=0, y_offset=0, height=0, width=0, do_rectify=False
         )
-        header = self._header(stamp_ns, self._camera_frame)
+        header = self._header(stamp_ns, camera.frame_id)
         return self._message(
             f"{namespace}/camera_info",
             "sensor_msgs/msg/CameraInfo",
@@ -222,11 +227,13 @@ class RigMessages:
             roi=roi,
             binning_x=0,
             binning_y=0,
-            **self._camera_info,
+            **self._camera_info[camera.camera_id],
         )
 
-    def _compressed(self, topic: str, stamp_ns: int, form: str, data: NDArray[np.uint8]) -> Outgoing:
-        header = self._header(stamp_ns, self._camera_frame)
+    def _compressed(
+        self, topic: str, camera: SimulatedCamera, stamp_ns: int, form: str, data: NDArray[np.uint8]
+    ) -> Outgoing:
+        header = self._header(stamp_ns, camera.frame_id)
         return self._message(topic, "sensor_msgs/msg/CompressedImage", stamp_ns, header=header, format=form, data=data)
 
     def _livox_fields(self) -> list[Any]:
@@ -278,7 +285,7 @@ def number_image(found: Detections, height: int, width: int) -> UInt16Array:
     """(h, w) uint16: k on the k-th detection's mask (1-based), 0 elsewhere; where masks overlap, the smaller one."""
     numbers = np.zeros((height, width), np.uint16)
     sized = [(int(mask.pixels.sum()), k, mask) for k, mask in enumerate(found.masks) if mask is not None]
-    for _, k, mask in sorted(sized, key=lambda each: (-each[0], each[1])):
+    for _, k, mask in sorted(sized, key=lambda entry: (-entry[0], entry[1])):
         h, w = mask.pixels.shape
         numbers[mask.v0 : mask.v0 + h, mask.u0 : mask.u0 + w][mask.pixels] = k + 1
     return numbers

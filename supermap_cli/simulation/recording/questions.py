@@ -6,7 +6,7 @@ traversal: ever); "in NAME" what that traversal saw; the past tense what was eve
 
 Relations are those of the scene graph (`graph.predicates`), on the true boxes and on the surfaces that were seen, whose
 measures `slack` widens. Here one holds if it does with `STRICT`, and does not if it fails even with `WIDE`, which is
-more than the graph's own hysteresis of 1.3; a question that hangs on anything between is left out.
+more than the graph's own hysteresis of 1.3; a question that depends on anything between is left out.
 
 - On(A, B): half of A's footprint is over B, and A's underside within 6 cm and a quarter of its height (up to 5 cm more)
   of B's surface there.
@@ -14,7 +14,7 @@ more than the graph's own hysteresis of 1.3; a question that hangs on anything b
 - Inside(A, B): B's box holds 60 % of A's.
 - Near(A, B): the gap between the boxes is at most 0.5 m and 0.6 of the larger one's side (which counts up to 1.5 m).
 
-So is a question that hangs on things which the images do not settle (see `witness`).
+So is a question that depends on things which the images do not determine (see `observed_truth`).
 """
 
 from __future__ import annotations
@@ -26,19 +26,23 @@ from itertools import islice
 import numpy as np
 
 from supermap_cli.graph.predicates import above, near, on, under
-from supermap_cli.simulation.recording.witness import Unsure, Witness
+from supermap_cli.simulation.recording.observed_truth import ObservedTruth, Undetermined
 from supermap_cli.types.relations import GraphNode, Pair
 from supermap_cli.types.truth import GroundTruth, TrueQuestion, TrueState
 
 STRICT, WIDE = 1 / 1.4, 1.3 * 1.4
+"""Slack with which a relation surely holds, and without which it surely fails: the graph's hysteresis (1.3) and a
+margin of 1.4 for the map's errors of size and place.
+"""
 
 KINDS: Mapping[str, tuple[str, ...]] = {"chair": ("armchair",), "table": ("desk",)}
 """What else a label means, besides labels that end in it ("coffee table")."""
 
 SPOKEN: Mapping[str, str] = {"potted plant": "plant", "refrigerator": "fridge", "cardboard box": "box"}
-"""What people rather say."""
+"""What people say instead of a label."""
 
 NEVER_THERE = ("piano", "bathtub", "bicycle", "guitar", "aquarium", "surfboard")
+"""Labels that no scenario has."""
 
 _PLURALS: Mapping[str, str] = {"mouse": "mice", "bookshelf": "bookshelves", "tv": "televisions"}
 _MOST: Mapping[str, int] = {
@@ -50,17 +54,21 @@ def ask_questions(truth: GroundTruth) -> tuple[TrueQuestion, ...]:
     """The questions that a perfect map of this truth answers right; `truth.questions` is not looked at."""
     if not truth.traversals:
         return ()
-    asking = _Asking(truth)
+    asking = _QuestionMaker(truth)
     asked = [
         *islice(asking.all_of(), _MOST["all"]),
         *islice(asking.how_many(), _MOST["count"]),
-        *(each for preposition in _RELATIONS for each in islice(asking.related(preposition), _MOST[preposition])),
+        *(
+            question
+            for preposition in _RELATIONS
+            for question in islice(asking.related(preposition), _MOST[preposition])
+        ),
         *islice(asking.during_traversals(), _MOST["then"]),
         *islice(asking.earlier(), _MOST["earlier"]),
         *islice(asking.gone(), _MOST["gone"]),
         *islice(asking.never_there(), _MOST["never"]),
     ]
-    return tuple({each.text: each for each in asked}.values())
+    return tuple({question.text: question for question in asked}.values())
 
 
 def means(label: str, other: str) -> bool:
@@ -78,14 +86,14 @@ def plural(label: str) -> str:
     return f"{noun[:-1]}ies" if noun.endswith("y") and noun[-2] not in "aeiou" else f"{noun}s"
 
 
-class _Asking:
-    """Makes questions of each sort, the best first; what the images do not settle is passed over."""
+class _QuestionMaker:
+    """Makes questions of each sort, the best first; what the images do not determine is left out."""
 
     def __init__(self, truth: GroundTruth) -> None:
         self._truth = truth
-        self._witness = Witness(truth)
-        objects = [(k, each) for k, each in enumerate(truth.objects) if each.kind == "object"]
-        self._labels = {k: each.label for k, each in objects}
+        self._observed = ObservedTruth(truth)
+        objects = [(k, thing) for k, thing in enumerate(truth.objects) if thing.kind == "object"]
+        self._labels = {k: thing.label for k, thing in objects}
         rng = np.random.default_rng(truth.seed)
         self._nouns = [str(label) for label in rng.permutation(sorted(set(self._labels.values())))]
         self._relates = cache(self._relates_now)
@@ -93,20 +101,20 @@ class _Asking:
 
     def all_of(self) -> Iterator[TrueQuestion]:
         """Ask "chair": labels of several things first."""
-        for noun, found in sorted(self._settled(self._witness.now), key=lambda each: -len(each[1])):
+        for noun, found in sorted(self._settled(self._observed.now), key=lambda settled: -len(settled[1])):
             if found:
                 yield self._question(SPOKEN.get(noun, noun), found)
 
     def how_many(self) -> Iterator[TrueQuestion]:
         """Ask "how many chairs": labels of several things first, after those that `all_of` begins with."""
-        several = sorted(self._settled(self._witness.now), key=lambda each: -len(each[1]))
+        several = sorted(self._settled(self._observed.now), key=lambda settled: -len(settled[1]))
         for noun, found in several[2:] + several[:2]:
             if found:
                 yield self._question(f"how many {plural(noun)}", found)
 
     def related(self, preposition: str) -> Iterator[TrueQuestion]:
         """Ask "mug on the desk", once for each label: questions that tell things of one label apart come first."""
-        settled = [(noun, found) for noun, found in self._settled(self._witness.now) if found]
+        settled = [(noun, found) for noun, found in self._settled(self._observed.now) if found]
         asked: list[tuple[bool, str, TrueQuestion]] = []
         for noun, found in settled:
             for other, references in settled:
@@ -116,7 +124,7 @@ class _Asking:
                 if any(self._is_telling(preposition, k, other_k) for k in answer for other_k in references):
                     text = f"{SPOKEN.get(noun, noun)} {preposition} the {SPOKEN.get(other, other)}"
                     asked.append((len(answer) == len(found), noun, self._question(text, answer)))
-        asked.sort(key=lambda each: each[0])
+        asked.sort(key=lambda entry: entry[0])
         used: set[str] = set()
         for _, noun, question in asked:
             if noun not in used:
@@ -129,21 +137,21 @@ class _Asking:
             return
         for noun in self._changed():
             for index, traversal in enumerate(self._truth.traversals):
-                for found in self._settle(noun, partial(self._witness.during, traversal=index)):
+                for found in self._settle(noun, partial(self._observed.during, traversal=index)):
                     yield self._question(f"{SPOKEN.get(noun, noun)} in {traversal.name}", found)
 
     def earlier(self) -> Iterator[TrueQuestion]:
         """Ask "plant earlier", of what changed."""
         for noun in self._changed():
-            for found in self._settle(noun, self._witness.earlier):
+            for found in self._settle(noun, self._observed.earlier):
                 if found:
                     yield self._question(f"{SPOKEN.get(noun, noun)} earlier", found)
 
     def gone(self) -> Iterator[TrueQuestion]:
         """Ask "plant" and "where was the plant", of what is there no more."""
         for noun in self._changed():
-            for standing in self._settle(noun, self._witness.now):
-                for found in self._settle(noun, self._witness.ever):
+            for standing in self._settle(noun, self._observed.now):
+                for found in self._settle(noun, self._observed.ever):
                     if found and not standing:
                         yield self._question(SPOKEN.get(noun, noun), ())
                         yield self._question(f"where was the {SPOKEN.get(noun, noun)}", found)
@@ -159,9 +167,9 @@ class _Asking:
 
     def _changed(self) -> list[str]:
         """Labels of what appeared or disappeared, then of what moved."""
-        labels = {each.id: each.label for each in self._truth.objects}
-        moved = {labels[each.object_id]: each.kind == "moved" for each in self._truth.changes}
-        moved |= {labels[each.object_id]: False for each in self._truth.changes if each.kind != "moved"}
+        labels = {thing.id: thing.label for thing in self._truth.objects}
+        moved = {labels[change.object_id]: change.kind == "moved" for change in self._truth.changes}
+        moved |= {labels[change.object_id]: False for change in self._truth.changes if change.kind != "moved"}
         return sorted((noun for noun in self._nouns if noun in moved), key=lambda noun: moved[noun])
 
     def _settled(self, when: Callable[[int], TrueState | None]) -> Iterator[tuple[str, tuple[int, ...]]]:
@@ -170,11 +178,11 @@ class _Asking:
                 yield noun, found
 
     def _settle(self, noun: str, when: Callable[[int], TrueState | None]) -> Iterator[tuple[int, ...]]:
-        """The objects that a noun means at a time; nothing where the images do not settle it."""
+        """The objects that a noun means at a time; nothing where the images do not determine them."""
         meant = [k for k, label in self._labels.items() if means(noun, label)]
         try:
             yield tuple(k for k in meant if when(k) is not None)
-        except Unsure:
+        except Undetermined:
             return
 
     def _related_of(self, preposition: str, found: tuple[int, ...], references: tuple[int, ...]) -> tuple[int, ...]:
@@ -195,7 +203,7 @@ class _Asking:
         """Whether people would put it so: a mug is on the desk rather than near it, a book in the shelf and not under
         its boards, a bag under the desk and not in it.
         """
-        pair, state = Pair(self._node(k), self._node(other)), self._witness.now(k)
+        pair, state = Pair(self._node(k), self._node(other)), self._observed.now(k)
         stands_there = state is not None and state.on == self._truth.objects[other].id
         match preposition:
             case "near":
@@ -208,7 +216,7 @@ class _Asking:
                 return self._relates(preposition, k, other) is True
 
     def _node_now(self, k: int) -> GraphNode:
-        thing, state = self._truth.objects[k], self._witness.now(k)
+        thing, state = self._truth.objects[k], self._observed.now(k)
         if state is None:
             raise ValueError(f"{thing.id} does not stand anywhere")
         return GraphNode(k, thing.label, state.box, thing.surface_world(state))

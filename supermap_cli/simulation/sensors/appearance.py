@@ -12,9 +12,10 @@ from supermap_cli.geometry.arrays import BoolArray, Float32Array, FloatArray, In
 from supermap_cli.simulation.sensors.textures import LEVELS, atlas, texels_a_cell
 from supermap_cli.simulation.world import Material, Shape
 
-_LIGHT = np.array([0.37, 0.26, 0.89])
-_AMBIENT, _FROM_ABOVE, _DIRECT = 0.62, 0.1, 0.35
-_FADES_M = 25.0
+# Lambertian light of an evenly lit office; the values were chosen by eye.
+_LIGHT = np.array([0.37, 0.26, 0.89])  # direction towards the light, unit length, world
+_AMBIENT, _FROM_ABOVE, _DIRECT = 0.62, 0.1, 0.35  # shares of full brightness
+_FADES_M = 25.0  # m at which a surface is half as bright
 
 
 @dataclass(frozen=True)
@@ -77,8 +78,10 @@ def paint(shape: Shape) -> Paint:
     longer = 0 if high[0] - low[0] >= high[1] - low[1] else 1
     across_along = np.array([[1, 2], [0, 2], [1 - longer, longer]])[np.abs(normal).argmax(axis=1)]
     flat = np.take_along_axis(corners, across_along[:, None, :], axis=2)
-    texels_per_m = np.array([texels_a_cell(each.pattern) / each.scale_m for each in shape.materials])[shape.material]
-    cells = np.array([_first_cell(each) for each in shape.materials])[shape.material]
+    texels_per_m = np.array([texels_a_cell(material.pattern) / material.scale_m for material in shape.materials])[
+        shape.material
+    ]
+    cells = np.array([_first_cell(material) for material in shape.materials])[shape.material]
     flat *= texels_per_m[:, None, None]
     patterns = atlas().patterns
     return Paint(
@@ -86,9 +89,9 @@ def paint(shape: Shape) -> Paint:
         _rows(flat[:, 1] - flat[:, 0]),
         _rows(flat[:, 2] - flat[:, 0]),
         texels_per_m.astype(np.float32),
-        _rows(np.array([each.rgb for each in shape.materials])[shape.material]),
-        np.array([each.contrast for each in shape.materials], np.float32)[shape.material],
-        np.array([patterns.index(each.pattern) for each in shape.materials], np.int32)[shape.material],
+        _rows(np.array([material.rgb for material in shape.materials])[shape.material]),
+        np.array([material.contrast for material in shape.materials], np.float32)[shape.material],
+        np.array([patterns.index(material.pattern) for material in shape.materials], np.int32)[shape.material],
     )
 
 
@@ -107,7 +110,7 @@ def join_paints(paints: Sequence[Paint]) -> Paint:
     """One paint of several, and one triangle more at the end for rays that hit nothing: black."""
     point, one = np.zeros((2, 1), np.float32), np.ones(1, np.float32)
     black = Paint(point, point, point, one, np.zeros((3, 1), np.float32), 0 * one, np.zeros(1, np.int32))
-    columns = zip(*(vars(each).values() for each in [*paints, black]), strict=True)
+    columns = zip(*(vars(one_paint).values() for one_paint in [*paints, black]), strict=True)
     return Paint(*(np.concatenate(column, axis=-1) for column in columns))
 
 

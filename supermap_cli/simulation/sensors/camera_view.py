@@ -7,7 +7,7 @@ import numpy as np
 from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.geometry.cameras import EquirectangularCamera, FisheyeCamera, PinholeCamera
 from supermap_cli.simulation.sensors.scene import Scene
-from supermap_cli.simulation.views import View
+from supermap_cli.simulation.views import RenderedView
 
 _AHEAD = np.array([0, 0, 1], np.float32)
 
@@ -17,7 +17,7 @@ def render(
     camera: PinholeCamera | FisheyeCamera | EquirectangularCamera,
     T_world_camera: FloatArray,
     stamp_ns: int,
-) -> View:
+) -> RenderedView:
     """The image of a camera at `T_world_camera` (4, 4), the optical frame in the world, as if taken in an instant.
 
     Pixels that see nothing (outside `camera.valid_mask()`, or out of the world) are black, with depth and thing 0.
@@ -36,4 +36,4 @@ def render(
     if not valid.all():
         for image in (depth_m, thing, slant_cos, rgb):
             image[~valid] = 0
-    return View(stamp_ns, depth_m, thing, slant_cos, rgb)
+    return RenderedView(stamp_ns, depth_m, thing, slant_cos, rgb)

@@ -6,13 +6,13 @@ import numpy as np
 
 from supermap_cli.geometry.arrays import Float32Array, IntArray
 from supermap_cli.simulation.rigs import DepthSensor
-from supermap_cli.simulation.views import View
+from supermap_cli.simulation.views import RenderedView
 
-_EDGE_M, _EDGE_SHARE = 0.03, 0.05
-_HOLES_AT_EDGES, _MIXED_AT_EDGES = 0.7, 0.08
+_EDGE_M, _EDGE_SHARE = 0.03, 0.05  # m and share of the depth: the greater is the least jump of an edge
+_HOLES_AT_EDGES, _MIXED_AT_EDGES = 0.7, 0.08  # shares of edge pixels without a return, and with a mixed one
 
 
-def measure_depth(view: View, sensor: DepthSensor, rng: np.random.Generator) -> Float32Array:
+def measure_depth(view: RenderedView, sensor: DepthSensor, rng: np.random.Generator) -> Float32Array:
     """Depth (h, w) in metres as the sensor reports it, 0 = no return.
 
     Beside a depth edge (a jump of more than 3 cm and 5 %) most pixels return nothing and a few fly between both

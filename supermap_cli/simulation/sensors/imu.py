@@ -11,6 +11,7 @@ from supermap_cli.simulation.rigs import Imu
 from supermap_cli.simulation.route import Route
 
 GRAVITY = 9.81
+"""m/s^2."""
 
 
 @dataclass(frozen=True)

@@ -17,12 +17,12 @@ import numpy as np
 from supermap_cli.geometry.arrays import Float32Array, FloatArray, IntArray, check_shape
 from supermap_cli.simulation.rigs import Lidar
 from supermap_cli.simulation.sensors.scene import Scene
-from supermap_cli.simulation.views import Hits
+from supermap_cli.simulation.views import RayHits
 
 _BEAMS = 4
-_TURNS_HZ, _SWINGS_HZ = 10 * np.sqrt(5), 100 * np.sqrt(3)
-_SWING_BETWEEN_BEAMS = (3 - np.sqrt(5)) / 2
-_WORLD_STANDS_NS = 20_000_000
+_TURNS_HZ, _SWINGS_HZ = 10 * np.sqrt(5), 100 * np.sqrt(3)  # Hz, incommensurable
+_SWING_BETWEEN_BEAMS = (3 - np.sqrt(5)) / 2  # of a swing: the golden ratio spreads the beams' phases evenly
+_WORLD_STANDS_NS = 20_000_000  # ns for which moving things are held still while rays are cast: 2 cm at a walk
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,7 @@ class LidarSensor:
         return [slice(begin, end) for begin, end in pairwise(begins)]
 
 
-def _intensity(hits: Hits) -> Float32Array:
+def _intensity(hits: RayHits) -> Float32Array:
     """(n,) brightness of what was hit times Lambert's cosine."""
     if hits.rgb is None:
         raise ValueError("a scan needs colour")

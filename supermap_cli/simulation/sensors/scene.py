@@ -13,18 +13,18 @@ from supermap_cli.geometry.arrays import Float32Array, FloatArray, IntArray, UIn
 from supermap_cli.geometry.open3d_loader import load_open3d
 from supermap_cli.geometry.se3 import transform_points
 from supermap_cli.simulation.sensors.appearance import Paint, Shading, join_paints, paint
-from supermap_cli.simulation.views import Hits
+from supermap_cli.simulation.views import RayHits
 from supermap_cli.simulation.world import Shape, World
 
-_KEPT_STAGES = 4
-_BLOCK = 1 << 16
-_PIXEL_RAD = 0.002
+_KEPT_GROUPS = 4  # of standing surfaces, kept for traversals that take turns
+_BLOCK = 1 << 16  # rays cast at once
+_PIXEL_RAD = 0.002  # rad between neighbouring rays of a 640-pixel camera 69 degrees wide
 _AT_REST = np.eye(4)
 
 
 @dataclass(frozen=True)
 class _Body:
-    """A painted shape that belongs to `thing` (as in `Hits`)."""
+    """A painted shape that belongs to `thing` (as in `RayHits`)."""
 
     thing: int
     shape: Shape
@@ -44,7 +44,7 @@ class Scene:
             (_Body(world.index[motion.thing_id] + 1, motion.shape, paint(motion.shape)), motion)
             for motion in world.motions
         ]
-        self._standing: OrderedDict[tuple[int, ...], _Stage] = OrderedDict()
+        self._standing: OrderedDict[tuple[int, ...], _SurfaceGroup] = OrderedDict()
 
     def cast(
         self,
@@ -54,12 +54,12 @@ class Scene:
         *,
         colour: bool,
         pixel_rad: float = _PIXEL_RAD,
-    ) -> Hits:
+    ) -> RayHits:
         """Where rays end: `directions` (n, 3) of any length, `origins` (n, 3), or (3,) where all rays share one.
 
         `pixel_rad` is the angle between neighbouring rays: patterns finer than that are blurred.
         """
-        standing, moving = self._stage(stamp_ns), list(self._moving(stamp_ns))
+        standing, moving = self._surface_group(stamp_ns), list(self._moving(stamp_ns))
         blocks = []
         for rays in _Rays.of(origins, directions, pixel_rad).blocks():
             hits = standing.cast(rays, colour=colour)
@@ -70,21 +70,21 @@ class Scene:
             blocks.append(hits)
         return _joined(blocks)
 
-    def _stage(self, stamp_ns: int) -> _Stage:
-        """Fixtures and standing things; the last few are kept, as visits may take turns."""
+    def _surface_group(self, stamp_ns: int) -> _SurfaceGroup:
+        """Fixtures and standing things; the last few are kept, as traversals may take turns."""
         standing = tuple(k for k, stay in enumerate(self.world.stays) if stay.covers(stamp_ns))
         if standing not in self._standing:
             stays = [self.world.stays[k] for k in standing]
-            self._standing[standing] = _Stage(
+            self._standing[standing] = _SurfaceGroup(
                 [(body, _AT_REST) for body in self._fixtures]
                 + [(self._things[self.world.index[stay.thing_id]], stay.T_world_thing) for stay in stays]
             )
-            if len(self._standing) > _KEPT_STAGES:
+            if len(self._standing) > _KEPT_GROUPS:
                 self._standing.popitem(last=False)
         self._standing.move_to_end(standing)
         return self._standing[standing]
 
-    def _moving(self, stamp_ns: int) -> Iterator[_Stage]:
+    def _moving(self, stamp_ns: int) -> Iterator[_SurfaceGroup]:
         """A stage for each thing that moves, with all its bodies where they are now."""
         now: dict[int, list[tuple[_Body, FloatArray]]] = {}
         for body, motion in self._movers:
@@ -92,7 +92,7 @@ class Scene:
             if T_world_body is not None:
                 now.setdefault(body.thing, []).append((body, T_world_body))
         for bodies in now.values():
-            yield _Stage(bodies)
+            yield _SurfaceGroup(bodies)
 
 
 @dataclass(frozen=True)
@@ -137,7 +137,7 @@ class _Rays:
         return np.flatnonzero(met)
 
 
-class _Stage:
+class _SurfaceGroup:
     """Painted bodies in their places, for as long as nothing moves: `center` (3,) and `radius_m` bound them all."""
 
     def __init__(self, placed: Sequence[tuple[_Body, FloatArray]]) -> None:
@@ -146,7 +146,10 @@ class _Stage:
         counts = [len(triangles) for _, triangles in shapes]
         begins = np.cumsum([0, *(len(vertices) for vertices, _ in shapes)])
         triangles = np.concatenate(
-            [np.empty((0, 3), np.int64), *(each + at for (_, each), at in zip(shapes, begins[:-1], strict=True))]
+            [
+                np.empty((0, 3), np.int64),
+                *(shape_triangles + at for (_, shape_triangles), at in zip(shapes, begins[:-1], strict=True)),
+            ]
         )
         things = np.array([*(body.thing for body, _ in placed), 0], np.int32)
         self._thing = np.repeat(things, [*counts, 1])
@@ -160,7 +163,7 @@ class _Stage:
                 self._core.Tensor(vertices.astype(np.float32)), self._core.Tensor(triangles.astype(np.uint32))
             )
 
-    def cast(self, rays: _Rays, *, colour: bool) -> Hits:
+    def cast(self, rays: _Rays, *, colour: bool) -> RayHits:
         """Where rays end on these bodies alone."""
         found = self._surfaces.cast_rays(self._core.Tensor.from_numpy(rays.packed()))
         distance, normals = found["t_hit"].numpy(), found["primitive_normals"].numpy()
@@ -176,19 +179,19 @@ class _Stage:
             light = self._shading.light(triangle, inside, slant_cos, range_m)
             footprint_m = range_m * np.float32(rays.pixel_rad)
             rgb = self._paint.rgb_at(triangle, found["primitive_uvs"].numpy(), footprint_m, light)
-        return Hits(distance, self._thing.take(triangle), normals, slant_cos, rgb)
+        return RayHits(distance, self._thing.take(triangle), normals, slant_cos, rgb)
 
 
-def _joined(blocks: Sequence[Hits]) -> Hits:
+def _joined(blocks: Sequence[RayHits]) -> RayHits:
     """The hits of successive portions of rays as one."""
     if len(blocks) == 1:
         return blocks[0]
-    rgb = [each.rgb for each in blocks if each.rgb is not None]
-    return Hits(
-        np.concatenate([each.distance for each in blocks]),
-        np.concatenate([each.thing for each in blocks]),
-        np.concatenate([each.normals for each in blocks]),
-        np.concatenate([each.slant_cos for each in blocks]),
+    rgb = [block.rgb for block in blocks if block.rgb is not None]
+    return RayHits(
+        np.concatenate([block.distance for block in blocks]),
+        np.concatenate([block.thing for block in blocks]),
+        np.concatenate([block.normals for block in blocks]),
+        np.concatenate([block.slant_cos for block in blocks]),
         np.concatenate(rgb) if rgb else None,
     )
 
@@ -214,7 +217,7 @@ def _bounding_sphere(vertices: FloatArray) -> tuple[Float32Array, float]:
     return center.astype(np.float32), float(np.linalg.norm(vertices - center, axis=1).max()) + 1e-3
 
 
-def _keep_nearer(hits: Hits, at: IntArray, others: Hits) -> None:
+def _keep_nearer(hits: RayHits, at: IntArray, others: RayHits) -> None:
     """Write those `others`, which belong to the rays `at`, that are nearer into `hits`."""
     nearer = np.flatnonzero(others.distance < hits.distance[at])
     into = at[nearer]

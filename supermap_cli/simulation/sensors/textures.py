@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from supermap_cli.geometry.arrays import Float32Array, FloatArray, Int32Array
 from supermap_cli.simulation.world import Pattern
 
-SIDE = 512
-LEVELS = 9
+SIDE = 512  # texels of a tile's side
+LEVELS = 9  # halving resolutions
 _BITS = SIDE.bit_length() - 1
 _CELLS: dict[Pattern, int] = {"plain": 16, "speckle": 16, "stripes": 16, "checks": 16, "grain": 16, "print": 8}
-_SEED = 20_240_229
+_SEED = 20_240_229  # of the patterns: the same in every world
 
 
 def texels_a_cell(pattern: Pattern) -> int:

@@ -11,14 +11,22 @@ from supermap_cli.geometry.arrays import BoolArray, FloatArray
 from supermap_cli.geometry.se3 import make_transform
 from supermap_cli.simulation.building_plan import BuildingPlan, Doorway, Room
 from supermap_cli.simulation.world import Fixture, Material, Shape
-from supermap_cli.simulation.worlds.joinery import DOOR_TOP_M, HEAD_M, JAMB_M, SILL_M, closed_door, open_door, window
-from supermap_cli.simulation.worlds.masonry import filled_cells
+from supermap_cli.simulation.worlds.doors_and_windows import (
+    DOOR_TOP_M,
+    HEAD_M,
+    JAMB_M,
+    SILL_M,
+    closed_door,
+    open_door,
+    window,
+)
+from supermap_cli.simulation.worlds.filled_cells import filled_cells
 from supermap_cli.simulation.worlds.shapes.materials import Rgb, between, pick, tinted, wood
 
 CORRIDOR = "corridor"
 AREA_M2 = (70.0, 110.0)
-"""How large a building of three rooms and a corridor is."""
-_SLAB_M = 0.2
+"""Least and greatest floor area of a building of three rooms and a corridor, m^2."""
+_SLAB_M = 0.2  # m, thickness of floors and ceilings
 _TINTS: tuple[Rgb, ...] = ((232, 228, 218), (214, 222, 226), (226, 216, 204), (218, 226, 212), (238, 236, 230))
 _CARPETS: tuple[Rgb, ...] = ((112, 116, 124), (134, 118, 98), (92, 104, 116), (146, 140, 130))
 
@@ -53,15 +61,15 @@ class Opening:
 
     @property
     def T_world_opening(self) -> FloatArray:
-        """The frame of `joinery`."""
+        """The frame of `doors_and_windows`."""
         R = np.eye(3)
         R[:2, 0], R[:2, 1] = self.along, self.through
         return make_transform(R, [*self.center, 0.0])
 
 
 @dataclass(frozen=True)
-class _Layout:
-    """Rooms and what is in their walls, still without any masonry."""
+class _FloorPlan:
+    """Rooms and the openings in their walls, before any surfaces are made."""
 
     rooms: tuple[Room, ...]
     openings: tuple[Opening, ...]
@@ -71,7 +79,7 @@ class _Layout:
     def area_m2(self) -> float:
         return float(sum(np.prod(room.high - room.low) for room in self.rooms))
 
-    def mapped(self, onto: Callable[[FloatArray], FloatArray]) -> _Layout:
+    def mapped(self, onto: Callable[[FloatArray], FloatArray]) -> _FloorPlan:
         """Mirrored, turned or moved: `onto` maps points (2,)."""
 
         def corners(low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -80,11 +88,11 @@ class _Layout:
 
         rooms = tuple(Room(room.name, *corners(room.low, room.high)) for room in self.rooms)
         openings = []
-        for each in self.openings:
-            low, high = corners(each.low, each.high)
-            through = onto(each.through) - onto(np.zeros(2))
-            openings.append(replace(each, low=low, high=high, through=through))
-        return _Layout(rooms, tuple(openings), self.wall_m)
+        for opening in self.openings:
+            low, high = corners(opening.low, opening.high)
+            through = onto(opening.through) - onto(np.zeros(2))
+            openings.append(replace(opening, low=low, high=high, through=through))
+        return _FloorPlan(rooms, tuple(openings), self.wall_m)
 
 
 def make_building(rng: np.random.Generator, room_names: Sequence[str]) -> tuple[BuildingPlan, tuple[Fixture, ...]]:
@@ -96,22 +104,22 @@ def make_building(rng: np.random.Generator, room_names: Sequence[str]) -> tuple[
     layout = _turned_at_random(rng, layout)
     height_m = round(between(rng, 2.6, 2.9), 3)
     doorways = tuple(
-        Doorway(each.room, each.beyond, each.center, each.through, each.width_m - 2 * JAMB_M)
-        for each in layout.openings
-        if each.beyond is not None
+        Doorway(opening.room, opening.beyond, opening.center, opening.through, opening.width_m - 2 * JAMB_M)
+        for opening in layout.openings
+        if opening.beyond is not None
     )
-    fixtures = (*_masonry(rng, layout, height_m), *_joinery(rng, layout))
+    fixtures = (*_walls_and_floors(rng, layout, height_m), *_doors_and_windows(rng, layout))
     return BuildingPlan(layout.rooms, doorways, height_m), fixtures
 
 
-def _single_room(rng: np.random.Generator, name: str) -> _Layout:
+def _single_room(rng: np.random.Generator, name: str) -> _FloorPlan:
     wall = round(between(rng, 0.12, 0.18), 3)
     room = Room(name, np.zeros(2), np.round([between(rng, 4.8, 6.0), between(rng, 4.4, 5.4)], 3))
     door = replace(_doorway(rng, room, wall, up=True), beyond=None, closed=True)
-    return _Layout((room,), (door, *_windows(rng, room, wall, up=True)), wall)
+    return _FloorPlan((room,), (door, *_windows(rng, room, wall, up=True)), wall)
 
 
-def _along_corridor(rng: np.random.Generator, room_names: Sequence[str]) -> _Layout:
+def _along_corridor(rng: np.random.Generator, room_names: Sequence[str]) -> _FloorPlan:
     """Rooms above (and often one below) a corridor that runs along x, drawn until the area fits."""
     fair = AREA_M2[0] / 3 * (len(room_names) - 1), AREA_M2[1] / 3 * len(room_names)
     while True:
@@ -122,7 +130,7 @@ def _along_corridor(rng: np.random.Generator, room_names: Sequence[str]) -> _Lay
             return layout
 
 
-def _draw_along_corridor(rng: np.random.Generator, names: Sequence[str]) -> _Layout:
+def _draw_along_corridor(rng: np.random.Generator, names: Sequence[str]) -> _FloorPlan:
     wall, across = round(between(rng, 0.12, 0.18), 3), round(between(rng, 1.8, 2.3), 3)
     above = len(names) if rng.random() < 0.35 else len(names) - 1
     upper = list(_row(rng, names[:above], wall))
@@ -137,8 +145,8 @@ def _draw_along_corridor(rng: np.random.Generator, names: Sequence[str]) -> _Lay
     upper = [Room(room.name, room.low + lift, room.high + lift) for room in upper]
     openings = [_doorway(rng, room, wall, up=up) for rooms, up in ((upper, True), (lower, False)) for room in rooms]
     for rooms, up in ((upper, True), (lower, False)):
-        openings.extend(each for room in rooms for each in _windows(rng, room, wall, up=up))
-    return _Layout((*upper, *lower, corridor), tuple(openings), wall)
+        openings.extend(opening for room in rooms for opening in _windows(rng, room, wall, up=up))
+    return _FloorPlan((*upper, *lower, corridor), tuple(openings), wall)
 
 
 def _row(rng: np.random.Generator, names: Sequence[str], wall: float) -> Iterator[Room]:
@@ -171,14 +179,14 @@ def _windows(rng: np.random.Generator, room: Room, wall: float, *, up: bool) -> 
         yield Opening(room.name, np.array([x, y]), np.array([round(x + width, 3), y + wall]), through)
 
 
-def _turned_at_random(rng: np.random.Generator, layout: _Layout) -> _Layout:
+def _turned_at_random(rng: np.random.Generator, layout: _FloorPlan) -> _FloorPlan:
     mirror, swap = rng.choice([-1.0, 1.0], 2), rng.random() < 0.5
     turned = layout.mapped(lambda xy: (mirror * xy)[::-1] if swap else mirror * xy)
     corner = np.min([room.low for room in turned.rooms], axis=0)
     return turned.mapped(lambda xy: xy - corner)
 
 
-def _masonry(rng: np.random.Generator, layout: _Layout, height_m: float) -> tuple[Fixture, ...]:
+def _walls_and_floors(rng: np.random.Generator, layout: _FloorPlan, height_m: float) -> tuple[Fixture, ...]:
     """Walls, floor and ceiling; every room has its own colours."""
     cells = _Cells(layout)
     tints = [Material(tinted(rng, pick(rng, _TINTS), 6), "speckle", 0.25, 0.1) for _ in layout.rooms]
@@ -205,10 +213,10 @@ def _floor_material(rng: np.random.Generator, room: str) -> Material:
 class _Cells:
     """The grid that all edges of rooms, walls and openings make: what lies in each of its columns."""
 
-    def __init__(self, layout: _Layout) -> None:
+    def __init__(self, layout: _FloorPlan) -> None:
         edges = [np.stack([room.low, room.high]) for room in layout.rooms]
         edges += [room + np.array([[-1], [1]]) * layout.wall_m for room in edges]
-        edges += [np.stack([each.low, each.high]) for each in layout.openings]
+        edges += [np.stack([opening.low, opening.high]) for opening in layout.openings]
         self.x, self.y = (np.unique(np.concatenate(edges)[:, k].round(6)) for k in (0, 1))
         self.shape = len(self.x) - 1, len(self.y) - 1
         self._layout = layout
@@ -223,10 +231,10 @@ class _Cells:
             near |= self._within(room.low - self._layout.wall_m, room.high + self._layout.wall_m)
         stone = np.repeat((near & (self.owner[1:-1, 1:-1] == 0))[..., None], len(z) - 1, axis=2)
         middles = (z[1:] + z[:-1]) / 2
-        for each in self._layout.openings:
-            if not each.closed:
-                low, high = (0.0, DOOR_TOP_M) if each.beyond is not None else (SILL_M, HEAD_M)
-                stone[self._within(each.low, each.high)[..., None] & (middles > low) & (middles < high)] = False
+        for opening in self._layout.openings:
+            if not opening.closed:
+                low, high = (0.0, DOOR_TOP_M) if opening.beyond is not None else (SILL_M, HEAD_M)
+                stone[self._within(opening.low, opening.high)[..., None] & (middles > low) & (middles < high)] = False
         return stone
 
     def _within(self, low: FloatArray, high: FloatArray) -> BoolArray:
@@ -236,22 +244,22 @@ class _Cells:
         return within
 
 
-def _joinery(rng: np.random.Generator, layout: _Layout) -> Iterator[Fixture]:
-    for each in layout.openings:
-        if each.closed:
-            label, shape = "door", closed_door(rng, each.width_m, layout.wall_m)
-        elif each.beyond is not None:
-            label, shape = "door", open_door(rng, each.width_m, layout.wall_m, _hinge_side(layout, each))
+def _doors_and_windows(rng: np.random.Generator, layout: _FloorPlan) -> Iterator[Fixture]:
+    for opening in layout.openings:
+        if opening.closed:
+            label, shape = "door", closed_door(rng, opening.width_m, layout.wall_m)
+        elif opening.beyond is not None:
+            label, shape = "door", open_door(rng, opening.width_m, layout.wall_m, _hinge_side(layout, opening))
         else:
-            label, shape = "window", window(rng, each.width_m, layout.wall_m)
-        yield Fixture(label, _placed(shape, each))
+            label, shape = "window", window(rng, opening.width_m, layout.wall_m)
+        yield Fixture(label, _placed(shape, opening))
 
 
 def _placed(shape: Shape, opening: Opening) -> Shape:
     return shape.moved(opening.T_world_opening)
 
 
-def _hinge_side(layout: _Layout, opening: Opening) -> int:
+def _hinge_side(layout: _FloorPlan, opening: Opening) -> int:
     """The side (-1 or 1 along the wall) on which more of the room's wall is left for the leaf to lie against."""
     room = next(room for room in layout.rooms if room.name == opening.room)
     middle, at = room.center @ opening.along, opening.center @ opening.along

@@ -13,23 +13,27 @@ from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.geometry.boxes import Box3D
 from supermap_cli.simulation.building_plan import BuildingPlan, Doorway, Room
 from supermap_cli.simulation.motion.free_space import CELL_M, FreeSpace
-from supermap_cli.simulation.world import Fixture, Thing
+from supermap_cli.simulation.world import Fixture, SimulatedThing
 from supermap_cli.simulation.worlds.pieces import Piece, Solids
-from supermap_cli.simulation.worlds.places import Place, Placed, Spot, draw_spot
+from supermap_cli.simulation.worlds.places import Place, PlacedPiece, Spot, draw_spot
 from supermap_cli.simulation.worlds.shapes import build_shape
 
 _SPOTS_DRAWN = 80
 """How often a spot is drawn for a thing before its whole room is begun anew."""
 _ROOMS_DRAWN = 80
+"""How often a room is begun anew before it counts as too small."""
 _WALKING_CLEARANCE_M = 0.37
+"""Free radius around robots and people, m: more than either plans with."""
 _OPEN_SHARE = 0.2
 """The least share of a room's floor on which one of that clearance can stand, all of it within reach of the door."""
 _DOOR_DEPTH_M = 0.95
+"""Depth of the zone kept free before a doorway, m: a leaf's width."""
 _WINDOW_DEPTH_M = 0.25
+"""Depth of the zone kept free before a window, m."""
 
 
 @dataclass(frozen=True)
-class Line:
+class RecipeLine:
     """A line of a room's recipe: what it holds, and where.
 
     Lines of one `model` share one shape in the whole building, others get their own. `name` is what later lines call
@@ -48,13 +52,13 @@ class Interior:
 
     def __init__(self, plan: BuildingPlan, fixtures: Sequence[Fixture]) -> None:
         self.plan = plan
-        self.placed: list[Placed] = []
+        self.placed: list[PlacedPiece] = []
         self._doors = [Piece("door", fixture.shape) for fixture in fixtures if fixture.label == "door"]
         self._kept_free = [*_door_zones(plan), *_window_zones(fixtures)]
         self._models: dict[tuple[str, str], Piece] = {}
         self._numbers: Counter[str] = Counter()
 
-    def furnish(self, recipes: Mapping[str, Sequence[Line]], rng: np.random.Generator) -> None:
+    def furnish(self, recipes: Mapping[str, Sequence[RecipeLine]], rng: np.random.Generator) -> None:
         """Place all lines of all rooms. Raises `SimulationError` when a room is too small for what it should hold."""
         for name, lines in recipes.items():
             room, before = self.plan.room(name), (list(self.placed), self._numbers.copy())
@@ -65,7 +69,7 @@ class Interior:
             else:
                 raise _no_place(name, "all its things")
 
-    def add(self, line: Line, room_name: str, rng: np.random.Generator) -> Placed:
+    def add(self, line: RecipeLine, room_name: str, rng: np.random.Generator) -> PlacedPiece:
         """Place one more thing and leave all ways open. Raises `SimulationError` when there is no place for it."""
         room = self.plan.room(room_name)
         for _ in range(_ROOMS_DRAWN):
@@ -75,8 +79,8 @@ class Interior:
         raise _no_place(room_name, f"another {line.label}")
 
     def another_place(
-        self, thing: Placed, place: Place, room_name: str, rng: np.random.Generator, *, at_least_m: float
-    ) -> Placed:
+        self, thing: PlacedPiece, place: Place, room_name: str, rng: np.random.Generator, *, at_least_m: float
+    ) -> PlacedPiece:
         """A further place for a thing, `at_least_m` away; from now on both are taken.
 
         Raises `SimulationError` when there is none.
@@ -91,13 +95,13 @@ class Interior:
                 return self.placed[-1]
         raise _no_place(room_name, f"the {thing.piece.label} from elsewhere")
 
-    def nudged(self, thing: Placed, distance_m: float, rng: np.random.Generator) -> Placed:
+    def nudged(self, thing: PlacedPiece, distance_m: float, rng: np.random.Generator) -> PlacedPiece:
         """A further place for a thing, shifted by `distance_m` sideways; from now on both are taken.
 
         Raises `SimulationError` when something is in the way all round.
         """
         room = self.plan.room(thing.room)
-        others = [each for each in self.placed if each.thing_id != thing.thing_id]
+        others = [placed for placed in self.placed if placed.thing_id != thing.thing_id]
         for angle in rng.permutation(24) * np.pi / 12:
             T_world_thing = thing.T_world_thing.copy()
             T_world_thing[:2, 3] += distance_m * np.array([np.cos(angle), np.sin(angle)])
@@ -110,19 +114,19 @@ class Interior:
     @property
     def obstacles(self) -> list[Box3D]:
         """The boxes of all that stands anywhere at any time, and of the doors' leaves."""
-        return [*(each.box for each in self.placed), *self._door_boxes()]
+        return [*(placed.box for placed in self.placed), *self._door_boxes()]
 
     @property
-    def things(self) -> tuple[Thing, ...]:
+    def things(self) -> tuple[SimulatedThing, ...]:
         """Every thing once, in the order of their first places."""
-        first = {each.thing_id: each.piece for each in reversed(self.placed)}
-        return tuple(Thing(thing_id, piece.label, piece.shape) for thing_id, piece in reversed(first.items()))
+        first = {placed.thing_id: placed.piece for placed in reversed(self.placed)}
+        return tuple(SimulatedThing(thing_id, piece.label, piece.shape) for thing_id, piece in reversed(first.items()))
 
-    def thing(self, thing_id: str) -> Thing:
+    def thing(self, thing_id: str) -> SimulatedThing:
         """The thing of an id."""
-        return next(each for each in self.things if each.id == thing_id)
+        return next(thing for thing in self.things if thing.id == thing_id)
 
-    def _furnished(self, room: Room, lines: Sequence[Line], rng: np.random.Generator) -> bool:
+    def _furnished(self, room: Room, lines: Sequence[RecipeLine], rng: np.random.Generator) -> bool:
         for line in lines:
             for _ in range(line.count):
                 thing = self._free_place(self._piece(line, rng), line.place, room, rng)
@@ -131,13 +135,13 @@ class Interior:
                 self._kept(line, thing)
         return self._floor_is_open(room)
 
-    def _kept(self, line: Line, thing: Placed) -> Placed:
+    def _kept(self, line: RecipeLine, thing: PlacedPiece) -> PlacedPiece:
         self._numbers[line.label] += 1
         thing_id = f"{line.label.replace(' ', '-')}-{self._numbers[line.label]}"
         self.placed.append(replace(thing, thing_id=thing_id, name=line.name or line.label))
         return self.placed[-1]
 
-    def _piece(self, line: Line, rng: np.random.Generator) -> Piece:
+    def _piece(self, line: RecipeLine, rng: np.random.Generator) -> Piece:
         if not line.model:
             return Piece(line.label, build_shape(line.label, rng))
         key = (line.label, line.model)
@@ -145,9 +149,9 @@ class Interior:
             self._models[key] = Piece(line.label, build_shape(line.label, rng))
         return self._models[key]
 
-    def _free_place(self, piece: Piece, place: Place, room: Room, rng: np.random.Generator) -> Placed | None:
+    def _free_place(self, piece: Piece, place: Place, room: Room, rng: np.random.Generator) -> PlacedPiece | None:
         """A free place for a piece, still without an id and a name."""
-        here = [each for each in self.placed if each.room == room.name]
+        here = [placed for placed in self.placed if placed.room == room.name]
         for _ in range(_SPOTS_DRAWN):
             spot = draw_spot(place, piece, room, here, rng)
             if spot is not None:
@@ -156,7 +160,7 @@ class Interior:
                     return thing
         return None
 
-    def _is_free(self, thing: Placed, room: Room, others: Sequence[Placed]) -> bool:
+    def _is_free(self, thing: PlacedPiece, room: Room, others: Sequence[PlacedPiece]) -> bool:
         """Whether it is within the room, out of everyone's way, and meets nothing."""
         footprint = thing.box.footprint()
         within = (footprint >= room.low).all() and (footprint <= room.high).all()
@@ -166,32 +170,34 @@ class Interior:
             return False
         gap_m = 0.01 if thing.on is not None else 0.04
         taken = [(door.outline, door.parts) for door in self._doors]
-        taken += [(each.outline, each.solids) for each in others]
+        taken += [(other.outline, other.solids) for other in others]
         return not any(
             thing.outline.meet(outline, gap_m) and thing.solids.meet(solids, gap_m) for outline, solids in taken
         )
 
-    def _floor_is_open(self, room: Room, further: Placed | None = None) -> bool:
+    def _floor_is_open(self, room: Room, further: PlacedPiece | None = None) -> bool:
         """Whether one gets from every doorway of a room to the others, and to a good part of its floor."""
-        standing = [each.box for each in self.placed if each.room == room.name]
+        standing = [placed.box for placed in self.placed if placed.room == room.name]
         if further is not None:
             standing.append(further.box)
         alone = BuildingPlan((room,), (), self.plan.height_m)
         free = FreeSpace(alone, [*standing, *self._door_boxes()], clearance_m=_WALKING_CLEARANCE_M)
-        doorways = [each for each in self.plan.doorways if room.name in (each.first, each.second)]
-        if doorways and not free.are_reachable(np.array([_step_inside(each, room) for each in doorways])).all():
+        doorways = [doorway for doorway in self.plan.doorways if room.name in (doorway.first, doorway.second)]
+        if doorways and not free.are_reachable(np.array([_step_inside(doorway, room) for doorway in doorways])).all():
             return False
         return bool(free.reachable.sum() * CELL_M**2 >= _OPEN_SHARE * np.prod(room.high - room.low))
 
     def _door_boxes(self) -> list[Box3D]:
         parts = [door.parts for door in self._doors]
         return [
-            Box3D(center, size, 0.0) for each in parts for center, size in zip(each.centers, each.sizes, strict=True)
+            Box3D(center, size, 0.0)
+            for solids in parts
+            for center, size in zip(solids.centers, solids.sizes, strict=True)
         ]
 
 
-def _standing(piece: Piece, spot: Spot, room: Room) -> Placed:
-    return Placed("", "", room.name, piece, spot.T_world_thing, spot.on)
+def _standing(piece: Piece, spot: Spot, room: Room) -> PlacedPiece:
+    return PlacedPiece("", "", room.name, piece, spot.T_world_thing, spot.on)
 
 
 def _step_inside(doorway: Doorway, room: Room) -> FloatArray:
@@ -202,17 +208,17 @@ def _step_inside(doorway: Doorway, room: Room) -> FloatArray:
 
 def _door_zones(plan: BuildingPlan) -> Iterator[Solids]:
     """Where nothing stands or hangs: the way through every doorway."""
-    for each in plan.doorways:
-        along = np.abs(each.through)
-        size = 2 * _DOOR_DEPTH_M * along + (each.width_m + 0.1) * (1 - along)
-        yield Solids(np.array([[*each.center, 1.1]]), np.array([[*size, 2.2]]))
+    for doorway in plan.doorways:
+        along = np.abs(doorway.through)
+        size = 2 * _DOOR_DEPTH_M * along + (doorway.width_m + 0.1) * (1 - along)
+        yield Solids(np.array([[*doorway.center, 1.1]]), np.array([[*size, 2.2]]))
 
 
 def _window_zones(fixtures: Sequence[Fixture]) -> Iterator[Solids]:
     """Where nothing hangs or towers: before windows."""
-    for each in fixtures:
-        if each.label == "window":
-            low, high = each.shape.bounds
+    for fixture in fixtures:
+        if fixture.label == "window":
+            low, high = fixture.shape.bounds
             margin = np.array([_WINDOW_DEPTH_M, _WINDOW_DEPTH_M, 0.0])
             yield Solids(((low + high) / 2)[None], (high - low + 2 * margin)[None])
 

@@ -15,7 +15,9 @@ from supermap_cli.simulation.world import Shape
 TOUCH_M = 0.002
 """How far solids may reach into one another and still only touch."""
 _NARROWEST_SURFACE_M = 0.2
+"""Least side of a surface that other things can stand on, m."""
 _LOWEST_GAP_M = 0.05
+"""Least height above such a surface, m."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +60,7 @@ def _axes(yaw: float) -> FloatArray:
 
 
 @dataclass(frozen=True)
-class Surface:
+class SupportSurface:
     """A level rectangle on which things can stand: `low` and `high` (2,) in the shape's frame, at height `z_m`.
 
     `clear_m` is the room above it up to the next part of the same shape, infinite under the open sky.
@@ -100,23 +102,23 @@ class Piece:
         return Solids(((low + high) / 2)[None], self.size[None])
 
     @cached_property
-    def surfaces(self) -> tuple[Surface, ...]:
+    def surfaces(self) -> tuple[SupportSurface, ...]:
         """Where other things can stand, the highest first."""
-        return tuple(sorted(self._find_surfaces(), key=lambda each: -each.z_m))
+        return tuple(sorted(self._find_surfaces(), key=lambda surface: -surface.z_m))
 
     @property
-    def top(self) -> Surface:
+    def top(self) -> SupportSurface:
         """The highest surface. Raises `LookupError` for what holds nothing."""
         if not self.surfaces:
             raise LookupError(f"nothing can stand on a {self.label}")
         return self.surfaces[0]
 
     @property
-    def shelves(self) -> tuple[Surface, ...]:
+    def shelves(self) -> tuple[SupportSurface, ...]:
         """The surfaces within: those with a part of the same shape above them, or else (an open box) the lowest."""
-        return tuple(each for each in self.surfaces if np.isfinite(each.clear_m)) or self.surfaces[-1:]
+        return tuple(surface for surface in self.surfaces if np.isfinite(surface.clear_m)) or self.surfaces[-1:]
 
-    def _find_surfaces(self) -> Iterator[Surface]:
+    def _find_surfaces(self) -> Iterator[SupportSurface]:
         corners = self.shape.vertices[self.shape.triangles]
         cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         level = cross[:, 2] > 0.999 * np.linalg.norm(cross, axis=1)
@@ -128,7 +130,7 @@ class Piece:
             filled = cross[chosen, 2].sum() / 2 > 0.9 * np.prod(high - low)
             clear_m = self._clear_above(z, low, high)
             if filled and (high - low).min() >= _NARROWEST_SURFACE_M and clear_m >= _LOWEST_GAP_M:
-                yield Surface(z, low, high, clear_m)
+                yield SupportSurface(z, low, high, clear_m)
 
     def _clear_above(self, z: float, low: FloatArray, high: FloatArray) -> float:
         """How far it is from a rectangle up to the next part that covers some of its middle half."""

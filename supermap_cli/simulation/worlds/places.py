@@ -15,15 +15,16 @@ from supermap_cli.geometry.boxes import Box3D
 from supermap_cli.geometry.se3 import make_transform
 from supermap_cli.simulation.building_plan import Room
 from supermap_cli.simulation.world import box_of
-from supermap_cli.simulation.worlds.pieces import Piece, Solids, Surface
+from supermap_cli.simulation.worlds.pieces import Piece, Solids, SupportSurface
 from supermap_cli.simulation.worlds.shapes.materials import between, pick
 
 Range = tuple[float, float]
 _WHOLE: Range = (-1.0, 1.0)
+"""All of the free way on a surface."""
 
 
 @dataclass(frozen=True, eq=False)
-class Placed:
+class PlacedPiece:
     """A piece in its place. `name` is what recipes call it by, `on` the id of what it stands on or in."""
 
     thing_id: str
@@ -77,7 +78,7 @@ class HostPlace(ABC):
     host: str
 
     @abstractmethod
-    def at(self, host: Placed, piece: Piece, rng: np.random.Generator) -> Spot | None:
+    def at(self, host: PlacedPiece, piece: Piece, rng: np.random.Generator) -> Spot | None:
         """A spot for a piece at its host; `None` where there cannot be one."""
 
 
@@ -139,9 +140,9 @@ class On(HostPlace):
     y: Range = _WHOLE
     turn_deg: float = 8.0
 
-    def at(self, host: Placed, piece: Piece, rng: np.random.Generator) -> Spot | None:
+    def at(self, host: PlacedPiece, piece: Piece, rng: np.random.Generator) -> Spot | None:
         """Somewhere on the host's top."""
-        tops = [each for each in host.piece.surfaces if each.z_m == host.piece.top.z_m]
+        tops = [surface for surface in host.piece.surfaces if surface.z_m == host.piece.top.z_m]
         yaw = np.radians(between(rng, -self.turn_deg, self.turn_deg))
         return _upon(host, pick(rng, tops), piece, (between(rng, *self.x), between(rng, *self.y), yaw))
 
@@ -152,9 +153,9 @@ class Inside(HostPlace):
 
     turn_deg: float = 10.0
 
-    def at(self, host: Placed, piece: Piece, rng: np.random.Generator) -> Spot | None:
+    def at(self, host: PlacedPiece, piece: Piece, rng: np.random.Generator) -> Spot | None:
         """On one of the host's boards."""
-        high_enough = [each for each in host.piece.shelves if each.clear_m > piece.size[2] + 0.02]
+        high_enough = [shelf for shelf in host.piece.shelves if shelf.clear_m > piece.size[2] + 0.02]
         if not high_enough:
             return None
         yaw = np.radians(between(rng, -self.turn_deg, self.turn_deg))
@@ -165,7 +166,7 @@ class Inside(HostPlace):
 class Under(HostPlace):
     """On the floor beneath a host."""
 
-    def at(self, host: Placed, piece: Piece, rng: np.random.Generator) -> Spot | None:
+    def at(self, host: PlacedPiece, piece: Piece, rng: np.random.Generator) -> Spot | None:
         """Between the host's legs."""
         slack = (host.piece.size[:2] - piece.size[:2]) / 2
         if (slack < 0).any():
@@ -180,7 +181,7 @@ class At(HostPlace):
 
     sides: Literal["front", "long", "all"] = "all"
 
-    def at(self, host: Placed, piece: Piece, rng: np.random.Generator) -> Spot | None:
+    def at(self, host: PlacedPiece, piece: Piece, rng: np.random.Generator) -> Spot | None:
         """Before one of the host's sides."""
         half_x, half_y = host.piece.size[:2] / 2
         side = pick(rng, {"front": (0,), "long": (0, 2), "all": (0, 2, 0, 2, 1, 3)}[self.sides])
@@ -197,7 +198,7 @@ class Beside(HostPlace):
 
     gap_m: Range = (0.05, 0.3)
 
-    def at(self, host: Placed, piece: Piece, rng: np.random.Generator) -> Spot | None:
+    def at(self, host: PlacedPiece, piece: Piece, rng: np.random.Generator) -> Spot | None:
         """To the host's right or left."""
         x = (host.piece.size[0] + piece.size[0]) / 2 + between(rng, *self.gap_m)
         y = (host.piece.size[1] - piece.size[1]) / 2
@@ -216,7 +217,7 @@ Place = RoomPlace | HostPlace | AnyOf
 
 
 def draw_spot(
-    place: Place, piece: Piece, room: Room, things: Sequence[Placed], rng: np.random.Generator
+    place: Place, piece: Piece, room: Room, things: Sequence[PlacedPiece], rng: np.random.Generator
 ) -> Spot | None:
     """A spot of a kind for a piece, in a room that holds `things`; `None` where there cannot be one.
 
@@ -225,7 +226,7 @@ def draw_spot(
     kind = pick(rng, place.places) if isinstance(place, AnyOf) else place
     if isinstance(kind, RoomPlace):
         return kind.within(room, piece, rng)
-    hosts = [each for each in things if kind.host in {each.name, each.piece.label}]
+    hosts = [placed for placed in things if kind.host in {placed.name, placed.piece.label}]
     if not hosts:
         raise LookupError(f"there is no {kind.host!r} to place a {piece.label} at")
     return kind.at(pick(rng, hosts), piece, rng)
@@ -260,7 +261,7 @@ def _pose(x: float, y: float, z: float, yaw: float) -> FloatArray:
     return make_transform([[cos, -sin, 0], [sin, cos, 0], [0, 0, 1]], [x, y, z])
 
 
-def _upon(host: Placed, surface: Surface, piece: Piece, at: tuple[float, float, float]) -> Spot | None:
+def _upon(host: PlacedPiece, surface: SupportSurface, piece: Piece, at: tuple[float, float, float]) -> Spot | None:
     """A spot wholly on a surface: `at` is the shares (-1 .. 1) of the free way along x and y, and the yaw on it."""
     x, y, yaw = at
     cos, sin = abs(np.cos(yaw)), abs(np.sin(yaw))

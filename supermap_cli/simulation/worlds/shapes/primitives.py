@@ -75,7 +75,7 @@ def lathe(profile: Sequence[tuple[float, float]], material: Material, foot: Poin
 
     Where it turns inwards and down again the solid is hollow, like a mug. It is closed on the axis at both ends.
     """
-    path = [(0.0, profile[0][1]), *(each for each in profile if each[0] > 0), (0.0, profile[-1][1])]
+    path = [(0.0, profile[0][1]), *(point for point in profile if point[0] > 0), (0.0, profile[-1][1])]
     angles = np.arange(sides) * 2 * np.pi / sides
     rings = [np.column_stack([r * np.cos(angles), r * np.sin(angles), np.full(sides, z)]) for r, z in path[1:-1]]
     poles = np.array([[0.0, 0.0, path[0][1]], [0.0, 0.0, path[-1][1]]])

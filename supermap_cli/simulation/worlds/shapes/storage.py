@@ -39,11 +39,11 @@ def cabinet(rng: np.random.Generator) -> Shape:
         block((width - 0.06, depth - 0.06, 0.06), grip, (0, 0.02, 0)),
         block((width, depth - 0.02, height - 0.06), body, (0, 0.01, 0.06)),
     ]
-    each = width / doors
+    door_width = width / doors
     for k in range(doors):
-        x = (k - (doors - 1) / 2) * each
-        parts.append(block((each - 0.01, 0.02, height - 0.1), front, (x, -depth / 2 + 0.01, 0.08)))
-        grip_x = x + each * (0.35 if k % 2 == 0 else -0.35)
+        x = (k - (doors - 1) / 2) * door_width
+        parts.append(block((door_width - 0.01, 0.02, height - 0.1), front, (x, -depth / 2 + 0.01, 0.08)))
+        grip_x = x + door_width * (0.35 if k % 2 == 0 else -0.35)
         parts.append(block((0.015, 0.02, 0.14), grip, (grip_x, -depth / 2 - 0.01, height - 0.3)))
     return join_shapes(parts)
 

@@ -11,10 +11,11 @@ from supermap_cli.simulation.worlds.shapes.materials import WHITE, between, casi
 from supermap_cli.simulation.worlds.shapes.primitives import block, rod, shifted, yawed
 
 DOOR_TOP_M, SILL_M, HEAD_M = 2.06, 0.9, 2.2
+"""Heights of a doorway's top and of a window's lower and upper edge, m: common sizes in offices."""
 JAMB_M = 0.03
 """Thickness of a door's frame; the way through is twice that narrower than the opening."""
-_PROUD_M = 0.015
-_LEAF_M = 0.04
+_PROUD_M = 0.015  # m that a frame stands out from the wall
+_LEAF_M = 0.04  # m, thickness of a leaf
 _GLASS = Material((166, 198, 224), "speckle", 0.7, 0.12)
 
 

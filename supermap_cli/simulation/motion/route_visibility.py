@@ -1,4 +1,4 @@
-"""When things happen: while the robot looks, or while it looks away."""
+"""What the robot sees of a place from its route and when: events are timed to be in view, or out of it."""
 
 from __future__ import annotations
 
@@ -15,25 +15,25 @@ from supermap_cli.simulation.motion.free_space import FreeSpace
 from supermap_cli.simulation.route import Route
 
 STEP_NS = 250_000_000
-"""The grain of all that is found out here."""
+"""Time step of the search, ns."""
 _STEP_S = STEP_NS / 1e9
-_SEEING_M = 5.0
-_KEEP_APART_M = 0.65
-_SEEN_S = 2.0
-_UNWATCHED_S = 2.0
-_EVERY = 2
+_SEEING_M = 5.0  # m, a thing within it is large enough in the image to be detected
+_KEEP_APART_M = 0.65  # m between the robot's and a person's middle: both radii and a hand's breadth
+_SEEN_S = 2.0  # s for which a place has to be seen before and after a change there
+_UNOBSERVED_S = 2.0  # s for which it has to be out of view between
+_EVERY = 2  # steps: how finely the time in view is counted
 
 
 @dataclass(frozen=True)
-class Start:
-    """The step of the visit at which someone sets out (negative: before it), and how long the robot sees the person."""
+class WalkStart:
+    """The step of the traversal at which a person sets out (negative: before it), and how long the robot sees them."""
 
     step: int
     seen_s: float
 
 
-class Watch:
-    """What the robot can see from its way, told by its places at every step of the visit.
+class RouteVisibility:
+    """What the robot can see from its route, by its poses at every step of the traversal.
 
     Its camera looks ahead and is `view_rad` wide.
     """
@@ -49,24 +49,24 @@ class Watch:
 
     @property
     def duration_s(self) -> float:
-        """How long the visit takes."""
+        """How long the traversal takes."""
         return len(self._xy) * _STEP_S
 
     def stamp_ns(self, step: int) -> int:
         """The sensor time of a step."""
         return self._start_ns + step * STEP_NS
 
-    def best_start(self, way_xy: FloatArray, worth_seeing: slice) -> Start | None:
+    def best_start(self, way_xy: FloatArray, worth_seeing: slice) -> WalkStart | None:
         """When to set out on a way (m, 2), one point a step, so that the robot sees most of its `worth_seeing` points.
 
-        The person never comes near the robot, and appears and vanishes behind walls, or before and after the visit.
+        The person never comes near the robot, and appears and vanishes behind walls, or before and after the traversal.
         `None` where that is not possible.
         """
         starts = [k for k in range(1 - len(way_xy), len(self._xy), 2) if self._can_start(way_xy, k)]
-        found = [Start(k, self._seen_s(way_xy, k, worth_seeing)) for k in starts]
+        found = [WalkStart(k, self._seen_s(way_xy, k, worth_seeing)) for k in starts]
         return max(found, key=lambda start: start.seen_s, default=None)
 
-    def unwatched_ns(self, target_xy: FloatArray) -> int:
+    def unobserved_ns(self, target_xy: FloatArray) -> int:
         """The middle of the longest time in which walls hide a place (2,) that is well seen both before and after.
 
         Raises `SimulationError` when there is no such time.
@@ -77,7 +77,7 @@ class Watch:
             (first, last)
             for first, last in _runs(~self._walls.sees(target_xy, self._xy))
             if min(seen[:first].sum(), seen[last:].sum()) >= _SEEN_S / _STEP_S
-            and last - first >= _UNWATCHED_S / _STEP_S
+            and last - first >= _UNOBSERVED_S / _STEP_S
         ]
         if not gaps:
             raise SimulationError(
@@ -93,7 +93,7 @@ class Watch:
         return bool(apart) and all(self._hidden(start + k, way_xy[k]) for k in (0, len(way_xy) - 1))
 
     def _together(self, way_xy: FloatArray, start: int) -> tuple[IntArray, FloatArray]:
-        """The steps (k,) that a way shares with the visit, and where the person is then (k, 2)."""
+        """The steps (k,) that a way shares with the traversal, and where the person is then (k, 2)."""
         first, last = max(start, 0), max(0, start, min(start + len(way_xy), len(self._xy)))
         return np.arange(first, last), way_xy[first - start : last - start]
 
@@ -105,7 +105,7 @@ class Watch:
         return in_view
 
     def _hidden(self, step: int, xy: FloatArray) -> bool:
-        """Whether walls hide a point (2,) at a step, or that is not in the visit."""
+        """Whether walls hide a point (2,) at a step, or that is not in the traversal."""
         return not 0 <= step < len(self._xy) or not self._walls.sees(self._xy[step], xy[None])[0]
 
     def _seen_s(self, way_xy: FloatArray, start: int, worth_seeing: slice) -> float:

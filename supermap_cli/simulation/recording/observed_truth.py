@@ -1,4 +1,4 @@
-"""What the images of a truth bear witness to: what was surely seen, surely never seen, surely seen to be gone."""
+"""What the images of a truth determine: what was certainly seen, certainly never seen, certainly seen to be gone."""
 
 from __future__ import annotations
 
@@ -10,24 +10,24 @@ from supermap_cli.geometry.arrays import IntArray
 from supermap_cli.types.truth import GroundTruth, TrueState
 
 CLEAR_VISIBLE, CLEAR_PIXELS, CLEAR_FRAMES = 0.3, 150, 5
-"""So much of a thing in so many images, and nobody can have missed it."""
+"""A thing counts as seen if so many images show that share and so many pixels of it."""
 
 GLIMPSE_PIXELS = 30
-"""Less than this in every image, and nobody can have seen it."""
+"""A thing counts as never seen if every image shows fewer pixels of it than this."""
 
 EMPTY_VISIBLE, EMPTY_FRAMES = 0.5, 5
-"""So much of a place that a thing has left, in so many images, and nobody can believe it there."""
+"""A thing counts as gone if so many images show that share of the place it has left."""
 
 SAME_PLACE_M = 0.5
 """A thing that was shifted by less need not be seen to have left."""
 
 
-class Unsure(Exception):  # noqa: N818 - it is an answer, not a failure
-    """The images do not settle it."""
+class Undetermined(Exception):  # noqa: N818 - an answer, not a failure
+    """The images do not determine the answer."""
 
 
-class Witness:
-    """Answers about the k-th object of a truth; every answer may be `Unsure` instead.
+class ObservedTruth:
+    """Answers about the k-th object of a truth; raises `Undetermined` where the images do not determine one.
 
     Counted for every state, with one place before them for the object in motion: in how many images of each traversal
     it is clear, how many pixels it has at best, and how many images show its place empty afterwards.
@@ -37,7 +37,7 @@ class Witness:
         self._objects = truth.objects
         self._end_ns = truth.traversals[-1].end_ns
         self._traversals = tuple(range(len(truth.traversals)))
-        places = [0, *(len(each.states) + 1 for each in truth.objects)]
+        places = [0, *(len(thing.states) + 1 for thing in truth.objects)]
         self._first = np.cumsum(places, dtype=np.int64)
         until_ns = np.full(self._first[-1], np.iinfo(np.int64).max)
         for k, thing in enumerate(truth.objects):
@@ -64,11 +64,11 @@ class Witness:
         thing = self._objects[k]
         standing = thing.state_at(self._end_ns)
         if standing is None and any(way.stamps_ns[0] <= self._end_ns <= way.stamps_ns[-1] for way in thing.motions):
-            raise Unsure
+            raise Undetermined
         seen = [at for at in range(len(thing.states)) if self._seen(k, at, self._traversals)]
         for at in seen:
             if thing.states[at] is not standing and not self._has_left(k, at, standing):
-                raise Unsure
+                raise Undetermined
         return standing if any(thing.states[at] is standing for at in seen) else None
 
     def _has_left(self, k: int, at: int, standing: TrueState | None) -> bool:
@@ -91,13 +91,13 @@ class Witness:
             return self.ever(k)
         found = self._newest_seen(k, self._traversals[:-1])
         if found is None and len(self._objects[k].states) > 1 and self._newest_seen(k, self._traversals[-1:]):
-            raise Unsure
+            raise Undetermined
         return found
 
     def _newest_seen(self, k: int, traversals: Sequence[int]) -> TrueState | None:
         seen = [state for at, state in enumerate(self._objects[k].states) if self._seen(k, at, traversals)]
         if not seen and self._pixels[list(traversals), self._first[k]].max() >= GLIMPSE_PIXELS:
-            raise Unsure
+            raise Undetermined
         return seen[-1] if seen else None
 
     def _seen(self, k: int, state: int, traversals: Sequence[int]) -> bool:
@@ -106,4 +106,4 @@ class Witness:
             return True
         if self._pixels[list(traversals), at].max() < GLIMPSE_PIXELS:
             return False
-        raise Unsure
+        raise Undetermined

@@ -3,11 +3,11 @@ import pytest
 
 from supermap_cli.geometry.cameras import EquirectangularCamera, PinholeCamera
 from supermap_cli.geometry.se3 import transform_points
-from supermap_cli.simulation.recording.sightings import SightLines, SurfaceCoverage
+from supermap_cli.simulation.recording.place_visibility import SurfaceCoverage, VisibilityModel
 from supermap_cli.simulation.sensors.camera_view import render
 from supermap_cli.simulation.sensors.scene import Scene
-from supermap_cli.simulation.views import Sights
-from supermap_cli.simulation.world import Motion, Stay, Thing, World
+from supermap_cli.simulation.views import PlaceVisibility
+from supermap_cli.simulation.world import Motion, SimulatedThing, Stay, World
 from support import simulated
 from support.simulated import BOX_ARRIVES_NS, CUP_LEAVES_NS, SECOND_NS, START_NS
 
@@ -22,13 +22,13 @@ def sights_of(
     stamp_ns: int = START_NS,
     camera: PinholeCamera | EquirectangularCamera = CAMERA,
     farthest_m: float = 8.0,
-) -> Sights:
+) -> PlaceVisibility:
     view = render(Scene(world), camera, T_world_camera, stamp_ns)
-    return SightLines(world, farthest_m=farthest_m).look(view, camera, T_world_camera)
+    return VisibilityModel(world, farthest_m=farthest_m).measure(view, camera, T_world_camera)
 
 
-def cube(name: str, size: tuple[float, float, float] = (0.5, 0.5, 0.5)) -> Thing:
-    return Thing(name, "cube", simulated.block(size, (0, 0, 0), simulated.RED))
+def cube(name: str, size: tuple[float, float, float] = (0.5, 0.5, 0.5)) -> SimulatedThing:
+    return SimulatedThing(name, "cube", simulated.block(size, (0, 0, 0), simulated.RED))
 
 
 def with_screen(width_m: float, x: float, target_until_ns: int | None = None) -> World:
@@ -48,12 +48,12 @@ def test_an_empty_world_has_no_sights() -> None:
 @pytest.mark.parametrize("camera", [CAMERA, PANORAMA])
 def test_a_lone_thing_in_view_is_fully_visible(camera: PinholeCamera | EquirectangularCamera) -> None:
     world = World((), (cube("target"),), (Stay("target", simulated.standing(0, 0, 0.25)),))
-    sights = sights_of(world, camera=camera)
-    assert sights.present.tolist() == [True]
-    assert sights.in_image.tolist() == sights.visible.tolist() == [1.0]
-    assert sights.distance_m == pytest.approx([3.0])
+    visibility = sights_of(world, camera=camera)
+    assert visibility.present.tolist() == [True]
+    assert visibility.in_image.tolist() == visibility.visible.tolist() == [1.0]
+    assert visibility.distance_m == pytest.approx([3.0])
     focal_px = camera.focal_px()
-    assert sights.pixels[0] == pytest.approx((0.5 * focal_px / 2.75) ** 2, rel=0.08)
+    assert visibility.pixels[0] == pytest.approx((0.5 * focal_px / 2.75) ** 2, rel=0.08)
 
 
 @pytest.mark.parametrize(("x", "visible"), [(-0.5, 0.5), (0.5, 0.5), (0.0, 0.0), (2.0, 1.0)])
@@ -61,27 +61,27 @@ def test_a_lone_thing_in_view_is_fully_visible(camera: PinholeCamera | Equirecta
 def test_what_stands_before_a_place_hides_it_whether_the_thing_is_there_or_not(
     x: float, visible: float, until_ns: int | None
 ) -> None:
-    sights = sights_of(with_screen(1.0, x, until_ns))
-    assert sights.in_image[0] == 1
-    assert sights.visible[0] == pytest.approx(visible, abs=0.1)
-    assert sights.present[0] == (until_ns is None)
-    assert (sights.pixels[0] > 0) == (until_ns is None and visible > 0)
+    visibility = sights_of(with_screen(1.0, x, until_ns))
+    assert visibility.in_image[0] == 1
+    assert visibility.visible[0] == pytest.approx(visible, abs=0.1)
+    assert visibility.present[0] == (until_ns is None)
+    assert (visibility.pixels[0] > 0) == (until_ns is None and visible > 0)
 
 
 def test_a_thing_does_not_hide_itself() -> None:
     world = simulated.small_world()
     alone = World(world.fixtures, world.things[:1], world.stays[:1])
-    sights = sights_of(alone, simulated.looking((-1.5, -2.2, 1.4), (0, 0, 0.5)))
-    assert sights.visible.tolist() == [1.0]
+    visibility = sights_of(alone, simulated.looking((-1.5, -2.2, 1.4), (0, 0, 0.5)))
+    assert visibility.visible.tolist() == [1.0]
 
 
 @pytest.mark.parametrize("camera", [CAMERA, PANORAMA])
 def test_the_empty_place_on_the_table_is_visible(camera: PinholeCamera | EquirectangularCamera) -> None:
     T_world_camera = simulated.looking((-0.8, -1.6, 1.3), (0.3, 0.1, 0.75))
-    sights = sights_of(simulated.small_world(), T_world_camera, CUP_LEAVES_NS, camera)
-    assert not sights.present[1]
-    assert sights.pixels[1] == 0
-    assert sights.visible[1] > 0.95
+    visibility = sights_of(simulated.small_world(), T_world_camera, CUP_LEAVES_NS, camera)
+    assert not visibility.present[1]
+    assert visibility.pixels[1] == 0
+    assert visibility.visible[1] > 0.95
 
 
 @pytest.mark.parametrize(
@@ -91,9 +91,9 @@ def test_the_empty_place_on_the_table_is_visible(camera: PinholeCamera | Equirec
 )
 def test_what_the_image_does_not_reach_is_not_in_it(at: tuple[float, float], in_image: float) -> None:
     world = World((), (cube("target"),), (Stay("target", simulated.standing(*at, 0.25)),))
-    sights = sights_of(world)
-    assert sights.in_image[0] == pytest.approx(in_image, abs=0.25 if in_image else 0)
-    assert sights.visible[0] == sights.in_image[0]
+    visibility = sights_of(world)
+    assert visibility.in_image[0] == pytest.approx(in_image, abs=0.25 if in_image else 0)
+    assert visibility.visible[0] == visibility.in_image[0]
 
 
 @pytest.mark.parametrize(
@@ -108,22 +108,22 @@ def test_a_carried_thing_has_a_row_for_each_place_and_one_on_its_way(
     stamp_ns: int, rows: list[tuple[int, bool]]
 ) -> None:
     T_world_camera = simulated.looking((0.5, -2.2, 1.8), (-2.2, 0, 0.2))
-    sights = sights_of(simulated.small_world(), T_world_camera, stamp_ns)
-    box = sights.thing == 4
-    assert list(zip(sights.stay[box].tolist(), sights.present[box].tolist(), strict=True)) == rows
-    assert ((sights.pixels[box] > 0) == sights.present[box]).all()
+    visibility = sights_of(simulated.small_world(), T_world_camera, stamp_ns)
+    box = visibility.thing == 4
+    assert list(zip(visibility.stay[box].tolist(), visibility.present[box].tolist(), strict=True)) == rows
+    assert ((visibility.pixels[box] > 0) == visibility.present[box]).all()
 
 
 def test_a_person_of_several_bodies_is_one_row() -> None:
     stamps_ns = np.array([START_NS, START_NS + SECOND_NS])
     limbs = [simulated.block((0.2, 0.2, 0.8), (0, 0, z), simulated.RED) for z in (0, 0.8)]
     places = np.stack([simulated.standing(-0.5, 0, 0), simulated.standing(0.5, 0, 0)])
-    person = Thing("person-1", "person", limbs[0])
+    person = SimulatedThing("person-1", "person", limbs[0])
     world = World((), (person,), (), tuple(Motion("person-1", limb, stamps_ns, places) for limb in limbs))
-    sights = sights_of(world, simulated.looking((0, -4, 0.8), (0, 0, 0.8)), START_NS + SECOND_NS // 2)
-    assert (sights.thing.tolist(), sights.stay.tolist(), sights.present.tolist()) == ([0], [-1], [True])
-    assert sights.visible.tolist() == [1.0]
-    assert sights.distance_m == pytest.approx([4.0], abs=1e-3)
+    visibility = sights_of(world, simulated.looking((0, -4, 0.8), (0, 0, 0.8)), START_NS + SECOND_NS // 2)
+    assert (visibility.thing.tolist(), visibility.stay.tolist(), visibility.present.tolist()) == ([0], [-1], [True])
+    assert visibility.visible.tolist() == [1.0]
+    assert visibility.distance_m == pytest.approx([4.0], abs=1e-3)
 
 
 def test_coverage_grows_by_what_a_view_shows_and_only_by_that() -> None:

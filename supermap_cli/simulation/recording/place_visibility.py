@@ -10,12 +10,12 @@ import numpy as np
 from supermap_cli.geometry.arrays import BoolArray, Float32Array, FloatArray, Int32Array, IntArray
 from supermap_cli.geometry.cameras import Camera
 from supermap_cli.geometry.se3 import inverse, transform_points
-from supermap_cli.simulation.views import Sights, View
+from supermap_cli.simulation.views import PlaceVisibility, RenderedView
 from supermap_cli.simulation.world import Shape, World, sample_surface
 
-_SAMPLES_A_PLACE = 300
-_TOLERANCE_M = 0.01
-_STEEPEST_TAN, _PIXEL_REACH = 4.0, 0.75
+_SAMPLES_A_PLACE = 300  # surface samples: shares are exact to about 3 %
+_TOLERANCE_M = 0.01  # m that a sample may lie behind the pixel's surface and still be on it
+_STEEPEST_TAN, _PIXEL_REACH = 4.0, 0.75  # slope up to which that grows with the slant; pixels from a sample to its ray
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class _Patches:
     def joined(cls, patches: Iterable[_Patches]) -> _Patches:
         """All of several, which share a frame."""
         none = cls(np.empty((0, 3)), np.empty((0, 3)), np.empty(0), np.empty(0, np.int64))
-        columns = zip(*(vars(each).values() for each in [none, *patches]), strict=True)
+        columns = zip(*(vars(part).values() for part in [none, *patches]), strict=True)
         return cls(*(np.concatenate(column) for column in columns))
 
     def placed(self, T_world_body: FloatArray, row: int) -> _Patches:
@@ -71,7 +71,7 @@ class _Patches:
 
 
 def area_m2(shape: Shape) -> float:
-    """Surface of a shape."""
+    """Surface area of a shape."""
     a, b, c = (shape.vertices[shape.triangles[:, k]] for k in range(3))
     return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
 
@@ -89,7 +89,7 @@ class _Comparison:
     slack_m: FloatArray
 
 
-def _compare(view: View, camera: Camera, points_camera: FloatArray) -> _Comparison:
+def _compare(view: RenderedView, camera: Camera, points_camera: FloatArray) -> _Comparison:
     pixels, on_image = camera.project(points_camera)
     u, v = np.rint(np.where(on_image[:, None], pixels, 0)).astype(np.int64).T
     surface_m = view.depth_m[v, u]
@@ -100,11 +100,11 @@ def _compare(view: View, camera: Camera, points_camera: FloatArray) -> _Comparis
     return _Comparison(on_image, view.thing[v, u], behind_m, slack_m)
 
 
-class SightLines:
-    """Says of every place in the world how an image shows it, by surface samples held against the exact depth.
+class VisibilityModel:
+    """Measures how an image shows every place in the world, by comparing surface samples with the exact depth.
 
-    Only what faces the camera counts. A thing does not stand before itself: samples that its own near side hides are
-    free, as they are for a place that it has left.
+    Only samples that face the camera count. A thing does not occlude itself: samples behind its own near side count as
+    visible, as they do for a place that it has left.
     """
 
     def __init__(self, world: World, *, farthest_m: float) -> None:
@@ -115,19 +115,21 @@ class SightLines:
         ]
         own = [_some_patches(thing.shape) for thing in world.things]
         places = [own[k].placed(stay.T_world_thing, row) for row, (k, _, stay) in enumerate(self._stays)]
-        self._standing, self._middles = _Patches.joined(places), [each.middle() for each in places]
-        self._bodies = [(world.index[each.thing_id], each, _some_patches(each.shape)) for each in world.motions]
+        self._standing, self._middles = _Patches.joined(places), [place.middle() for place in places]
+        self._bodies = [(world.index[motion.thing_id], motion, _some_patches(motion.shape)) for motion in world.motions]
 
-    def look(self, view: View, camera: Camera, T_world_camera: FloatArray) -> Sights:
-        """The sights of a view: a row for each stay of each thing, in the order of both, then one for each thing that
-        is in motion now.
+    def measure(self, view: RenderedView, camera: Camera, T_world_camera: FloatArray) -> PlaceVisibility:
+        """How a view shows all places: a row for each stay of each thing, in the order of both, then a row for each
+        thing that is in motion now.
         """
         moving = self._moving(view.stamp_ns)
         thing = np.array([*(k for k, _, _ in self._stays), *moving], np.int64)
         stay = np.array([*(j for _, j, _ in self._stays), *(-1 for _ in moving)], np.int64)
-        present = np.array([*(each.covers(view.stamp_ns) for _, _, each in self._stays), *(True for _ in moving)], bool)
+        present = np.array(
+            [*(placed_stay.covers(view.stamp_ns) for _, _, placed_stay in self._stays), *(True for _ in moving)], bool
+        )
         eye = T_world_camera[:3, 3]
-        centers = np.array([*self._middles, *(each.middle() for each in moving.values())]).reshape(-1, 3)
+        centers = np.array([*self._middles, *(patches.middle() for patches in moving.values())]).reshape(-1, 3)
         patches = _Patches.joined([self._standing, *moving.values()])
         front = patches.chosen(patches.facing(eye))
         compared = _compare(view, camera, transform_points(inverse(T_world_camera), front.points))
@@ -135,7 +137,7 @@ class SightLines:
         itself = (compared.thing == thing[front.row] + 1) & present[front.row]
         visible = in_image & (itself | (compared.behind_m <= compared.slack_m))
         pixels = np.bincount(view.thing.ravel(), minlength=len(self.world.things) + 1)
-        return Sights(
+        return PlaceVisibility(
             thing,
             stay,
             present,
@@ -146,11 +148,11 @@ class SightLines:
         )
 
     def _moving(self, stamp_ns: int) -> dict[int, _Patches]:
-        """Thing in motion -> the patches of all its bodies where they are now, in rows after those of all stays."""
+        """Patches of all bodies of each thing in motion, where they are now, in rows after those of all stays."""
         placed = [(k, motion.at(stamp_ns), patches) for k, motion, patches in self._bodies]
         now = [(k, T_world_body, patches) for k, T_world_body, patches in placed if T_world_body is not None]
         return {
-            k: _Patches.joined(patches.placed(T, row) for each, T, patches in now if each == k)
+            k: _Patches.joined(patches.placed(T, row) for moving_thing, T, patches in now if moving_thing == k)
             for row, k in enumerate(dict.fromkeys(k for k, _, _ in now), start=len(self._stays))
         }
 
@@ -171,18 +173,18 @@ class SurfaceCoverage:
     @property
     def things(self) -> tuple[tuple[Float32Array, BoolArray], ...]:
         """Per thing of the world: samples (n, 3) in its own frame, and which of them have been seen (n,)."""
-        return tuple((each.points, each.seen.copy()) for each in self._things)
+        return tuple((samples.points, samples.seen.copy()) for samples in self._things)
 
     @property
     def fixtures(self) -> tuple[tuple[Float32Array, BoolArray], ...]:
         """Per fixture of the world: samples (n, 3) in the world frame, and which of them have been seen (n,)."""
-        return tuple((each.points, each.seen.copy()) for each in self._fixtures)
+        return tuple((samples.points, samples.seen.copy()) for samples in self._fixtures)
 
-    def add(self, view: View, camera: Camera, T_world_camera: FloatArray) -> None:
+    def add(self, view: RenderedView, camera: Camera, T_world_camera: FloatArray) -> None:
         """Take in a view: a sample is seen if it faces the camera and its pixel shows its thing at its depth."""
         T_camera_world = inverse(T_world_camera)
         shown = np.bincount(view.thing.ravel(), minlength=len(self.world.things) + 1) > 0
-        placed = [(each, T_camera_world) for each in self._fixtures]
+        placed = [(samples, T_camera_world) for samples in self._fixtures]
         for stay in self.world.stays:
             samples = self._things[self.world.index[stay.thing_id]]
             if shown[samples.thing] and stay.covers(view.stamp_ns):
@@ -195,7 +197,7 @@ class SurfaceCoverage:
 
 
 class _Samples:
-    """Surface samples of one thing (as in `Hits`) or fixture in its own frame, and which of them have been `seen`."""
+    """Surface samples of one thing (as in `RayHits`) or fixture in its own frame; `seen` tells which have been seen."""
 
     def __init__(self, thing: int, shape: Shape, spacing_m: float) -> None:
         self.thing = thing
