@@ -7,6 +7,7 @@ import shlex
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 import typer.main
@@ -16,8 +17,9 @@ from pydantic.fields import FieldInfo
 from supermap_cli import hookspecs
 from supermap_cli.config import UserConfig
 from supermap_cli.main import make_app
+from supermap_cli.plugin_manager import load_plugins
 from supermap_cli.recordings.topics import ROLES
-from supermap_schema.json_schemas import load_schema
+from supermap_schema.json_schemas import load_schema, schema_names
 from supermap_schema.models import Base
 from supermap_schema.views import VIEW_NAMES
 from support import kitchen
@@ -136,6 +138,29 @@ def test_every_table_and_view_of_the_database_is_described() -> None:
     assert [view for view in VIEW_NAMES if f"`{view}`" not in text_of("docs/database.md")] == []
 
 
+# Python
+
+
+def example_in(page: str) -> dict[str, object]:
+    """What a page's Python example defines."""
+    (example,) = re.findall(r"```python\n(.+?)```", text_of(page), re.DOTALL)
+    names: dict[str, object] = {}
+    exec(compile(example, page, "exec"), names)  # noqa: S102 - our own page
+    return names
+
+
+def test_the_example_plugin_registers_a_detector() -> None:
+    loaded = load_plugins([SimpleNamespace(register_detectors=example_in("docs/plugins.md")["register_detectors"])])
+    assert any("mine" in registry for registry in loaded.registries)
+
+
+def test_the_schemas_that_the_example_names_exist() -> None:
+    example_in("docs/programs.md")
+    page = section_of("docs/programs.md", "JSON from every command")
+    (named,) = re.findall(r"schema_names\(\)  # (.+), \.\.\.", page)
+    assert set(re.findall(r"\w+", re.sub(r"\(.*?\)", "", named))) <= set(schema_names())
+
+
 # Commands
 
 
@@ -214,7 +239,7 @@ def test_files_that_the_internals_name_exist(document: str) -> None:
 def test_the_tree_of_the_architecture_names_modules_that_exist() -> None:
     """Indentation says in which folder a name of the tree lies."""
     lines = re.findall(
-        r"^    ( *)([a-z_*]+(?:/[a-z_*]+)*(?:\.py|/)) ", section_of("ARCHITECTURE.md", "The house"), re.MULTILINE
+        r"^    ( *)([a-z_*]+(?:/[a-z_*]+)*(?:\.py|/)) ", section_of("ARCHITECTURE.md", "Code layout"), re.MULTILINE
     )
     folders: list[str] = []
     missing = []

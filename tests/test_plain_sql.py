@@ -1,4 +1,4 @@
-"""The database opens as it is in others' tools, while a build is writing, too; the SQL of its page does what it says."""
+"""Other tools open the database as it is, while a build is writing, too; the SQL in docs/database.md is right."""
 
 from __future__ import annotations
 
