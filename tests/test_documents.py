@@ -236,6 +236,12 @@ def test_files_that_the_internals_name_exist(document: str) -> None:
     assert {path for path in named if not (CHECKOUT / path).exists()} == set()
 
 
+def test_the_layers_of_the_architecture_are_those_of_the_import_contract() -> None:
+    (diagram,) = re.findall(r"^    main -> (?:.+\n)+", text_of("ARCHITECTURE.md"), re.MULTILINE)
+    contract = tomllib.loads(text_of("pyproject.toml"))["tool"]["importlinter"]["contracts"][0]["layers"]
+    assert " ".join(diagram.split()) == " -> ".join(layer.replace(" |", ",") for layer in contract)
+
+
 def test_the_tree_of_the_architecture_names_modules_that_exist() -> None:
     """Indentation says in which folder a name of the tree lies."""
     lines = re.findall(
