@@ -3,7 +3,7 @@
 #   make demo     set up, then simulate two recordings of one place, build, query, diff and evaluate
 #   make test     set up, then everything CI checks: format, lint, types, imports, tests
 #   make test-postgresql   the tests that touch a database, on a PostgreSQL server that they start for themselves
-#   make benchmark   simulate, build and score the README's tables; SEEDS=11,12,13, WORLDS=folder
+#   make benchmark   simulate, build and score the tables of docs/benchmarks.md; SEEDS=11,12,13, WORLDS=folder
 #   make setup    only set up: .venv with SuperMap and its tools
 #   make lint     ruff, mypy --strict, import-linter       make format   let ruff format and fix
 #   make wheel    build dist/*.whl                         make clean    remove what make made

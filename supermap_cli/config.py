@@ -128,5 +128,5 @@ def load_user_config(folder: Path) -> UserConfig:
         first = error.errors()[0]
         entry = ".".join(str(part) for part in first["loc"])
         raise ConfigError(
-            f"{entry}: {first['msg']}", where=str(path), cure="see the README's configuration table"
+            f"{entry}: {first['msg']}", where=str(path), cure="the entries are listed in docs/configuration.md"
         ) from error

@@ -1,4 +1,4 @@
-"""The database opens as it is in others' tools, while a build is writing, too; the README's SQL does what it says."""
+"""Other tools open the database as it is, while a build is writing, too; the SQL in docs/database.md is right."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ from support import kitchen
 from support import memories as m
 from support.cli import document
 
-README = Path(__file__).parents[1] / "README.md"
-SECTION = re.search(r"^## Plain SQL\n(.+?)^## ", README.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE)
+PAGE = Path(__file__).parents[1] / "docs" / "database.md"
+SECTION = re.search(r"^## Plain SQL\n(.+?)^## ", PAGE.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE)
 assert SECTION is not None
 CHAIRS, MOVED, AT_THE_TABLE = re.findall(r"```sql\n(.+?)```", SECTION[1], re.DOTALL)
 
@@ -47,7 +47,7 @@ def answer(db: Path, sql: str) -> list[dict[str, Any]]:
     return [dict(zip(told["columns"], row, strict=True)) for row in told["rows"]]
 
 
-# The README's examples
+# The page's examples
 
 
 def test_where_every_chair_is_and_since_when(db: Path) -> None:

@@ -77,7 +77,7 @@ def benchmark(
     keep: KeepOption = None,
     json: JsonOption = False,
 ) -> None:
-    """Simulate worlds, build and score each, and print all figures with their means: the table in the README.
+    """Simulate worlds, build and score each, and print all figures with their means: the tables in docs/benchmarks.md.
 
     Kept worlds take up to 1 GB each and are what their seed says only as long as the simulator stays the same; the maps
     in them (benchmark.db) are built anew.

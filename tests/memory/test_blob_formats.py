@@ -1,4 +1,4 @@
-"""The binary columns are what ARCHITECTURE.md says: decoded here from that text alone, by nothing of ours."""
+"""The binary columns are what docs/internals-database.md says: decoded here from that text alone."""
 
 from __future__ import annotations
 
@@ -151,6 +151,6 @@ def test_there_is_no_other_binary_column(db: Path) -> None:
         "SELECT t.name || '.' || c.name FROM sqlite_master t JOIN pragma_table_info(t.name) c "
         "WHERE t.type = 'table' AND c.type = 'BLOB' AND t.sql NOT LIKE '%VIRTUAL%'",
     )
-    documented = (Path(__file__).parents[2] / "ARCHITECTURE.md").read_text(encoding="utf-8")
+    documented = (Path(__file__).parents[2] / "docs" / "internals-database.md").read_text(encoding="utf-8")
     ours = {name for (name,) in found if not name.startswith(("state_box", "instance_label", "sqlite"))}
     assert {name for name in ours if f"`{name}`" not in documented} == set()
