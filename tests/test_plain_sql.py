@@ -52,7 +52,7 @@ def answer(db: Path, sql: str) -> list[dict[str, Any]]:
 
 def test_where_every_chair_is_and_since_when(db: Path) -> None:
     found = answer(db, CHAIRS)
-    assert [(each["id"], each["x"], each["since"], each["last_traversal"]) for each in found] == [
+    assert [(row["id"], row["x"], row["since"], row["last_traversal"]) for row in found] == [
         ("chair-2", 4.0, "2026-01-05T09:00:01.0Z", "monday"),
         ("chair-1", -3.0, "2026-01-05T09:16:41.0Z", "tuesday"),
     ]
@@ -66,7 +66,7 @@ def test_what_moved_in_the_last_traversal(db: Path) -> None:
 
 def test_what_stood_at_the_table_on_monday(db: Path) -> None:
     found = answer(db, AT_THE_TABLE)
-    assert [(each["subject"], each["relation"], each["until"]) for each in found] == [
+    assert [(row["subject"], row["relation"], row["until"]) for row in found] == [
         ("chair-1", "beside", "2026-01-05T09:16:41.0Z"),
         ("cup-1", "on", "2026-01-05T09:16:45.0Z"),
         ("vase-1", "on", None),
@@ -83,9 +83,9 @@ def test_sqlite_utils_reads_tables_and_views_and_searches_labels(db: Path) -> No
         assert opened["instance"].count == 9
         assert opened["instance"].pks == ["number"]
         chairs = list(opened["current_objects"].rows_where("label = ?", ["chair"], order_by="id"))
-        assert [each["id"] for each in chairs] == ["chair-1", "chair-2"]
-        assert [each["id"] for each in opened["instance_label"].search("tables")] == ["dining-table-1"]
-        assert {each.other_table for each in opened["observation"].foreign_keys} == {"keyframe", "instance"}
+        assert [row["id"] for row in chairs] == ["chair-1", "chair-2"]
+        assert [row["id"] for row in opened["instance_label"].search("tables")] == ["dining-table-1"]
+        assert {key.other_table for key in opened["observation"].foreign_keys} == {"keyframe", "instance"}
 
 
 @pytest.mark.sqlite_only("these tools open SQLite files")
@@ -103,8 +103,10 @@ def served(db: Path, *paths: str) -> list[Any]:
     async def ask() -> list[Any]:
         client = Datasette([str(db)]).client
         answers = [await client.get(path) for path in paths]
-        assert [each.status_code for each in answers] == [200] * len(paths), [each.text[:200] for each in answers]
-        return [each.json() if ".json" in path else each.text for each, path in zip(answers, paths, strict=True)]
+        assert [answer.status_code for answer in answers] == [200] * len(paths), [
+            answer.text[:200] for answer in answers
+        ]
+        return [answer.json() if ".json" in path else answer.text for answer, path in zip(answers, paths, strict=True)]
 
     return asyncio.run(ask())
 
@@ -128,7 +130,7 @@ def test_datasette_filters_searches_and_shows_pages(db: Path) -> None:
         "/map/current_objects?label=chair",
         "/map.json?_shape=array&sql=SELECT+id+FROM+current_objects+WHERE+stands+LIKE+'on+%25'",
     )
-    assert [each["id"] for each in chairs] == ["chair-1", "chair-2"]
-    assert [each["id"] for each in searched] == ["dining-table-1"]
+    assert [row["id"] for row in chairs] == ["chair-1", "chair-2"]
+    assert [row["id"] for row in searched] == ["dining-table-1"]
     assert "chair-2" in page
     assert own == [{"id": "vase-1"}]

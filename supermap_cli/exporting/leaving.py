@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.geometry.boxes import Box3D
-from supermap_cli.memory.values import Said, StoredInstance, StoredVisit
+from supermap_cli.memory.values import LabelledObservation, StoredInstance, StoredVisit
 from supermap_cli.query.details import log_odds
 from supermap_cli.query.naming import label_shares, name_by
 from supermap_cli.query.standing import Known, Standing
@@ -70,7 +70,9 @@ def leaving_today(instance: StoredInstance, states: tuple[StateRecord, ...]) -> 
     )
 
 
-def leaving_as_of(instance: StoredInstance, standing: Standing, at_ns: int, said: Sequence[Said]) -> Leaving:
+def leaving_as_of(
+    instance: StoredInstance, standing: Standing, at_ns: int, said: Sequence[LabelledObservation]
+) -> Leaving:
     """An instance as it was at a time, by what had been said of it (`said`: all that ever was, or none)."""
     state, seen = standing.state, [each for each in said if each.stamp_ns <= at_ns]
     name = name_by(seen, at_ns)

@@ -12,8 +12,8 @@ from sqlalchemy import select
 
 from supermap_cli.errors import QueryError
 from supermap_cli.exporting.leaving import Leaving, leaving_as_of, leaving_today
+from supermap_cli.memory.labelled_observations import LabelledObservations
 from supermap_cli.memory.reading import MapReader
-from supermap_cli.memory.said import Hearing
 from supermap_cli.memory.streaming import survivors_of_merged
 from supermap_cli.memory.values import StoredInstance, StoredTraversal
 from supermap_cli.query.clock import Clock, clock_of
@@ -163,16 +163,16 @@ class Source:
         if selection.at is not None:
             yield from self._as_of(selection.at, visits=visits, named=named or bool(selection.labels))
             return
-        for instance in self.reader.each_instance(visits=visits or selection.traversal is not None):
+        for instance in self.reader.iter_instances(visits=visits or selection.traversal is not None):
             states = selection.states(instance)
             if states:
                 yield leaving_today(instance, states)
 
     def _as_of(self, at: Instant, *, visits: bool, named: bool) -> Iterator[Leaving]:
-        hearing = Hearing(self.reader)
+        hearing = LabelledObservations(self.reader)
         stood = (
             (instance, standing)
-            for instance in self.reader.each_instance(visits=visits)
+            for instance in self.reader.iter_instances(visits=visits)
             if (standing := self.selection.standing(instance)) is not None
         )
         while part := list(islice(stood, HEARD)):

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from itertools import chain, islice
 from typing import Protocol
 
-from supermap_cli.memory.as_of import AsOf
-from supermap_cli.memory.finding import BELIEVED
+from supermap_cli.memory.instance_search import BELIEVED
+from supermap_cli.memory.presence_query import PresenceQuery
 from supermap_cli.memory.reading import MapReader
 from supermap_cli.memory.values import StoredInstance
 from supermap_cli.query.moments import Moment
@@ -104,7 +104,7 @@ class Called:
             return 1
         if self.labels is None:
             return math.inf
-        return self.reader.finder.count(self.labels, ["present"] if self.moment.kind == "now" else BELIEVED)
+        return self.reader.search.count(self.labels, ["present"] if self.moment.kind == "now" else BELIEVED)
 
     def counted(self) -> Counted | None:
         """How many fit, where the database can count them without reading them."""
@@ -112,14 +112,14 @@ class Called:
         if self.number is not None or kind not in {"now", "last", "at"}:
             return None
         if kind == "at":
-            tally = self.as_of().tally(self.labels)
-            return Counted(tally.fits, tally.sure)
-        count = self.reader.finder.count(self.labels, ["present"] if kind == "now" else BELIEVED)
+            tally = self.as_of().counts_of(self.labels)
+            return Counted(tally.matching, tally.certain)
+        count = self.reader.search.count(self.labels, ["present"] if kind == "now" else BELIEVED)
         return Counted(count, count)
 
-    def as_of(self) -> AsOf:
+    def as_of(self) -> PresenceQuery:
         """Everything at the moment, which is one time."""
-        return self.reader.as_of(int(self.moment.low_ns), self.moment.since_ns)
+        return self.reader.presence_at(int(self.moment.low_ns), self.moment.since_ns)
 
     def parts(self) -> Iterator[list[Candidate]]:
         """All of them; those seen last come first."""
@@ -137,7 +137,7 @@ class Called:
         """All that were ever called so, whether they have a state at the moment or not."""
         numbers = iter(self._numbers())
         while part := list(islice(numbers, PART)):
-            lives = self.reader.lives_of(part)
+            lives = self.reader.instances_by_number(part)
             believed = (lives[number] for number in part if number in lives and lives[number].presence != "doubted")
             yield from (each for each in believed if self.labels is None or is_called(each, self.labels))
 
@@ -145,20 +145,20 @@ class Called:
         """The smallest numbers of all that were ever called so, and may have a state at the moment."""
         if self.number is not None:
             return [self.number]
-        today = self.reader.finder.first_called(self.labels, limit)
-        once = [] if self.labels is None else self.reader.finder.once_called(self.labels)
+        today = self.reader.search.first_labelled(self.labels, limit)
+        once = [] if self.labels is None else self.reader.search.formerly_labelled(self.labels)
         return sorted({*today, *once})[:limit]
 
     def among(self, numbers: Collection[int]) -> list[Candidate]:
         """Those with one of the given numbers, in order."""
         wanted = set(numbers) if self.number is None else {self.number} & set(numbers)
         if self.labels is not None:
-            wanted = self.reader.finder.ever_called(wanted, self.labels)
+            wanted = self.reader.search.ever_labelled(wanted, self.labels)
         return [candidate for _, found in sorted(self._by_number(wanted).items()) for candidate in found]
 
     def _by_number(self, numbers: Collection[int]) -> dict[int, list[Candidate]]:
         traversal = self.moment.traversal
-        lives = self.reader.lives_of(numbers, () if traversal is None else (traversal.id,))
+        lives = self.reader.instances_by_number(numbers, () if traversal is None else (traversal.id,))
         return {number: self._states(life) for number, life in lives.items() if life.presence != "doubted"}
 
     def _states(self, life: StoredInstance) -> list[Candidate]:
@@ -172,22 +172,22 @@ class Called:
 
     def _numbers(self) -> Iterable[int]:
         """Numbers among which all that fit are."""
-        finder, labels = self.reader.finder, self.labels
+        finder, labels = self.reader.search, self.labels
         if self.number is not None:
             return [self.number]
         if labels is not None and not labels:
             return []
         kind = self.moment.kind
         if kind == "now" and not self.ever:
-            return finder.called(labels, ["present"])
+            return finder.labelled(labels, ["present"])
         if kind == "last" and not self.as_reference and not self.ever:
-            return finder.called(labels)
+            return finder.labelled(labels)
         if self.moment.traversal is not None and not self.as_reference:
             seen = self.reader.survivors.of(finder.seen_in(self.moment.traversal.id, labels))
             return sorted(set(seen.values()))
         begun_ns = self.moment.low_ns if kind == "at" and not (self.as_reference or self.ever) else math.inf
-        today = finder.called(labels, begun_ns=begun_ns)
-        return today if labels is None else chain(today, finder.once_called(labels))
+        today = finder.labelled(labels, begun_ns=begun_ns)
+        return today if labels is None else chain(today, finder.formerly_labelled(labels))
 
 
 def label_in(instance: StoredInstance, state: StateRecord) -> str:

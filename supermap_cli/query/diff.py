@@ -7,10 +7,10 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from supermap_cli.errors import QueryError
+from supermap_cli.memory.labelled_observations import LabelledObservations
 from supermap_cli.memory.numbers import batches
 from supermap_cli.memory.reading import MapReader
-from supermap_cli.memory.said import Hearing
-from supermap_cli.memory.values import Said, StoredInstance, StoredTraversal
+from supermap_cli.memory.values import LabelledObservation, StoredInstance, StoredTraversal
 from supermap_cli.query.clock import clock_of
 from supermap_cli.query.instants import Instant, instant_of, of_traversal
 from supermap_cli.query.keeping import given_up_notes
@@ -130,7 +130,7 @@ class Comparison:
         self.reader = reader
         self.ends = ends
         heard = [end.traversal.id for end in (ends.before, ends.after) if end.traversal is not None]
-        self._hearing = Hearing(reader, heard if len(heard) == 2 else None)
+        self._hearing = LabelledObservations(reader, heard if len(heard) == 2 else None)
         self._aside: dict[str, list[str]] = defaultdict(list)
 
     def changes(self, numbers: Sequence[int]) -> Iterator[Change]:
@@ -152,7 +152,7 @@ class Comparison:
             self._aside[aside].append(case.instance.id)
         return verdict
 
-    def _change(self, case: Case, verdict: Verdict, seen: Sequence[Said]) -> Change:
+    def _change(self, case: Case, verdict: Verdict, seen: Sequence[LabelledObservation]) -> Change:
         """A verdict with its evidence."""
         instance = case.instance
         names = self._names(seen)
@@ -207,7 +207,7 @@ class Comparison:
                 edges[number].append(edge)
         return {each.number: [edge for part in each.numbers for edge in edges[part]] for each in things}
 
-    def _names(self, seen: Sequence[Said]) -> tuple[Name | None, Name | None]:
+    def _names(self, seen: Sequence[LabelledObservation]) -> tuple[Name | None, Name | None]:
         """What it was surely called at either end."""
         own = by_traversal(seen)
 
@@ -216,7 +216,9 @@ class Comparison:
 
         return name(self.ends.before), name(self.ends.after)
 
-    def _side(self, end: Instant, seen: Sequence[Said], state: StateRecord | None) -> Sequence[Said]:
+    def _side(
+        self, end: Instant, seen: Sequence[LabelledObservation], state: StateRecord | None
+    ) -> Sequence[LabelledObservation]:
         """The observations that speak for an end: a traversal's own; of a plain time those of the state until then, or
         for the later end those since the earlier one.
         """
@@ -227,7 +229,9 @@ class Comparison:
         low_ns = self.ends.before.at_ns + 1 if end is self.ends.after else state.first_seen_ns
         return [each for each in seen if max(low_ns, state.first_seen_ns) <= each.stamp_ns <= end.at_ns]
 
-    def _evidence(self, instance: StoredInstance, seen: Sequence[Said], traversal_ids: frozenset[int]) -> EvidenceView:
+    def _evidence(
+        self, instance: StoredInstance, seen: Sequence[LabelledObservation], traversal_ids: frozenset[int]
+    ) -> EvidenceView:
         visits = [each for each in instance.visits if each.traversal_id in traversal_ids]
         return evidence_of(seen, visits, self.reader.traversals)
 
@@ -241,7 +245,9 @@ class Comparison:
         return tuple(CandidateView(text_id, probability) for text_id, probability in sorted(found.items()))
 
 
-def _relabelled(verdict: Verdict, names: tuple[Name | None, Name | None], seen: Sequence[Said], ends: Ends) -> Verdict:
+def _relabelled(
+    verdict: Verdict, names: tuple[Name | None, Name | None], seen: Sequence[LabelledObservation], ends: Ends
+) -> Verdict:
     """Only where each end by itself is sure of its label, and they differ; a thing that moved, too, has moved."""
     old, new = names
     if old is None or new is None or old.label == new.label or old.traversal_id == new.traversal_id:
@@ -261,16 +267,16 @@ def _relabelled(verdict: Verdict, names: tuple[Name | None, Name | None], seen: 
     )
 
 
-def _best_crop(side: Sequence[Said]) -> int | None:
+def _best_crop(side: Sequence[LabelledObservation]) -> int | None:
     """The best crop of one side; one is only kept where it is clearly better than those before."""
-    return next((each.id for each in reversed(side) if each.cropped), None)
+    return next((each.id for each in reversed(side) if each.has_crop), None)
 
 
 def _spoken_of(reader: MapReader, ends: Ends) -> list[int]:
     """The instances that either end may speak of: those that it saw, and those that came, went or stood in between."""
     traversals = [end.traversal.id for end in (ends.before, ends.after) if end.traversal is not None]
     seen = reader.supported_in(traversals) if traversals else ()
-    standing = reader.standing_at(ends.before.at_ns) if ends.before.traversal is None else ()
+    standing = reader.instances_placed_at(ends.before.at_ns) if ends.before.traversal is None else ()
     changed = reader.changed_within(ends.before.at_ns, ends.after.at_ns)
     return sorted({*seen, *standing, *changed})
 

@@ -9,8 +9,8 @@ import re
 from collections.abc import Collection, Iterable
 
 from supermap_cli.errors import QueryError
+from supermap_cli.memory.pruning import PrunePolicy
 from supermap_cli.memory.reading import MapReader
-from supermap_cli.memory.retention import KeptFrom
 from supermap_cli.memory.values import StoredTraversal
 from supermap_cli.query.clock import Clock, clock_of
 from supermap_cli.query.instants import instant_of
@@ -26,7 +26,7 @@ CURE = (
 )
 
 
-def kept_from(words: Collection[str], reader: MapReader) -> KeptFrom:
+def kept_from(words: Collection[str], reader: MapReader) -> PrunePolicy:
     """The limits that words like "crops=30d" mean in a map. Raises `QueryError` for what is not understood."""
     limits: dict[str, int] = {}
     best_crops = True
@@ -40,7 +40,7 @@ def kept_from(words: Collection[str], reader: MapReader) -> KeptFrom:
             raise QueryError("observations cannot all be given up: states rest on them", cure=CURE)
         best_crops = best_crops and not (kind == "crops" and said == "none")
         limits[kind] = _limit_ns(said, reader)
-    return KeptFrom(limits.get("crops"), limits.get("observations"), limits.get("thumbnails"), best_crops)
+    return PrunePolicy(limits.get("crops"), limits.get("observations"), limits.get("thumbnails"), best_crops)
 
 
 def given_up_notes(traversals: Iterable[StoredTraversal], clock: Clock) -> list[str]:

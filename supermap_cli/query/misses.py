@@ -69,7 +69,7 @@ def _touching(reader: MapReader, candidates: Called, references: Pool) -> list[A
     pairs: list[Apart] = []
     for part in batches(candidates.first(FIRST), PART):
         near: dict[int, set[int]] = defaultdict(set)
-        for here, there in reader.finder.near(part, Reach(0.0, 0.0)):
+        for here, there in reader.search.near(part, Reach(0.0, 0.0)):
             near[here].add(there)
         by_number: dict[int, list[Candidate]] = defaultdict(list)
         for it in references.among({number for of_one in near.values() for number in of_one}):
@@ -98,7 +98,7 @@ def _within(reader: MapReader, candidates: Pool, references: Pool, reach_m: floa
     one, other = (references, candidates) if turned else (candidates, references)
     for part in one.parts():
         near: dict[int, set[int]] = defaultdict(set)
-        for here, there in reader.finder.near({each.instance.number for each in part}, Reach(reach_m, reach_m)):
+        for here, there in reader.search.near({each.instance.number for each in part}, Reach(reach_m, reach_m)):
             near[there].add(here)
         by_number: dict[int, list[Candidate]] = defaultdict(list)
         for each in part:
@@ -119,15 +119,17 @@ def perhaps_called(reader: MapReader, noun: str) -> list[tuple[StoredInstance, s
     names = vocabulary.names_of(name)
     doubtful = [
         (-share, number, at, label)
-        for number, belief in reader.finder.beliefs(vocabulary.forms_of(names))
+        for number, belief in reader.search.label_beliefs(vocabulary.forms_of(names))
         for at, (label, share) in enumerate(json.loads(belief).items())
         if share >= LABEL_DOUBT and vocabulary.normalise(label) in names
     ]
     reasons = [
         (number, f"may be a {label} ({-doubt:.0%})") for doubt, number, _, label in heapq.nsmallest(NEAREST, doubtful)
     ]
-    close = get_close_matches(name, sorted(reader.finder.labels_today()), 1, 0.75)
-    known = reader.lives_of([*(number for number, _ in reasons), *reader.finder.first_called(close, NEAREST)])
+    close = get_close_matches(name, sorted(reader.search.current_labels()), 1, 0.75)
+    known = reader.instances_by_number(
+        [*(number for number, _ in reasons), *reader.search.first_labelled(close, NEAREST)]
+    )
     told = [(known[number], reason) for number, reason in reasons]
     told += [(each, f"did you mean '{each.label}'?") for _, each in sorted(known.items()) if each.label in close]
     return told[:NEAREST]

@@ -7,10 +7,10 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
-from supermap_cli.memory.values import ObservationRef, Said
+from supermap_cli.memory.values import LabelledObservation, ObservationRef
 
-Naming = ObservationRef | Said
-N = TypeVar("N", ObservationRef, Said)
+Naming = ObservationRef | LabelledObservation
+N = TypeVar("N", ObservationRef, LabelledObservation)
 
 SURE_SHARE = 0.6
 SURE_OBSERVATIONS = 3

@@ -52,8 +52,8 @@ class Overview:
 
 def overview(reader: MapReader, limit: int = LISTED) -> Overview:
     """All current objects, so many of them listed."""
-    finder = reader.finder
-    listed = reader.instances_of(list(islice(finder.called(None, ["present"]), limit)))
+    finder = reader.search
+    listed = reader.instances_of(list(islice(finder.labelled(None, ["present"]), limit)))
     counts = finder.counts()
     return Overview(
         instances=tuple(_summary(reader, each) for each in listed),
@@ -66,8 +66,8 @@ def overview(reader: MapReader, limit: int = LISTED) -> Overview:
 
 def overview_at(reader: MapReader, instant: Instant, clock: Clock, limit: int = LISTED) -> Overview:
     """All that stood at a time, and all of which nobody can say whether it did, so many of each listed."""
-    as_of = reader.as_of(instant.at_ns, instant.begun_ns)
-    stood, doubtful = (_standing(reader, as_of.first(known, limit), instant) for known in ("present", "unknown"))
+    as_of = reader.presence_at(instant.at_ns, instant.begun_ns)
+    stood, doubtful = (_standing(reader, as_of.last_seen(known, limit), instant) for known in ("present", "unknown"))
     totals: Counter[str] = Counter()
     counts: Counter[str] = Counter()
     for (known, called), count in as_of.counts().items():

@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from supermap_cli.memory.linked import End, Linked
+from supermap_cli.memory.edge_query import EdgeEnd, EdgeQuery
 from supermap_cli.memory.numbers import batches
 from supermap_cli.memory.reading import MapReader
 from supermap_cli.query.candidates import PART, Called, Candidate, Counted, Listed, Pool
@@ -103,14 +103,14 @@ class Relating:
             linked.merged({form.relation for form in forms})
         )
 
-    def _linked(self, candidates: Pool) -> Linked | None:
+    def _linked(self, candidates: Pool) -> EdgeQuery | None:
         """The stored edges in question, if they are about what is present and called by names, and many are."""
         if self.moment.kind != "now" or not isinstance(candidates, Called) or not isinstance(self.references, Called):
             return None
         if min(candidates.size(), self.references.size()) <= FEW:
             return None
-        one, other = (End(each.labels, each.number) for each in (candidates, self.references))
-        return Linked(self.reader, one, other, int(self.moment.low_ns))
+        one, other = (EdgeEnd(each.labels, each.number) for each in (candidates, self.references))
+        return EdgeQuery(self.reader, one, other, int(self.moment.low_ns))
 
     def complete(self, candidates: list[Candidate], basis: Basis) -> list[Candidate]:
         """Those of the candidates that fit, with all their relations."""
@@ -129,7 +129,7 @@ class Relating:
         links = Links()
         if basis == "boxes":
             labels = others.labels if isinstance(others, Called) else None
-            for pair in self.reader.finder.near(numbers, REACH[self.name], labels, turned=turned):
+            for pair in self.reader.search.near(numbers, REACH[self.name], labels, turned=turned):
                 links.add_pair(*pair)
         else:
             for edge in self.reader.edges_of(numbers, {form.relation for form in STORED_FORMS[self.name]}):

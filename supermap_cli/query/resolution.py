@@ -287,7 +287,7 @@ class Resolver:
         return instance
 
     def _find_labels(self, noun: str) -> LabelMatch:
-        match = match_labels(noun, self.reader.finder.labels())
+        match = match_labels(noun, self.reader.search.labels())
         if match.note:
             self.notes.append(match.note)
         return match
@@ -325,9 +325,9 @@ class Resolver:
         if things.noun is not None and (named := self._by_id(things.noun)) is not None:
             return [named] if named.states else []
         labels = None if things.noun is None else self._labels(things.noun).labels
-        numbers = self.reader.finder.first_called(labels, NEAREST)
-        numbers += [] if labels is None else self.reader.finder.once_called(labels)
-        return _by_number(self.reader.lives_of(sorted(numbers)[:NEAREST]))
+        numbers = self.reader.search.first_labelled(labels, NEAREST)
+        numbers += [] if labels is None else self.reader.search.formerly_labelled(labels)
+        return _by_number(self.reader.instances_by_number(sorted(numbers)[:NEAREST]))
 
     def _too_far(self, things: Things, related: RelatedTo) -> tuple[NearMiss, ...]:
         """The pairs that come closest to the relation, by their boxes' distance."""

@@ -41,9 +41,9 @@ def perhaps(called: Called, listed: Iterable[InstanceView], *, counting: bool) -
     told = {each.id: each.presence for each in listed}
     if counting and called.number is None:
         as_of = called.as_of()
-        first, tally = as_of.unsure(called.labels, NOTED, told), as_of.tally(called.labels)
-        count = tally.unsure - sum(presence == "unknown" for presence in told.values())
-        return Perhaps(_by_number(called.reader.lives_of(first)), count, tally.besides)
+        first, tally = as_of.unknown(called.labels, NOTED, told), as_of.counts_of(called.labels)
+        count = tally.unknown - sum(presence == "unknown" for presence in told.values())
+        return Perhaps(_by_number(called.reader.instances_by_number(first)), count, tally.unknown_others)
     unsure: dict[int, StoredInstance] = {}
     looked_at = None
     for at, each in enumerate(called.lives()):

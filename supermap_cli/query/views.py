@@ -15,7 +15,14 @@ import numpy as np
 from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.geometry.boxes import Box3D
 from supermap_cli.memory.reading import MapReader
-from supermap_cli.memory.values import ObservationRef, Said, Sighting, StoredInstance, StoredTraversal, StoredVisit
+from supermap_cli.memory.values import (
+    LabelledObservation,
+    ObservationRef,
+    ScoredObservation,
+    StoredInstance,
+    StoredTraversal,
+    StoredVisit,
+)
 from supermap_cli.query.standing import Known, StandingView
 from supermap_cli.types.memory import Presence, StateRecord, TemporalEdge
 
@@ -217,7 +224,7 @@ def evidence_view(
     """What was seen of an instance within the given spans of time (and traversals), and how its place was looked at."""
     seen = [
         each
-        for each in reader.sightings(instance)
+        for each in reader.scored_observations(instance)
         if any(low <= each.stamp_ns <= high for low, high in spans)
         and (traversal_ids is None or each.traversal_id in traversal_ids)
     ]
@@ -225,7 +232,7 @@ def evidence_view(
     return evidence_of(seen, visits, reader.traversals)
 
 
-Seen = ObservationRef | Sighting | Said
+Seen = ObservationRef | ScoredObservation | LabelledObservation
 
 
 def evidence_of(

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from html import escape
 from pathlib import Path
 
-from supermap_cli.memory.pictures import SmallImage, crop_jpegs, small_images
+from supermap_cli.memory.images import Thumbnail, crop_jpegs, thumbnails_of
 from supermap_cli.memory.reading import MapReader
 from supermap_cli.query.clock import Clock, clock_of
 from supermap_cli.query.diff import HAPPENED, Change, Diff
@@ -62,7 +62,7 @@ class Pictures:
     """What there is to show of each side of the changes."""
 
     crops: dict[int, bytes]
-    images: dict[int, list[SmallImage]]
+    images: dict[int, list[Thumbnail]]
     clock: Clock
 
     @classmethod
@@ -71,7 +71,7 @@ class Pictures:
         told = list(changes)
         ids = {each for change in told for each in (change.crop_before, change.crop_after) if each is not None}
         stamps = {stamp for change in told for stamp in (*_stamps(change, before=True), *_stamps(change, before=False))}
-        return cls(crop_jpegs(reader, ids), small_images(reader, stamps), clock)
+        return cls(crop_jpegs(reader, ids), thumbnails_of(reader, stamps), clock)
 
     def side(self, change: Change, *, before: bool) -> str:
         """One side of a change: its crop, else its place in a keyframe that saw it, or saw it empty."""

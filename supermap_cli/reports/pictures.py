@@ -9,7 +9,7 @@ import numpy as np
 from supermap_cli.geometry.boxes import Box3D
 from supermap_cli.geometry.cameras import camera_from_json
 from supermap_cli.geometry.se3 import inverse, transform_points
-from supermap_cli.memory.pictures import SmallImage
+from supermap_cli.memory.images import Thumbnail
 
 AROUND = 0.8
 """How much of what lies around a place is shown, as a share of the place's size in the image, on each side."""
@@ -22,7 +22,7 @@ def data_uri(jpeg: bytes) -> str:
     return "data:image/jpeg;base64," + base64.b64encode(jpeg).decode("ascii")
 
 
-def cut_out(image: SmallImage, box: Box3D) -> bytes | None:
+def cut_out(image: Thumbnail, box: Box3D) -> bytes | None:
     """The part of a small image that shows a place, the box drawn on it, as a JPEG; `None` where it shows none."""
     import cv2  # noqa: PLC0415 - only where a page with pictures is written
 

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from supermap_cli.memory import open_store
-from supermap_cli.memory.as_of import AsOf
+from supermap_cli.memory.presence_query import PresenceQuery
 from supermap_cli.memory.reading import MapReader
 from supermap_cli.query.candidates import is_called, label_in
 from supermap_cli.query.clock import clock_of
@@ -39,7 +39,7 @@ def test_a_time_is_judged_as_each_life_is(
 
 
 def compare(reader: MapReader, at_ns: int, since_ns: int | None, wanted: frozenset[str] | None) -> None:
-    as_of = AsOf(reader.connection, at_ns, since_ns)
+    as_of = PresenceQuery(reader.connection, at_ns, since_ns)
     lives = sorted(reader.believed, key=lambda each: (-each.last_seen_ns, -each.number))
     known = {each.number: standing_at(each, at_ns, since_ns) for each in lives}
     present = Counter(

@@ -11,9 +11,9 @@ import pytest
 from supermap_cli.errors import QueryError
 from supermap_cli.memory import open_store
 from supermap_cli.memory.checking import check
+from supermap_cli.memory.labelled_observations import LabelledObservations
 from supermap_cli.memory.numbers import batches
 from supermap_cli.memory.reading import MapReader
-from supermap_cli.memory.said import Hearing
 from supermap_cli.query.diff import Change, diff
 from supermap_cli.query.life import history
 from supermap_cli.types.memory import InstanceRecord, MapDelta, StateRecord, Visit
@@ -253,7 +253,7 @@ def test_a_diff_read_in_parts_is_the_diff_read_at_once(reader: MapReader, monkey
     sides = ((None, None), ("60 s", "09:18:20"), ("monday", "09:18:20"))
     whole = [diff(reader, *each) for each in sides]
     monkeypatch.setattr("supermap_cli.query.diff.batches", lambda numbers: batches(numbers, 1))
-    monkeypatch.setattr("supermap_cli.memory.said.batches", lambda numbers: batches(numbers, 1))
+    monkeypatch.setattr("supermap_cli.memory.labelled_observations.batches", lambda numbers: batches(numbers, 1))
     assert [diff(reader, *each) for each in sides] == whole
 
 
@@ -273,7 +273,7 @@ def test_what_is_heard_of_some_traversals_is_what_they_said(tmp_path: Path, hear
             )
     with open_store(str(path), read_only=True) as store, store.reader() as reader:
         things = reader.instances
-        found = Hearing(reader, heard).of(things)
+        found = LabelledObservations(reader, heard).of(things)
         told = {
             each.number: [seen for seen in reader.observations(each) if heard is None or seen.traversal_id in heard]
             for each in things
@@ -286,7 +286,7 @@ def test_what_is_heard_of_some_traversals_is_what_they_said(tmp_path: Path, hear
         for number, of in told.items()
         if of
     }
-    assert all(each.cropped == (each.stamp_ns > m.ns(100)) for of in found.values() for each in of)
+    assert all(each.has_crop == (each.stamp_ns > m.ns(100)) for of in found.values() for each in of)
 
 
 @pytest.mark.parametrize("empty_before", [None, 4.0])

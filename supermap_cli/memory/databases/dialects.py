@@ -65,7 +65,7 @@ class Dialect(Protocol):
         rounded outwards.
         """
 
-    def labelled(self, words: str) -> Select[tuple[int]]:
+    def matching_labels(self, words: str) -> Select[tuple[int]]:
         """The numbers of all instances that have these words, one after the other and whatever their endings, in their
         id, their label or another label they may have; by an index.
         """
@@ -143,7 +143,7 @@ class Sqlite:
         """By the R*Tree."""
         return select(_BOX.c.state_id).where(*_overlaps("xyz", lower_m, upper_m))
 
-    def labelled(self, words: str) -> Select[tuple[int]]:
+    def matching_labels(self, words: str) -> Select[tuple[int]]:
         """By FTS5."""
         phrase = f'"{_plain(words)}"'
         return select(_WORDS.c.rowid.label("number")).where(
@@ -209,7 +209,7 @@ class Postgresql:
         on_the_ground = _BOX.c.ground.op("&&")(func.box(*corners))
         return select(_BOX.c.state_id).where(on_the_ground, *_overlaps("z", lower_m[2:], upper_m[2:]))
 
-    def labelled(self, words: str) -> Select[tuple[int]]:
+    def matching_labels(self, words: str) -> Select[tuple[int]]:
         """By GIN."""
         phrase = func.phraseto_tsquery(text(f"'{postgresql_schema.LABEL_SEARCH}'"), _plain(words))
         return select(_WORDS.c.number).where(_WORDS.c.words.op("@@")(phrase))
@@ -220,7 +220,7 @@ class Postgresql:
 
     def align_row_ids(self, connection: Connection) -> None:
         """Sequences also count what was taken out or rolled back."""
-        counted = ((each.name, each.autoincrement_column) for each in models.Base.metadata.sorted_tables)
+        counted = ((table.name, table.autoincrement_column) for table in models.Base.metadata.sorted_tables)
         connection.execute(
             select(
                 *(
@@ -279,8 +279,8 @@ def dialect_of(connection: Connection) -> Dialect:
 
 def _indices(dialect: Any) -> Iterator[tuple[str, str]]:
     """The statements that make the models' indices, by name."""
-    for each in models.Base.metadata.sorted_tables:
-        for index in each.indexes:
+    for model_table in models.Base.metadata.sorted_tables:
+        for index in model_table.indexes:
             yield str(index.name), str(CreateIndex(index).compile(dialect=dialect))
 
 

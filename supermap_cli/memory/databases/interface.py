@@ -68,10 +68,10 @@ class Database(Protocol):
     def size_bytes(self, connection: Connection) -> int:
         """What the map takes on the disk."""
 
-    def give_back(self) -> None:
+    def release_free_pages(self) -> None:
         """Give back what a build freed when it came to its end, as far as that costs no more than what was freed."""
 
-    def reclaim(self, engine: Engine) -> None:
+    def vacuum(self, engine: Engine) -> None:
         """Give back what deleted rows took, as far as that blocks no reader; by the writer's engine, which holds no
         transaction. Raises `MemoryStoreError` where there is no room for it.
         """

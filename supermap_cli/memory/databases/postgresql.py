@@ -16,8 +16,8 @@ from sqlalchemy.pool import NullPool
 
 from supermap_cli.errors import MemoryStoreError
 from supermap_cli.memory.databases.interface import SqlRows
+from supermap_cli.memory.databases.postgresql_errors import no_driver, postgresql_error
 from supermap_cli.memory.databases.postgresql_lock import AdvisoryLock
-from supermap_cli.memory.databases.postgresql_refusals import no_driver, refused
 from supermap_cli.memory.databases.postgresql_sql import read_rows
 from supermap_schema import models, postgresql
 
@@ -77,7 +77,7 @@ class PostgresqlSchema:
             try:
                 return self._version(connection)
             except DatabaseError as error:
-                raise refused(error, self.where) from error
+                raise postgresql_error(error, self.where) from error
 
     def _version(self, connection: Connection) -> int | None:
         if int(connection.exec_driver_sql("SHOW server_version_num").scalar_one()) < postgresql.OLDEST_SERVER:
@@ -140,10 +140,10 @@ class PostgresqlSchema:
         size = f"SELECT coalesce(sum(pg_total_relation_size(oid)), 0)::bigint FROM ({_OWN_RELATIONS}) AS own"
         return int(connection.exec_driver_sql(size).scalar_one())
 
-    def give_back(self) -> None:
+    def release_free_pages(self) -> None:
         """The server's autovacuum does so."""
 
-    def reclaim(self, engine: Engine) -> None:
+    def vacuum(self, engine: Engine) -> None:
         """VACUUM: the room is used again by what comes; to give it back to the system, the server would lock readers
         out (VACUUM FULL).
         """
@@ -153,7 +153,7 @@ class PostgresqlSchema:
 
     def failure(self, error: DatabaseError) -> MemoryStoreError:
         """A server that went away, a full disk."""
-        return refused(error, self.where)
+        return postgresql_error(error, self.where)
 
     def read_sql(
         self, statement: str, prepare: Callable[[sqlite3.Connection], None] | None = None
@@ -180,7 +180,7 @@ class PostgresqlSchema:
         try:
             connection = engine.connect()
         except DatabaseError as error:
-            raise refused(error, self.where) from error
+            raise postgresql_error(error, self.where) from error
         return connection.execution_options(isolation_level=isolation_level) if isolation_level else connection
 
     def _connect(self) -> Any:
@@ -191,7 +191,7 @@ class PostgresqlSchema:
         try:
             return psycopg.connect(*arguments, **{**options, **self._connect_arguments()})
         except psycopg.Error as error:
-            raise refused(error, self.where) from error
+            raise postgresql_error(error, self.where) from error
 
 
 def _without_secrets(url: URL) -> str:

@@ -83,23 +83,23 @@ def _names(connection: psycopg.Connection[Any]) -> str:
 
 
 def _plain_values(connection: psycopg.Connection[Any]) -> None:
-    """Numbers, texts and bytes as SQLite has them; all else as PostgreSQL writes it."""
+    """Load numbers, texts and bytes as SQLite does; all other types as text."""
     from psycopg.adapt import Loader  # noqa: PLC0415
     from psycopg.types.string import TextLoader  # noqa: PLC0415
 
-    class Truth(Loader):
+    class BoolLoader(Loader):
         def load(self, data: Any) -> int:
             return int(bytes(data) == b"t")
 
-    class Exact(Loader):
+    class NumericLoader(Loader):
         def load(self, data: Any) -> int | float:
             written = bytes(data).decode()
             return int(written) if written.lstrip("-").isdigit() else float(written)
 
-    for each in connection.adapters.types:
-        if each.name not in {"int2", "int4", "int8", "oid", "float4", "float8", "bytea"}:
-            connection.adapters.register_loader(each.oid, TextLoader)
-        if each.array_oid:
-            connection.adapters.register_loader(each.array_oid, TextLoader)
-    connection.adapters.register_loader("bool", Truth)
-    connection.adapters.register_loader("numeric", Exact)
+    for type_ in connection.adapters.types:
+        if type_.name not in {"int2", "int4", "int8", "oid", "float4", "float8", "bytea"}:
+            connection.adapters.register_loader(type_.oid, TextLoader)
+        if type_.array_oid:
+            connection.adapters.register_loader(type_.array_oid, TextLoader)
+    connection.adapters.register_loader("bool", BoolLoader)
+    connection.adapters.register_loader("numeric", NumericLoader)

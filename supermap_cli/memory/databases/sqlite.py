@@ -116,12 +116,12 @@ class SqliteFile:
         """The file without what a running build has not moved into it yet."""
         return self.path.stat().st_size
 
-    def give_back(self) -> None:
+    def release_free_pages(self) -> None:
         """The pages that are free go from the file's end, one by one; where that fails the next build uses them."""
         with closing(self._connect_writer()) as connection, suppress(sqlite3.OperationalError):
             connection.executescript("PRAGMA incremental_vacuum")  # `execute` takes one step, which is one page
 
-    def reclaim(self, engine: Engine) -> None:
+    def vacuum(self, engine: Engine) -> None:
         """VACUUM: SQLite writes the whole map anew, beside the old one; then the file is cut to its new length.
 
         Where somebody reads an older moment meanwhile, it is cut when the next build, or the last reader, is done.
