@@ -249,7 +249,7 @@ class TraversalBuild:
     def _take_out(self, replaced: int | None) -> None:
         """What a stopped build wrote goes, now that nothing stands in the way of the one that replaces it."""
         if replaced is not None:
-            for stopped in self.store.take_out_unfinished():
+            for stopped in self.store.roll_back_unfinished():
                 self.warnings.append(f"the build of {stopped!r} had been stopped: what it had written was taken out")
 
     def _go_on_in_time(self, name: str | None, earlier: Sequence[StoredTraversal]) -> None:

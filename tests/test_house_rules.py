@@ -23,7 +23,7 @@ BEING_RENAMED = {
 
 ATTRIBUTES_BORN_LATE: dict[str, set[str]] = {
     "FramePipeline": {"drift", "engine", "graph", "traversal_number"},
-    "MemoryMerge": {"witness"},
+    "MapMerge": {"witness"},
 }
 """Class -> attributes that are still set first outside `__init__`. Nothing may be added."""
 

@@ -12,10 +12,10 @@ Real: TypeEngine[float] = Double().with_variant(REAL(), "sqlite")
 """64-bit floating point."""
 
 Label = Text().with_variant(Text(collation="C"), "postgresql")
-"""Any text; it is sorted by its bytes, whatever the language of a server is."""
+"""Any text; sorted by its bytes, independently of a server's locale."""
 
 Json = Label
-"""A JSON document as text, so that any tool shows it and the databases' JSON functions read it."""
+"""A JSON document as text, readable by any tool and by the databases' JSON functions."""
 
 Blob = LargeBinary()
-"""Voxels, embeddings, images: the formats stand in `supermap_cli.memory.blobs`."""
+"""Voxels, embeddings and images; the formats are documented in `supermap_cli.memory.blobs`."""

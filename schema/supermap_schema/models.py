@@ -1,6 +1,6 @@
-"""The tables of the 4D memory (SQLAlchemy 2, portable SQL; what holds for SQLite only stands in `sqlite`).
+"""The tables of the 4D memory (SQLAlchemy 2, portable SQL; `sqlite` and `postgresql` have the rest).
 
-Times are sensor time, int nanoseconds since the epoch (`_ns`). Places are metres in the map frame (z up, level): a
+Times are sensor time, int nanoseconds since the epoch (`_ns`). Positions are metres in the map frame (z up, level): a
 centroid is `x, y, z`; a box is `center_*`, `size_*` along its own axes and `yaw` in radians about z. Transforms are
 JSON, four rows of four numbers. `traversal_id` of an instance, state or edge is the traversal that wrote it first.
 """
@@ -32,7 +32,7 @@ WITH_CROP = text("crop_jpeg IS NOT NULL")
 GONE = text("gone_ns IS NOT NULL")
 MERGED = text("merged_into IS NOT NULL")
 NOT_MERGED = text("merged_into IS NULL")
-"""Nearly all questions are for those that stand for themselves: their indices hold no others."""
+"""Nearly all queries ask for surviving instances only; their indices contain no others."""
 
 
 def _one_of(column: str, values: tuple[str, ...]) -> str:
@@ -40,7 +40,7 @@ def _one_of(column: str, values: tuple[str, ...]) -> str:
 
 
 class Base(DeclarativeBase):
-    """All tables; constraints have names, so that migrations can speak of them."""
+    """All tables; constraints have names, so that migrations can refer to them."""
 
     metadata = MetaData(
         naming_convention={
@@ -57,17 +57,17 @@ STRICT: dict[str, Any] = {"sqlite_strict": True}
 
 
 class Traversal(Base):
-    """One recording (or a part of it) that went into the map.
+    """One recording, or a part of one, that was built into the map.
 
-    `fingerprint` tells recordings apart; `config` and `versions` say how it was built; `timings` holds seconds per
-    stage and is the only volatile column of the database; `status` is "building" while a build runs (or was stopped);
-    `mapped_ns` is the stamp of the newest keyframe committed; `keyframes` and `observations` count what it has of them;
-    `warnings` is a JSON list of the sentences that the recording, the odometry and the build warned with.
+    `fingerprint` identifies the recording; `config` and `versions` say how it was built; `timings` holds seconds per
+    stage and is the only column that differs between equal builds; `status` is "building" until the build is complete;
+    `mapped_ns` is the stamp of the newest committed keyframe; `keyframes` and `observations` are numbers of rows;
+    `warnings` is a JSON list of the warnings of the recording, the odometry and the build.
 
-    All times of a traversal are its recording's plus `clock_shift_ns`, which is 0 unless its clock says that
-    it was made before the end of what is in the map: the map's time goes forward in the order of building. Most crops,
-    observations and thumbnails of keyframes before `crops_kept_from_ns`, `observations_kept_from_ns` and
-    `thumbnails_kept_from_ns` were given up (`supermap db vacuum`).
+    All times of a traversal are its recording's plus `clock_shift_ns`, which is 0 unless the recording starts before
+    the end of the map: the map's time increases in the order of building. Most crops, observations and thumbnails of
+    keyframes before `crops_kept_from_ns`, `observations_kept_from_ns` and `thumbnails_kept_from_ns` were pruned
+    (`supermap db vacuum`).
     """
 
     __tablename__ = "traversal"
@@ -101,10 +101,10 @@ class Traversal(Base):
 
 
 class Keyframe(Base):
-    """One mapped image: where the robot and the camera were, and a small depth image of what was seen empty.
+    """One mapped image: the poses of robot and camera, and a small depth image, which shows the free space.
 
     `depth_png` is a 16-bit PNG in millimetres, 0 = no return, one pixel for every `depth_step` pixels of the camera.
-    `camera` is the camera's model as JSON, `camera_id` its name among those of the rig, which may share a stamp.
+    `camera` is the camera model as JSON, `camera_id` the camera's name; the cameras of a rig may share stamps.
     """
 
     __tablename__ = "keyframe"
@@ -130,7 +130,7 @@ class Keyframe(Base):
 
 
 class Instance(Base):
-    """One object. `number` is its identity in the map, `id` its name for people ("chair-7"); neither ever changes."""
+    """One object. `number` is its identity in the map, `id` its readable name ("chair-7"); neither ever changes."""
 
     __tablename__ = "instance"
 
@@ -175,9 +175,9 @@ class Instance(Base):
 
 
 class Observation(Base):
-    """What one detection said of one instance: immutable. `hypotheses` is a JSON list of [label, score], best first.
+    """One detection of one instance; immutable. `hypotheses` is a JSON list of [label, score], best first.
 
-    It goes, or its crop, only where its traversal says that such old ones were given up.
+    Observations and crops are deleted only below the limits that their traversal declares (`*_kept_from_ns`).
     """
 
     __tablename__ = "observation"
@@ -210,10 +210,10 @@ class Observation(Base):
 
 
 class State(Base):
-    """The half-open interval in which an instance stood in one place.
+    """The half-open interval in which an instance was in one place.
 
-    It was supported from `first_seen_ns` to `last_seen_ns`; `gone_ns` is the first contradiction after that,
-    `empty_before_ns` the last time its place was seen empty before: what is between is unknown.
+    It was observed from `first_seen_ns` to `last_seen_ns`; `gone_ns` is the first contradiction after that,
+    `empty_before_ns` the last time that its place was seen empty before. In between its presence is unknown.
     """
 
     __tablename__ = "state"
@@ -255,7 +255,7 @@ class State(Base):
 
 
 class Visit(Base):
-    """How often one traversal looked at one instance's place, in keyframes."""
+    """In how many keyframes of one traversal an instance's place was supported, in view, and contradicted."""
 
     __tablename__ = "visit"
 
@@ -276,7 +276,7 @@ class Visit(Base):
 
 
 class SpatialEdge(Base):
-    """`subject` stood in `relation` to `object` during [since_ns, until_ns), open while `until_ns` is NULL."""
+    """`subject` was in `relation` to `object` during [since_ns, until_ns), open while `until_ns` is NULL."""
 
     __tablename__ = "spatial_edge"
 
@@ -299,7 +299,7 @@ class SpatialEdge(Base):
 
 
 class TemporalEdge(Base):
-    """What happened between two states, within the bounds [not_before_ns, not_after_ns]."""
+    """A change between two states, within the bounds [not_before_ns, not_after_ns]."""
 
     __tablename__ = "temporal_edge"
 
@@ -340,9 +340,9 @@ class TemporalEdge(Base):
 
 
 class BeforeImage(Base):
-    """A row as it was before the traversal that is being built changed it, so that this can be undone.
+    """A row before an unfinished traversal changed it, so that the traversal can be rolled back.
 
-    `content` is the row as JSON (blobs as {"hex": ...}). A traversal's are dropped when its build is complete.
+    `content` is the row as JSON (blobs as {"hex": ...}). Deleted when the build is complete.
     """
 
     __tablename__ = "before_image"
@@ -356,9 +356,9 @@ class BeforeImage(Base):
 
 
 class Checkpoint(Base):
-    """What a build needs to go on from the keyframe at `stamp_ns`, in parts; dropped when the build is complete.
+    """The state of a build after the keyframe at `stamp_ns`, in parts; deleted when the build is complete.
 
-    The format of `content` stands in `supermap_cli.memory.blobs`.
+    The format of `content` is documented in `supermap_cli.memory.blobs`.
     """
 
     __tablename__ = "checkpoint"

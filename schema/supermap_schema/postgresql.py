@@ -1,24 +1,24 @@
-"""All that holds for PostgreSQL (14 and newer) only: the map's mark, triggers, views, box and label indices.
+"""Everything that is specific to PostgreSQL (14 and newer): the map's mark, triggers, views, box and label indices.
 
-The twin of `sqlite`: what R*Tree and FTS5 give there, a GiST index over built-in boxes and a GIN index over words give
-here, under the same names. Everything lies in the schema that is the first of the search path; functions keep the
-search path they were made with, so that the triggers hold for whoever writes, from wherever.
+The counterpart of `sqlite`: a GiST index over boxes and a GIN index over words replace R*Tree and FTS5, under the same
+names. All objects are in the first schema of the search path; functions keep the search path of their creation, so that
+the triggers work for every connection.
 """
 
 from __future__ import annotations
 
 import re
 
-from supermap_schema.views import Words, trajectory_0003, views_0002
+from supermap_schema.views import SqlFunctions, trajectory_0003, views_0002
 
 MARK = "SuperMap 4D memory"
-"""The comment on table `traversal`: tells a SuperMap schema from any other."""
+"""The comment on table `traversal`, which distinguishes a SuperMap schema from others."""
 
 OLDEST_SERVER = 140000
-"""`server_version_num`: bodies of SQL functions that keep their references came with PostgreSQL 14."""
+"""`server_version_num`; SQL-standard function bodies (`RETURN`) need PostgreSQL 14."""
 
 LABEL_SEARCH = "supermap_label"
-"""The text search configuration: Porter's stems without stop words, as FTS5's porter tokenizer has them."""
+"""The text search configuration: Porter stems without stop words, like FTS5's porter tokenizer."""
 
 FUNCTIONS = ("refuse_changed_observation", "refuse_deleted_observation", "refuse_overlapping_state", "label_words")
 
@@ -32,8 +32,8 @@ INDICES = ("ix_state_ground", "ix_instance_label_words")
 
 _MARK = (f"COMMENT ON TABLE traversal IS '{MARK}'",)
 
-_NUMBERS_ARE_GIVEN = ("ALTER TABLE instance ALTER COLUMN number DROP DEFAULT", "DROP SEQUENCE instance_number_seq")
-"""A whole-number key counts by itself in PostgreSQL, unless it is told not to."""
+_NO_NUMBER_SEQUENCE = ("ALTER TABLE instance ALTER COLUMN number DROP DEFAULT", "DROP SEQUENCE instance_number_seq")
+"""Alembic creates an integer key as a sequence in PostgreSQL; instance numbers are assigned by the program."""
 
 _JSON_COLUMNS_0002 = (
     ("traversal", "T_map_odom"),
@@ -53,7 +53,7 @@ JSON_COLUMNS = _JSON_COLUMNS_0002 + _JSON_COLUMNS_0003
 
 
 def json_constraint(table: str, column: str) -> str:
-    """The name of the constraint that takes only JSON."""
+    """The name of the constraint that a column is valid JSON."""
     return f"ck_{table}_{column.lower()}_json"
 
 
@@ -154,7 +154,7 @@ _STATE_BOXES = (
 )
 
 _GAP = "nextlabel"
-"""A word between two labels, so that no phrase begins in one and ends in another."""
+"""A word between two labels, so that no phrase matches across them."""
 
 _LABEL_WORDS = (
     "CREATE TEXT SEARCH DICTIONARY supermap_porter (TEMPLATE = pg_catalog.snowball, LANGUAGE = porter)",
@@ -177,7 +177,7 @@ _LABEL_WORDS = (
     """,
 )
 
-_WORDS = Words(
+_SQL = SqlFunctions(
     utc=lambda column: (
         f"to_char(to_timestamp({column} / 1000000000) AT TIME ZONE 'UTC', 'YYYY-MM-DD\"T\"HH24:MI:SS') "
         f"|| '.' || ({column} / 100000000 % 10) || 'Z'"
@@ -190,31 +190,31 @@ _WORDS = Words(
 
 
 def _quoted(column: str) -> str:
-    """A name with capitals, as PostgreSQL keeps it."""
+    """A quoted column name: PostgreSQL folds unquoted capitals."""
     table, _, name = column.rpartition(".")
     return f'{table}."{name}"'
 
 
 OBJECTS_0002 = (
     _MARK
-    + _NUMBERS_ARE_GIVEN
+    + _NO_NUMBER_SEQUENCE
     + _valid_json(_JSON_COLUMNS_0002)
     + _IMMUTABLE_OBSERVATIONS
     + _DISJOINT_STATES
     + _STATE_BOXES
     + _LABEL_WORDS
-    + views_0002(_WORDS)
+    + views_0002(_SQL)
 )
-"""Version 2 is the first that PostgreSQL can hold, so that everything is made here."""
+"""Version 2 is the first in PostgreSQL, and creates everything."""
 
-OBJECTS_0003 = _valid_json(_JSON_COLUMNS_0003) + trajectory_0003(_WORDS)
+OBJECTS_0003 = _valid_json(_JSON_COLUMNS_0003) + trajectory_0003(_SQL)
 
 _TRIGGER = re.compile(r"\s*CREATE TRIGGER (\w+)")
 _FUNCTION = re.compile(r"\s*CREATE FUNCTION (\w+)\(\) RETURNS trigger .* AS \$\$(.*)\$\$\s*", re.DOTALL)
 
 
 def definitions() -> dict[str, str]:
-    """The statements that made the triggers, and the bodies of their functions, by name."""
+    """The statements that create the triggers, and the bodies of their functions, by name."""
     made: dict[str, str] = {}
     for statement in OBJECTS_0002 + OBJECTS_0003:
         if (trigger := _TRIGGER.match(statement)) is not None:

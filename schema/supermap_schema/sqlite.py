@@ -1,28 +1,28 @@
-"""All that holds for SQLite only: the file's mark, pragmas, triggers, views, R*Tree and full-text index.
+"""Everything that is specific to SQLite: application id, pragmas, triggers, views, R*Tree and full-text index.
 
-A migration creates the objects of its own version (`OBJECTS_0001`, ...); once released, such a tuple is never edited.
+A migration creates the objects of its version (`OBJECTS_0001`, ...); those of a released version are never edited.
 """
 
 from __future__ import annotations
 
 import re
 
-from supermap_schema.views import Words, trajectory_0003, views_0002
+from supermap_schema.views import SqlFunctions, trajectory_0003, views_0002
 
 APPLICATION_ID = 0x534D4150
-"""`PRAGMA application_id` of a SuperMap database, "SMAP": tells it from any other SQLite file."""
+"""`PRAGMA application_id` of a SuperMap database, "SMAP": distinguishes it from other SQLite files."""
 
 CONNECTION_PRAGMAS = ("PRAGMA foreign_keys = ON", "PRAGMA busy_timeout = 5000")
-"""For every connection."""
+"""For all connections."""
 
 WRITER_PRAGMAS = ("PRAGMA auto_vacuum = INCREMENTAL", "PRAGMA journal_mode = WAL", "PRAGMA synchronous = NORMAL")
 """For the connection of a build: readers are never blocked, and a killed process loses no committed keyframe.
 
-A new file, or one that is vacuumed, can give back what a build freed; that must be said before anything is written.
+With `auto_vacuum`, which must be set before the first write, a build can release the space that it freed.
 """
 
 READER_PRAGMAS = ("PRAGMA query_only = ON",)
-"""For everybody else."""
+"""For all other connections."""
 
 TRIGGERS = (
     *("observation_is_immutable", "observation_is_kept", "state_is_disjoint_on_insert", "state_is_disjoint_on_update"),
@@ -156,7 +156,7 @@ _VIEWS = (
 
 OBJECTS_0001 = _IMMUTABLE_OBSERVATIONS + _DISJOINT_STATES + _STATE_BOXES + _LABEL_SEARCH + _VIEWS
 
-_GIVEN_UP_OBSERVATIONS = (
+_PRUNABLE_OBSERVATIONS = (
     "DROP TRIGGER observation_is_immutable",
     "DROP TRIGGER observation_is_kept",
     """
@@ -181,7 +181,7 @@ _GIVEN_UP_OBSERVATIONS = (
     """,
 )
 
-_WORDS = Words(
+_SQL = SqlFunctions(
     utc=lambda column: (
         f"strftime('%Y-%m-%dT%H:%M:%S', {column} / 1000000000, 'unixepoch') "
         f"|| '.' || ({column} / 100000000 % 10) || 'Z'"
@@ -194,18 +194,18 @@ _WORDS = Words(
 
 _READABLE_VIEWS = (
     *(f"DROP VIEW {name}" for name in ("current_objects", "object_history", "changes", "trajectory")),
-    *views_0002(_WORDS),
+    *views_0002(_SQL),
 )
 
-OBJECTS_0002 = _GIVEN_UP_OBSERVATIONS + _READABLE_VIEWS
+OBJECTS_0002 = _PRUNABLE_OBSERVATIONS + _READABLE_VIEWS
 
-OBJECTS_0003 = trajectory_0003(_WORDS)
+OBJECTS_0003 = trajectory_0003(_SQL)
 
 _STATEMENT = re.compile(r"\s*(CREATE|DROP) (?:VIRTUAL TABLE|TRIGGER|VIEW) (\w+)")
 
 
 def definitions() -> dict[str, str]:
-    """The statements that made the objects of the newest version, by their names."""
+    """The statements that create the objects of the newest version, by name."""
     made: dict[str, str] = {}
     for statement in OBJECTS_0001 + OBJECTS_0002 + OBJECTS_0003:
         if (found := _STATEMENT.match(statement)) is not None:

@@ -1,4 +1,4 @@
-"""Runs the migrations from Python: no alembic.ini, nothing in the current folder."""
+"""Runs the migrations from Python, without alembic.ini or files in the current folder."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from supermap_schema import SCHEMA_VERSION
 
 
 def upgrade(connection: Connection, revision: str = "head") -> None:
-    """Bring a database to the newest version (or to `revision`), within the connection's transaction.
+    """Upgrade a database to the newest version (or to `revision`) within the connection's transaction.
 
-    An empty database gets all tables, so this is how one is made.
+    In an empty database all tables are created.
     """
     command.upgrade(alembic_config(connection), revision)
     if connection.dialect.name == "sqlite" and revision == "head":
@@ -22,7 +22,7 @@ def upgrade(connection: Connection, revision: str = "head") -> None:
 
 
 def alembic_config(connection: Connection) -> Config:
-    """Alembic's configuration for the migrations shipped with this package, on an open connection."""
+    """Alembic's configuration for the migrations of this package on an open connection."""
     config = Config()
     config.set_main_option("script_location", str(Path(__file__).parent / "migrations"))
     config.attributes["connection"] = connection

@@ -51,7 +51,7 @@ def check(db: DbOption = None, json: JsonOption = False) -> None:
     if json:
         print_json({"path": store.where, "sound": not problems, "problems": to_document(problems)})
     elif problems:
-        rows = ((each.table, each.row, each.what) for each in problems)
+        rows = ((problem.table, problem.row, problem.what) for problem in problems)
         print_table(out(), f"{len(problems)} problems in {store.where}", ("table", "row", "what is wrong"), rows)
     else:
         out().print(f"{store.where}: sound", markup=False)
@@ -101,9 +101,9 @@ def _print(found: Inventory, clock: Clock, *, timings: bool) -> None:
     rows = ((name.replace("_", " "), str(count)) for name, count in found.counts.items())
     print_table(console, "", ("rows", "count#"), rows)
     print_traversals(found.traversals, clock)
-    for each in found.traversals if timings else ():
-        span_s = (each.end_ns - each.start_ns) / 1e9
-        total_s = each.timings_s.get("total", sum(each.timings_s.values()))
+    for traversal in found.traversals if timings else ():
+        span_s = (traversal.end_ns - traversal.start_ns) / 1e9
+        total_s = traversal.timings_s.get("total", sum(traversal.timings_s.values()))
         factor = f", {span_s / total_s:.1f} x real time" if total_s > 0 else ""
-        stages = ((stage, f"{seconds:.2f}") for stage, seconds in each.timings_s.items())
-        print_table(console, f"{each.name}: {span_s:.1f} s recorded{factor}", ("stage", "seconds#"), stages)
+        stages = ((stage, f"{seconds:.2f}") for stage, seconds in traversal.timings_s.items())
+        print_table(console, f"{traversal.name}: {span_s:.1f} s recorded{factor}", ("stage", "seconds#"), stages)

@@ -12,8 +12,8 @@ from supermap_cli.commands.common import DbOption, JsonOption, database_url, err
 from supermap_cli.commands.tables import print_table
 
 if TYPE_CHECKING:
-    from supermap_cli.merging.merge import MergeSummary, Progress
-    from supermap_cli.merging.report import MergeReport
+    from supermap_cli.map_merge.merge import MergeSummary, Progress
+    from supermap_cli.map_merge.report import MergeReport
 
 EXAMPLES = """
 Examples:
@@ -45,9 +45,9 @@ def merge(  # noqa: PLR0917 - a command line has many options
     json: JsonOption = False,
 ) -> None:
     """Take another map of the same place into a map: its traversals come after those that are there."""
+    from supermap_cli.map_merge.merge import MapMerge  # noqa: PLC0415
+    from supermap_cli.map_merge.report import report_of  # noqa: PLC0415
     from supermap_cli.memory import open_store  # noqa: PLC0415 - heavy imports only when a merge starts
-    from supermap_cli.merging.merge import MemoryMerge  # noqa: PLC0415
-    from supermap_cli.merging.report import report_of  # noqa: PLC0415
     from supermap_cli.query.views import to_document  # noqa: PLC0415
 
     if db is not None and into is not None:
@@ -58,7 +58,7 @@ def merge(  # noqa: PLR0917 - a command line has many options
         open_store(other, read_only=True) as source,
         _progress() as progress,
     ):
-        summary = MemoryMerge(store, source, again=again, progress=progress).run(align, dry_run=dry_run)
+        summary = MapMerge(store, source, again=again, progress=progress).run(align, dry_run=dry_run)
         report = report_of(summary, store.where, source.where, store.instance_ids())
     for warning in summary.warnings:
         err().print(f"warning: {warning}", markup=False)
@@ -73,20 +73,20 @@ def _print(report: MergeReport, summary: MergeSummary) -> None:
     done = "merged into" if report.written else "dry run: nothing is written; this would be merged into"
     console.print(f"{report.other}: {done} {report.into}", markup=False)
     console.print(f"  {summary.placement.method}", markup=False)
-    for each in report.traversals:
-        renamed = "" if each.name == each.other_name else f" as {each.name}"
-        console.print(f"  traversal {each.other_name}{renamed}", markup=False)
-    known = [each for each in report.objects if each.how != "new"]
+    for traversal in report.traversals:
+        renamed = "" if traversal.name == traversal.other_name else f" as {traversal.name}"
+        console.print(f"  traversal {traversal.other_name}{renamed}", markup=False)
+    known = [obj for obj in report.objects if obj.how != "new"]
     rows = (
         (
-            each.other_id,
-            each.id,
-            each.label,
-            each.how,
-            "-" if each.distance_m is None else f"{each.distance_m:.2f}",
-            ", ".join(f"{one.id} ({one.probability:.0%})" for one in each.candidates) or "-",
+            obj.other_id,
+            obj.id,
+            obj.label,
+            obj.how,
+            "-" if obj.distance_m is None else f"{obj.distance_m:.2f}",
+            ", ".join(f"{one.id} ({one.probability:.0%})" for one in obj.candidates) or "-",
         )
-        for each in sorted(report.objects, key=lambda each: each.how == "new")
+        for obj in sorted(report.objects, key=lambda obj: obj.how == "new")
     )
     columns = ("there", "here", "label", "is", "moved by (m)#", "perhaps")
     print_table(console, f"{len(report.objects)} objects, {len(known)} of them known here", columns, rows)

@@ -11,7 +11,7 @@ import typer
 from supermap_cli.commands.common import DbOption, JsonOption, database_url, err, out, print_json
 
 if TYPE_CHECKING:
-    from supermap_cli.memory.retention import GivenUp, KeptFrom, Progress
+    from supermap_cli.memory.pruning import Progress, PruneCounts, PrunePolicy
     from supermap_cli.query.clock import Clock
 
 EXAMPLES = """
@@ -51,11 +51,11 @@ def vacuum(
 
     with open_store(database_url(db), read_only=dry_run) as store:
         with store.reader() as reader:
-            kept, clock, before = parse_retention_policy(keep or (), reader), clock_of(reader), reader.size_bytes()
+            policy, clock, before = parse_retention_policy(keep or (), reader), clock_of(reader), reader.size_bytes()
         with _progress_bar() as progress:
-            given_up = store.give_up(kept, progress, really=not dry_run)
+            pruned = store.prune(policy, progress, dry_run=dry_run)
         if not dry_run:
-            store.reclaim()
+            store.vacuum()
         with store.reader() as reader:
             after = reader.size_bytes()
     if json:
@@ -63,31 +63,31 @@ def vacuum(
             {
                 "path": store.where,
                 "dry_run": dry_run,
-                "kept_from": to_document(kept),
-                "given_up": to_document(given_up),
+                "kept_from": to_document(policy),
+                "given_up": to_document(pruned),
                 "size_before_bytes": before,
                 "size_after_bytes": after,
             }
         )
         return
-    _print(kept, given_up, clock, dry_run=dry_run)
+    _print(policy, pruned, clock, dry_run=dry_run)
     if not dry_run:
         out().print(f"{store.where}: {before / 1e6:.1f} MB before, {after / 1e6:.1f} MB now", markup=False)
 
 
-def _print(kept: KeptFrom, given_up: GivenUp, clock: Clock, *, dry_run: bool) -> None:
+def _print(policy: PrunePolicy, pruned: PruneCounts, clock: Clock, *, dry_run: bool) -> None:
     console = out()
     verb = "would go" if dry_run else "went"
     for kind, limit_ns in (
-        ("observations", kept.observations_ns),
-        ("crops", kept.crops_ns),
-        ("thumbnails", kept.thumbnails_ns),
+        ("observations", policy.observations_ns),
+        ("crops", policy.crops_ns),
+        ("thumbnails", policy.thumbnails_ns),
     ):
         if limit_ns is not None:
-            count = getattr(given_up, kind)
+            count = getattr(pruned, kind)
             console.print(f"{count} {kind} from before {clock.text(limit_ns)} {verb}", markup=False)
-    if given_up.size_bytes or dry_run:
-        console.print(f"about {given_up.size_bytes / 1e6:.1f} MB", markup=False)
+    if pruned.size_bytes or dry_run:
+        console.print(f"about {pruned.size_bytes / 1e6:.1f} MB", markup=False)
 
 
 @contextmanager

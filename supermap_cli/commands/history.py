@@ -53,7 +53,7 @@ def history(  # noqa: PLR0917 - a command line has many options
     With --at its life until then.
     """
     from supermap_cli.memory import open_store  # noqa: PLC0415 - keeps start-up light
-    from supermap_cli.memory.pictures import crop_jpegs  # noqa: PLC0415
+    from supermap_cli.memory.images import crop_jpegs  # noqa: PLC0415
     from supermap_cli.query.clock import clock_of  # noqa: PLC0415
     from supermap_cli.query.object_history import object_history  # noqa: PLC0415
     from supermap_cli.query.time_points import parse_time_point  # noqa: PLC0415

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.geometry.boxes import Box3D
-from supermap_cli.memory.values import Said, StoredInstance, StoredVisit
+from supermap_cli.memory.values import LabelledObservation, StoredInstance, StoredVisit
 from supermap_cli.query.details import log_odds
 from supermap_cli.query.instance_at import label_at
 from supermap_cli.query.label_consensus import label_shares
@@ -76,7 +76,7 @@ def export_current(instance: StoredInstance, states: tuple[StateRecord, ...]) ->
 
 
 def export_as_of(
-    instance: StoredInstance, presence_then: PresenceAt, at_ns: int, observations: Sequence[Said]
+    instance: StoredInstance, presence_then: PresenceAt, at_ns: int, observations: Sequence[LabelledObservation]
 ) -> ExportedInstance:
     """An instance as of a time; `observations` are all of its observations, or none."""
     state = presence_then.state

@@ -12,8 +12,8 @@ from sqlalchemy import select
 
 from supermap_cli.errors import QueryError
 from supermap_cli.exporting.exported_instance import ExportedInstance, export_as_of, export_current
+from supermap_cli.memory.labelled_observations import LabelledObservations
 from supermap_cli.memory.reading import MapReader
-from supermap_cli.memory.said import Hearing
 from supermap_cli.memory.streaming import survivors_of_merged
 from supermap_cli.memory.values import StoredInstance, StoredTraversal
 from supermap_cli.query.clock import Clock, clock_of
@@ -162,16 +162,16 @@ class ExportSource:
         if selection.at is not None:
             yield from self._as_of(selection.at, visits=visits, named=named or bool(selection.labels))
             return
-        for instance in self.reader.each_instance(visits=visits or selection.traversal is not None):
+        for instance in self.reader.iter_instances(visits=visits or selection.traversal is not None):
             states = selection.states(instance)
             if states:
                 yield export_current(instance, states)
 
     def _as_of(self, at: TimePoint, *, visits: bool, named: bool) -> Iterator[ExportedInstance]:
-        observation_reader = Hearing(self.reader)
+        observation_reader = LabelledObservations(self.reader)
         in_selection = (
             (instance, presence_then)
-            for instance in self.reader.each_instance(visits=visits)
+            for instance in self.reader.iter_instances(visits=visits)
             if (presence_then := self.selection.presence_then(instance)) is not None
         )
         while batch := list(islice(in_selection, OBSERVATION_BATCH)):

@@ -1,4 +1,4 @@
-"""Writes a whole memory at once, faster than builds do: no journal, and the largest table's indices at the end."""
+"""Writes a whole map at once, faster than builds do: without a journal, the largest table's indices last."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from sqlalchemy.schema import CreateIndex
 from supermap_schema import models, sqlite
 
 LATE = models.Base.metadata.tables["observation"]
-"""Its indices are made when all its rows are there."""
+"""Its indices are created after all its rows."""
 
 
 class BulkWriter:
-    """A new SQLite database, open for writing whole tables; `finish` makes it one like any other."""
+    """A new SQLite database, open for writing whole tables until `finish`."""
 
     def __init__(self, path: Path) -> None:
         from supermap_schema.upgrading import upgrade  # noqa: PLC0415 - Alembic is needed only here
@@ -36,7 +36,7 @@ class BulkWriter:
         self._connection.execute("BEGIN")
 
     def add(self, table: str, rows: Iterable[dict[str, Any]]) -> None:
-        """Rows by the names of their columns, all with the same ones."""
+        """Add rows as dictionaries, all with the same columns."""
         columns: tuple[str, ...] | None = None
         values = []
         for row in rows:
@@ -46,14 +46,14 @@ class BulkWriter:
             self.add_values(table, columns, values)
 
     def add_values(self, table: str, columns: Sequence[str], values: Iterable[Sequence[Any]]) -> None:
-        """Rows as tuples."""
+        """Add rows as tuples."""
         names, marks = ", ".join(f'"{name}"' for name in columns), ", ".join("?" * len(columns))
         self._connection.executemany(f'INSERT INTO "{table}" ({names}) VALUES ({marks})', values)  # noqa: S608 - ours
 
     def finish(self) -> None:
-        """Make the indices, and leave the file as a build leaves it."""
+        """Create the indices, and set the pragmas that a build sets."""
         self._connection.execute("COMMIT")
-        for index in sorted(LATE.indexes, key=lambda each: str(each.name)):
+        for index in sorted(LATE.indexes, key=lambda index: str(index.name)):
             self._connection.execute(str(CreateIndex(index).compile(dialect=sqlite_dialect.dialect())))
         for pragma in sqlite.WRITER_PRAGMAS:
             self._connection.execute(pragma)

@@ -1,4 +1,4 @@
-"""Verifies the memory's invariants and says what is wrong where (`supermap db check`)."""
+"""Verifies the map's invariants and reports violations (`supermap db check`)."""
 
 from __future__ import annotations
 
@@ -25,27 +25,27 @@ from supermap_schema.views import VIEW_NAMES
 
 _TEXT_ID = re.compile(r"[^\W_]+(-[^\W_]+)*-[1-9][0-9]*")
 _TOLERANCE = 1e-6
-"""Of sums and rotations that went through text."""
+"""Of sums of probabilities and of rotation matrices that were stored as text."""
 _ROWS = 2000
-"""So many are looked at together."""
+"""Rows checked together."""
 
 
 def check(reader: MapReader) -> list[Problem]:
-    """Every broken invariant of the map; an intact map gives none."""
+    """Every broken invariant of the map."""
     connection = reader.connection
     dialect = dialect_of(connection)
     problems = list(_missing(connection, dialect))
-    if any(each.row in models.Base.metadata.tables for each in problems):
+    if any(problem.row in models.Base.metadata.tables for problem in problems):
         return problems
     problems += dialect.damage(connection)
     for invariant in (*INVARIANTS, *dialect.invariants):
         problems += _violations(connection, invariant)
-    own = (_traversal_problems, _keyframe_problems, _instance_problems, _transform_problems)
-    return problems + [problem for each in own for problem in each(connection)]
+    checks = (_traversal_problems, _keyframe_problems, _instance_problems, _transform_problems)
+    return problems + [problem for check_rows in checks for problem in check_rows(connection)]
 
 
 def _missing(connection: Connection, dialect: Dialect) -> Iterator[Problem]:
-    """What holds the rest: without its triggers, a database would take whatever it is given."""
+    """Missing or changed tables, indices, views and triggers; the other checks rely on them."""
     tables = models.Base.metadata.sorted_tables
     indices = [str(index.name) for table in tables for index in table.indexes]
     found = dialect.objects(connection)
@@ -57,7 +57,7 @@ def _missing(connection: Connection, dialect: Dialect) -> Iterator[Problem]:
 
 
 def _violations(connection: Connection, invariant: Invariant) -> Iterator[Problem]:
-    """One that cannot be asked, because what it reads is damaged, is a problem and no end."""
+    """Violations of one invariant; an error of the query itself (a damaged table) is reported as a problem."""
     try:
         with connection.begin_nested():
             for (row,) in connection.execute(text(invariant.violations)):
@@ -67,7 +67,7 @@ def _violations(connection: Connection, invariant: Invariant) -> Iterator[Proble
 
 
 def _traversal_problems(connection: Connection) -> Iterator[Problem]:
-    """What a traversal says of itself is read by name."""
+    """JSON columns of traversals that are no objects or lists."""
     traversal = models.Traversal
     columns = select(traversal.name, traversal.config, traversal.versions, traversal.timings, traversal.warnings)
     for name, *documents, warnings in connection.execute(columns.order_by(traversal.number)):
@@ -79,7 +79,7 @@ def _traversal_problems(connection: Connection) -> Iterator[Problem]:
 
 
 def _keyframe_problems(connection: Connection) -> Iterator[Problem]:
-    """A depth image is as large as its camera's, a pixel for every step; so it tells what was seen empty."""
+    """Keyframes with a damaged camera, or a depth image that does not have one pixel for every `depth_step` pixels."""
     keyframe = models.Keyframe
     statement = select(keyframe.id, keyframe.camera, keyframe.depth_step, keyframe.depth_png).order_by(keyframe.id)
     for row in connection.execute(statement.execution_options(yield_per=_ROWS // 10)):
@@ -93,9 +93,9 @@ def _keyframe_problems(connection: Connection) -> Iterator[Problem]:
         except MemoryStoreError as error:
             yield Problem("keyframe", str(row.id), f"has a depth_png that {error.what}")
         if camera is not None and shape is not None:
-            due = (-(-camera.height // row.depth_step), -(-camera.width // row.depth_step))
-            if shape != due:
-                yield Problem("keyframe", str(row.id), f"has a depth_png of {shape}, not {due} pixels (h, w)")
+            expected = (-(-camera.height // row.depth_step), -(-camera.width // row.depth_step))
+            if shape != expected:
+                yield Problem("keyframe", str(row.id), f"has a depth_png of {shape}, not {expected} pixels (h, w)")
 
 
 def _instance_problems(connection: Connection) -> Iterator[Problem]:
@@ -134,7 +134,7 @@ def _is_belief(shares: Any) -> bool:
 
 
 def _json(document: str) -> Any:
-    """None where it is broken."""
+    """The parsed document; `None` if it is no JSON."""
     try:
         return json.loads(document)
     except ValueError:
@@ -155,7 +155,7 @@ def _transform_problems(connection: Connection) -> Iterator[Problem]:
 
 
 def _not_rigid(rows: Sequence[Any]) -> Iterator[int]:
-    """The ids of rows whose transform is broken; all are parsed at once, one by one only if one of them is."""
+    """The ids of rows with a broken transform. Rows are parsed together, and one by one only if that fails."""
     try:
         T = np.array(json.loads(f"[{','.join(row.transform for row in rows)}]"), np.float64).reshape(len(rows), 4, 4)
     except (ValueError, TypeError):

@@ -1,7 +1,7 @@
-"""What must hold in every memory, as SQL that finds whatever breaks it; the same on every database.
+"""Invariants of every map, as SQL that finds violations, portable between databases.
 
-A thing's lifetime is made of its states, each half-open: from `first_seen_ns` to `gone_ns`, or still going on. What a
-dialect says differently stands with the dialect; what SQL cannot see (transforms, blobs) in `checking`.
+The lifetime of an instance consists of its states: half-open intervals from `first_seen_ns` to `gone_ns`, if set.
+Invariants in a database's own SQL are part of its dialect; those of transforms and blobs are in `checking`.
 """
 
 from __future__ import annotations
@@ -16,15 +16,16 @@ from supermap_schema import models
 _PARTS = """WITH RECURSIVE part(number, survivor) AS (SELECT number, number FROM instance UNION
     SELECT part.number, instance.merged_into FROM part JOIN instance ON instance.number = part.survivor
     WHERE instance.merged_into IS NOT NULL)"""
-"""Every instance, with each that it is a part of today, itself included."""
+"""Every instance paired with itself and with every instance that it was merged into."""
 
 _NOW = "(SELECT max(coalesce(mapped_ns, end_ns)) FROM traversal)"
 _NEWEST = "(SELECT max(newest.state_index) FROM state newest WHERE newest.instance_number = i.number)"
-_STANDS_IN = f"state s ON s.instance_number = i.number AND s.state_index = {_NEWEST}"
+_NEWEST_STATE = f"state s ON s.instance_number = i.number AND s.state_index = {_NEWEST}"
 _FIT_M = """(SELECT CASE WHEN count(*) > 0 THEN 0.1 ELSE 1e-6 END AS m FROM traversal
     WHERE config LIKE '%"merged_from"%')"""
-"""So well a thing's place fits its newest state: exactly, but where memories were merged: what came in was laid over
-the map turned, a state's box as a whole, a thing by its voxels, into a grid that they do not lie in.
+"""Tolerance in metres between an instance's place and its newest state's.
+
+Both are equal, but in merged maps: there a state's box is rotated as a whole, an instance's voxels into another grid.
 """
 
 _PLACE = ("x", "y", "z", "center_x", "center_y", "center_z", "size_z")
@@ -32,7 +33,7 @@ _PLACE = ("x", "y", "z", "center_x", "center_y", "center_z", "size_z")
 _COUNTED = f"""{_PARTS}, counted(number, n) AS (SELECT part.survivor, sum(own.n) FROM part JOIN
     (SELECT instance_number, count(*) AS n FROM observation GROUP BY instance_number) own
     ON own.instance_number = part.number GROUP BY part.survivor)"""
-"""The observations of every instance and of all that is a part of it."""
+"""The number of observations of every instance with those merged into it."""
 
 _EDGE = """SELECT subject.id || ' ' || e.relation || ' ' || object.id || ' since ' || e.since_ns FROM spatial_edge e
     JOIN instance subject ON subject.number = e.subject_number
@@ -42,7 +43,7 @@ _CHANGE = """SELECT e.kind || ' ' || source.id || ' ' || target.id || ' at ' || 
 
 
 def _ends(number: str) -> str:
-    """Whether an edge that goes on for longer than one state of `number` goes through a time when it was away."""
+    """Whether an edge spans a gap between two states of `number`."""
     return f"""EXISTS (SELECT 1 FROM state s LEFT JOIN state n ON n.instance_number = s.instance_number
         AND n.state_index = s.state_index + 1 WHERE s.instance_number = {number} AND s.gone_ns > e.since_ns
         AND s.gone_ns < coalesce(e.until_ns, {_NOW}) AND (n.first_seen_ns IS NULL OR n.first_seen_ns > s.gone_ns))"""
@@ -142,14 +143,14 @@ INSTANCES = (
     Invariant(
         "instance",
         "lies elsewhere or is larger or smaller than its newest state",
-        f"""SELECT i.id FROM instance i JOIN {_STANDS_IN} CROSS JOIN {_FIT_M} fit WHERE i.merged_into IS NULL AND (
+        f"""SELECT i.id FROM instance i JOIN {_NEWEST_STATE} CROSS JOIN {_FIT_M} fit WHERE i.merged_into IS NULL AND (
             {" OR ".join(f"abs(i.{axis} - s.{axis}) > fit.m" for axis in _PLACE)}
             OR abs(i.size_x + i.size_y - s.size_x - s.size_y) > fit.m)""",
     ),
     Invariant(
         "instance",
         "has another label than its newest state",
-        f"""SELECT i.id FROM instance i JOIN {_STANDS_IN} WHERE i.merged_into IS NULL AND i.label <> s.label""",
+        f"""SELECT i.id FROM instance i JOIN {_NEWEST_STATE} WHERE i.merged_into IS NULL AND i.label <> s.label""",
     ),
     Invariant(
         "instance",
@@ -305,7 +306,7 @@ EDGES = (
 
 
 def _finite() -> Iterator[Invariant]:
-    """No JSON document can say infinite, and nothing can be reckoned with it."""
+    """JSON has no infinity, and no result computed with it would be meaningful."""
     for table in models.Base.metadata.sorted_tables:
         reals = [column.name for column in table.columns if isinstance(column.type, Double)]
         if reals:

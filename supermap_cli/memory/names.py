@@ -1,4 +1,4 @@
-"""Names people use: an instance's text id ("dining-table-1") and a traversal's name ("monday")."""
+"""Readable names: an instance's text id ("dining-table-1") and a traversal's name ("monday")."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from pathlib import Path
 
 
 def label_slug(label: str) -> str:
-    """A label as the first part of an id: lower case, words joined by hyphens."""
+    """A label as the first part of a text id: lower case, words joined by hyphens."""
     return "-".join(re.findall(r"[^\W_]+", label.lower())) or "object"
 
 
 class InstanceIds:
-    """Gives out text ids: the label at the time an instance is first written, and a counter per label."""
+    """Assigns text ids: the label of an instance when it is first written, and a counter for each label."""
 
     def __init__(self, taken: Iterable[str]) -> None:
         self._last: Counter[str] = Counter()
@@ -35,7 +35,7 @@ def traversal_name(recording: str, taken: Collection[str]) -> str:
 
 
 def unique_name(wanted: str, taken: Collection[str]) -> str:
-    """A name, with a counter where it is taken."""
+    """A name, with a counter if it is taken."""
     name, counter = wanted, 1
     while name in taken:
         counter += 1

@@ -1,4 +1,4 @@
-"""Opens a map database, and says clearly why one cannot be opened."""
+"""Opens a map database."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from supermap_schema import SCHEMA_VERSION
 def open_store(url: str, *, create: bool = False, read_only: bool = False) -> MapStore:
     """Open the map database at a path or URL.
 
-    A store that is not `read_only` holds the build lock until it is closed. With `create` there may be no map yet: it
-    is made at the first write, so that a build that fails before leaves nothing behind.
+    A store that is not `read_only` holds the build lock until it is closed. With `create` the map may be missing: it is
+    created at the first write, so that a build that fails earlier leaves nothing behind.
 
     Raises `MemoryStoreError`: not found, no map database, of another version, not writable, or locked by another build.
     """
     database = database_of(url)
     version = _known_version(database)
     if version is None and not create:
-        raise _nothing_there(database)
+        raise _missing(database)
     if version is not None:
         _check_is_current(database, version)
     if read_only:
@@ -33,7 +33,7 @@ def open_store(url: str, *, create: bool = False, read_only: bool = False) -> Ma
 
 
 def current_database(url: str) -> Database:
-    """A map database that is there and has this program's version. Raises `MemoryStoreError` otherwise."""
+    """An existing map database of this program's version. Raises `MemoryStoreError` otherwise."""
     database = database_of(url)
     _check_is_current(database, _version(database))
     return database
@@ -43,13 +43,13 @@ def current_database(url: str) -> Database:
 def read_sql(
     url: str, statement: str, prepare: Callable[[sqlite3.Connection], None] | None = None
 ) -> Iterator[SqlRows]:
-    """Run one statement of plain SQL that only reads (see `Database.read_sql`)."""
+    """Run one read-only SQL statement (see `Database.read_sql`)."""
     with current_database(url).read_sql(statement, prepare) as rows:
         yield rows
 
 
 def upgrade_database(url: str) -> tuple[int, int]:
-    """Bring a map database to this program's version, in one transaction; returns the versions before and after.
+    """Upgrade a map database to this program's version in one transaction; returns the versions before and after.
 
     Raises `MemoryStoreError` as `open_store` does.
     """
@@ -70,7 +70,7 @@ def upgrade_database(url: str) -> tuple[int, int]:
 def _version(database: Database) -> int:
     version = _known_version(database)
     if version is None:
-        raise _nothing_there(database)
+        raise _missing(database)
     return version
 
 
@@ -94,5 +94,5 @@ def _check_is_current(database: Database, version: int) -> None:
         )
 
 
-def _nothing_there(database: Database) -> MemoryStoreError:
+def _missing(database: Database) -> MemoryStoreError:
     return MemoryStoreError("there is no map database", where=database.where, cure="make one with `supermap build`")

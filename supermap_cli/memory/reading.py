@@ -1,7 +1,7 @@
-"""What questions read: traversals, instances with their states and visits, observations, edges, trajectories.
+"""Reads for queries: traversals, instances with their states and visits, observations, edges, trajectories.
 
-A map may hold a hundred thousand instances: everything is asked for by number, by label or by place, through an index.
-`instances` and what rests on it is for those who go through the whole map (evaluation, export), never for a question.
+A map may hold a hundred thousand instances, so that queries read by number, by label or by place, through an index.
+`instances` and what uses it read the whole map: they are for evaluation and export only.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from sqlalchemy import Connection, Select, and_, func, or_, select, text
 
 from supermap_cli.geometry.arrays import FloatArray, IntArray
 from supermap_cli.memory import blobs, rows
-from supermap_cli.memory.as_of import AsOf
 from supermap_cli.memory.databases import Database
-from supermap_cli.memory.finding import Finder
+from supermap_cli.memory.instance_search import InstanceSearch
 from supermap_cli.memory.numbers import BATCH, batches
-from supermap_cli.memory.values import ObservationRef, Sighting, StoredInstance, StoredTraversal, StoredVisit
+from supermap_cli.memory.presence_query import PresenceQuery
+from supermap_cli.memory.values import ObservationRef, ScoredObservation, StoredInstance, StoredTraversal, StoredVisit
 from supermap_cli.types.memory import SpatialEdge, StateRecord, TemporalEdge, VoxelCloud
 from supermap_schema import models
 
@@ -37,12 +37,12 @@ COUNTED = {
 
 
 def select_traversals() -> Select[Any]:
-    """All traversals in the order of building."""
+    """All traversals in the order in which they were built."""
     return select(models.Traversal.__table__).order_by(models.Traversal.number)
 
 
-class LookedUp(dict[int, V], Generic[V]):
-    """What is known of instances by their numbers: read when it is asked for, and kept."""
+class LazyLookup(dict[int, V], Generic[V]):
+    """A value of instances by their numbers, read on first use and cached."""
 
     def __init__(self, read: Callable[[Collection[int]], dict[int, V]]) -> None:
         super().__init__()
@@ -53,7 +53,7 @@ class LookedUp(dict[int, V], Generic[V]):
         return self[number]
 
     def of(self, numbers: Iterable[int]) -> dict[int, V]:
-        """Those of many numbers, read together."""
+        """The values of many numbers, read together."""
         wanted = set(numbers)
         for batch in batches(sorted(wanted - self.keys())):
             self.update(self._read(batch))
@@ -61,51 +61,52 @@ class LookedUp(dict[int, V], Generic[V]):
 
 
 class MapReader:
-    """Reads of one moment (`MapStore.reader` makes it). What was merged counts for its survivor everywhere."""
+    """Reads of one snapshot, made by `MapStore.reader`. Merged instances count as their survivor everywhere."""
 
     def __init__(self, connection: Connection, database: Database) -> None:
         self.connection = connection
         self._database = database
-        self._times: dict[tuple[int, int | None], AsOf] = {}
+        self._presence_queries: dict[tuple[int, int | None], PresenceQuery] = {}
 
     @property
     def where(self) -> str:
-        """The map's place for people: a path, or a URL without its password."""
+        """The map's path, or its URL without the password."""
         return self._database.where
 
     def size_bytes(self) -> int:
-        """What the map takes on the disk."""
+        """The size of the map on disk."""
         return self._database.size_bytes(self.connection)
 
     @cached_property
     def traversals(self) -> tuple[StoredTraversal, ...]:
-        """All traversals in the order of building."""
+        """All traversals in the order in which they were built."""
         return tuple(map(rows.stored_traversal, self.connection.execute(select_traversals())))
 
     @cached_property
     def now_ns(self) -> int:
-        """The newest sensor time the map knows of; 0 for an empty map."""
-        return max((each.mapped_ns or each.end_ns for each in self.traversals), default=0)
+        """The newest sensor time in the map; 0 if it is empty."""
+        return max((traversal.mapped_ns or traversal.end_ns for traversal in self.traversals), default=0)
 
     @cached_property
-    def finder(self) -> Finder:
-        """Finds instances by what they are called, when and where they stood."""
-        return Finder(self.connection)
+    def search(self) -> InstanceSearch:
+        """Finds instances by label, time and place."""
+        return InstanceSearch(self.connection)
 
-    def as_of(self, at_ns: int, since_ns: int | None = None) -> AsOf:
-        """All that stood at a time, or at the end of a traversal that began at `since_ns`."""
-        return self._times.setdefault((at_ns, since_ns), AsOf(self.connection, at_ns, since_ns))
-
-    @cached_property
-    def survivors(self) -> LookedUp[int]:
-        """An instance's number -> the number of the instance it is part of today (its own, if it was not merged)."""
-        return LookedUp(self._survivors)
+    def presence_at(self, at_ns: int, since_ns: int | None = None) -> PresenceQuery:
+        """Presence of all instances at a time, or at the end of a traversal that began at `since_ns`."""
+        query = PresenceQuery(self.connection, at_ns, since_ns)
+        return self._presence_queries.setdefault((at_ns, since_ns), query)
 
     @cached_property
-    def text_ids(self) -> LookedUp[str]:
-        """The text id of any instance there ever was, by its number."""
+    def survivors(self) -> LazyLookup[int]:
+        """An instance's number -> the number of the instance that it is merged into today, or its own."""
+        return LazyLookup(self._survivors)
+
+    @cached_property
+    def text_ids(self) -> LazyLookup[str]:
+        """The text id of any instance, merged ones included, by its number."""
         instance = models.Instance
-        return LookedUp(
+        return LazyLookup(
             lambda numbers: {
                 row.number: row.id
                 for row in self.connection.execute(
@@ -117,42 +118,46 @@ class MapReader:
     # Instances
 
     def instance(self, text_id: str) -> StoredInstance | None:
-        """The instance of a text id, or the one it was merged into; `None` if there never was one."""
-        spelt = {text_id, text_id.lower(), text_id.casefold()}
-        statement = select(models.Instance.number).where(models.Instance.id.in_(spelt)).limit(1)
+        """The instance with a text id, or the one that it was merged into; `None` if there is none."""
+        spellings = {text_id, text_id.lower(), text_id.casefold()}
+        statement = select(models.Instance.number).where(models.Instance.id.in_(spellings)).limit(1)
         number = self.connection.execute(statement).scalar()
         return None if number is None else self.instances_of([number])[0]
 
     def instances_of(
         self, numbers: Collection[int], *, visits: bool = True, traversal_ids: Collection[int] | None = None
     ) -> tuple[StoredInstance, ...]:
-        """The instances that the given numbers are part of today, each once, in the order of their numbers; without
-        their visits, or with those of some traversals only, if no others are wanted.
+        """The surviving instances of the given numbers, without duplicates, in the order of their numbers.
+
+        `visits` false: without their visits; `traversal_ids`: with the visits of these traversals only.
         """
         survivors = sorted(set(self.survivors.of(numbers).values()))
         wanted = traversal_ids if visits else ()
         return tuple(instance for batch in batches(survivors) for instance in self._whole(batch, wanted))
 
-    def lives_of(self, numbers: Collection[int], traversal_ids: Collection[int] = ()) -> dict[int, StoredInstance]:
-        """Instances that were not merged, by their numbers, with the visits of the given traversals only: enough to
-        choose by, and read faster.
+    def instances_by_number(
+        self, numbers: Collection[int], traversal_ids: Collection[int] = ()
+    ) -> dict[int, StoredInstance]:
+        """Instances by their numbers, merged ones left out, with the visits of the given traversals only.
+
+        Faster than `instances_of`; enough for selecting instances.
         """
         found: dict[int, StoredInstance] = {}
         for batch in batches(sorted(set(numbers))):
             parts = self.parts_of(batch) if traversal_ids else {number: number for number in batch}
             visits = self._visits(parts, traversal_ids) if traversal_ids else defaultdict(list)
-            found |= {each.number: each for each in self._instances(batch, parts, visits)}
+            found |= {instance.number: instance for instance in self._instances(batch, parts, visits)}
         return found
 
     @cached_property
     def instances(self) -> tuple[StoredInstance, ...]:
-        """All instances in the order of their numbers, those merged into others as part of them."""
+        """All surviving instances in the order of their numbers."""
         return self.instances_of(self.connection.execute(select(models.Instance.number)).scalars().all())
 
-    def each_instance(self, *, visits: bool = True) -> Iterator[StoredInstance]:
-        """As `instances`, but read while they are taken and not kept: for what goes through a map of any size.
+    def iter_instances(self, *, visits: bool = True) -> Iterator[StoredInstance]:
+        """As `instances`, but read while they are iterated over, so that memory does not grow with the map.
 
-        Without `visits`, which are most of what belongs to an instance, they have none.
+        `visits` false: without their visits, which are the largest part of an instance.
         """
         instance = models.Instance
         statement = select(instance.number).where(instance.merged_into.is_(None)).order_by(instance.number)
@@ -164,63 +169,67 @@ class MapReader:
 
     @property
     def believed(self) -> tuple[StoredInstance, ...]:
-        """All instances but those that the evidence no longer says were ever real."""
-        return tuple(each for each in self.instances if each.presence != "doubted")
+        """All instances that were not demoted."""
+        return tuple(instance for instance in self.instances if instance.presence != "doubted")
 
     def supported_in(self, traversal_ids: Collection[int]) -> tuple[int, ...]:
-        """The numbers of the instances that one of the traversals saw, in order."""
+        """The numbers of the instances that one of the traversals saw, ordered."""
         visit = models.Visit
         statement = select(visit.instance_number).where(visit.traversal_id.in_(traversal_ids), visit.supported > 0)
         seen = self.connection.execute(statement).scalars().all()
         return tuple(sorted(set(self.survivors.of(seen).values())))
 
     def changed_within(self, low_ns: int, high_ns: int) -> tuple[int, ...]:
-        """The numbers of the instances of which a state began or ended within (low, high], in order."""
+        """The numbers of the instances with a state that began or ended within (low, high], ordered."""
         state = models.State
         number = select(state.instance_number)
         began = number.where(state.first_seen_ns > low_ns, state.first_seen_ns <= high_ns)
         ended = number.where(state.gone_ns > low_ns, state.gone_ns <= high_ns)
         return self._numbers(began, ended)
 
-    def standing_at(self, at_ns: int) -> tuple[int, ...]:
-        """The numbers of the instances of which a state had begun by a time and was not known to have ended."""
+    def instances_placed_at(self, at_ns: int) -> tuple[int, ...]:
+        """The numbers, ordered, of instances with a state that had begun by a time and is not known to have ended."""
         state = models.State
         held = and_(state.first_seen_ns <= at_ns, or_(state.gone_ns.is_(None), state.gone_ns > at_ns))
         return self._numbers(select(state.instance_number).where(held))
 
     def _numbers(self, *statements: Select[Any]) -> tuple[int, ...]:
-        """The numbers that statements find, as those of the instances that they are part of today."""
-        found = {number for each in statements for number in self.connection.execute(each).scalars()}
+        """The surviving instances of the numbers that the statements find."""
+        found = {number for statement in statements for number in self.connection.execute(statement).scalars()}
         return tuple(sorted(set(self.survivors.of(found).values())))
 
     def voxels(self, instance: StoredInstance) -> VoxelCloud:
-        """An instance's geometry, in its present or last place."""
+        """An instance's geometry in its current or last place."""
         found = self.connection.execute(select(models.Instance.voxels).where(models.Instance.number == instance.number))
         return blobs.decode_voxels(found.scalar_one())
 
     # Observations
 
     def observations(self, instance: StoredInstance) -> tuple[ObservationRef, ...]:
-        """What was seen of an instance, in the order of time."""
+        """The observations of an instance in the order of time."""
         observation = models.Observation
-        told = (observation.id, observation.keyframe_id, observation.instance_number, observation.label)
-        weighed = (observation.score, observation.evidence_for, observation.evidence_against)
-        where = (observation.x, observation.y, observation.z)
-        statement = _in_time(select(*told, *weighed, *where), instance)
+        statement = _ordered_by_time(
+            select(
+                *(observation.id, observation.keyframe_id, observation.instance_number, observation.label),
+                *(observation.score, observation.evidence_for, observation.evidence_against),
+                *(observation.x, observation.y, observation.z),
+            ),
+            instance,
+        )
         return tuple(rows.observation_ref(row, self.survivors) for row in self.connection.execute(statement))
 
-    def sightings(self, instance: StoredInstance) -> tuple[Sighting, ...]:
-        """When and how surely an instance was seen, in the order of time: answered by an index alone, but for when."""
-        statement = _in_time(select(models.Observation.id, models.Observation.score), instance)
+    def scored_observations(self, instance: StoredInstance) -> tuple[ScoredObservation, ...]:
+        """As `observations`, with their scores only: all but the stamps come from an index."""
+        statement = _ordered_by_time(select(models.Observation.id, models.Observation.score), instance)
         found = self.connection.execute(statement)
-        return tuple(Sighting(row.id, row.traversal_id, row.stamp_ns, row.score) for row in found)
+        return tuple(ScoredObservation(row.id, row.traversal_id, row.stamp_ns, row.score) for row in found)
 
     # Edges
 
     def edges_of(
         self, numbers: Collection[int], relations: Collection[str] | None = None, *, open_only: bool = False
     ) -> tuple[SpatialEdge, ...]:
-        """The spatial edges at either end of which one of the given instances stands, in the order of writing."""
+        """The spatial edges that begin or end at one of the given instances, in the order of their row ids."""
         ends = list(self.parts_of(numbers))
         edge = models.SpatialEdge
         found: dict[int, Any] = {}
@@ -237,7 +246,7 @@ class MapReader:
             if subject != obj:
                 stored = SpatialEdge(subject, row.relation, obj, row.since_ns, row.until_ns, row.confidence)
                 edges[subject, row.relation, obj, row.since_ns] = stored
-        return tuple(each for each in edges.values() if each.until_ns is None or not open_only)
+        return tuple(edge for edge in edges.values() if edge.until_ns is None or not open_only)
 
     def temporal_edges(self, numbers: Collection[int] | None = None) -> tuple[TemporalEdge, ...]:
         """All temporal edges (or those that touch one of the given numbers), in the order of time."""
@@ -251,17 +260,15 @@ class MapReader:
             found |= {(row.not_after_ns, row.id): row for row in self.connection.execute(touching)}
         return tuple(rows.temporal_edge(row) for _, row in sorted(found.items()))
 
-    # Ways
+    # Trajectories
 
     def trajectory(self, traversal_id: int) -> tuple[IntArray, FloatArray]:
-        """The robot's way in one traversal: (n,) stamps and (n, 3) positions in the map."""
+        """The robot's trajectory in one traversal: (n,) stamps and (n, 3) positions in the map."""
         stamps_ns, T_map_base = self.poses(traversal_id)
         return stamps_ns, T_map_base[:, :3, 3]
 
     def poses(self, traversal_id: int) -> tuple[IntArray, FloatArray]:
-        """One traversal's keyframes, each stamp once, however many cameras share it: (n,) stamps and (n, 4, 4)
-        `T_map_base`.
-        """
+        """(n,) stamps of a traversal's keyframes and (n, 4, 4) `T_map_base`; cameras of one stamp share a pose."""
         statement = (
             select(models.Keyframe.stamp_ns, models.Keyframe.T_map_base)
             .where(models.Keyframe.traversal_id == traversal_id)
@@ -271,27 +278,27 @@ class MapReader:
         poses = [json.loads(T_map_base) for T_map_base in found.values()]
         return np.array(list(found), np.int64), np.array(poses, np.float64).reshape(-1, 4, 4)
 
-    # The whole
+    # The whole map
 
     def counts(self) -> dict[str, int]:
-        """How many rows there are of what; traversals know how many keyframes and observations they have."""
+        """Numbers of rows by table; those of keyframes and observations are stored with the traversals."""
         return {
             "traversals": len(self.traversals),
-            "keyframes": sum(each.keyframes for each in self.traversals),
-            "observations": sum(each.observations for each in self.traversals),
+            "keyframes": sum(traversal.keyframes for traversal in self.traversals),
+            "observations": sum(traversal.observations for traversal in self.traversals),
         } | {
             name: self.connection.execute(select(func.count()).select_from(model)).scalar_one()
             for name, model in COUNTED.items()
         }
 
     def revision(self) -> str:
-        """The newest migration the database went through."""
+        """The revision of the newest migration that was applied."""
         return str(self.connection.execute(text("SELECT version_num FROM alembic_version")).scalar_one())
 
-    # Rows by number
+    # Merged instances
 
     def parts_of(self, numbers: Collection[int]) -> dict[int, int]:
-        """All that was merged into the given instances, and they themselves: each one's number -> its survivor's."""
+        """The given instances and those merged into them: number -> the given one's number."""
         instance = models.Instance
         parts: dict[int, int] = {}
         for batch in batches(sorted(numbers)):
@@ -321,10 +328,11 @@ class MapReader:
         return {number: survivor for number, survivor in end.items() if number in into}
 
     def _whole(self, survivors: Sequence[int], traversal_ids: Collection[int] | None) -> Iterator[StoredInstance]:
-        """Instances that were not merged, with all that belongs to them, and the visits of the traversals (all)."""
+        """Surviving instances with their states, and the visits of the traversals (`None`: of all)."""
         parts = self.parts_of(survivors)
-        looked = traversal_ids is None or len(traversal_ids) > 0
-        return self._instances(survivors, parts, self._visits(parts, traversal_ids) if looked else defaultdict(list))
+        with_visits = traversal_ids is None or len(traversal_ids) > 0
+        visits = self._visits(parts, traversal_ids) if with_visits else defaultdict(list)
+        return self._instances(survivors, parts, visits)
 
     def _instances(
         self, survivors: Collection[int], parts: dict[int, int], visits: dict[int, list[StoredVisit]]
@@ -350,7 +358,7 @@ class MapReader:
     def _visits(
         self, parts: dict[int, int], traversal_ids: Collection[int] | None = None
     ) -> dict[int, list[StoredVisit]]:
-        """Visits (of some traversals) by survivor, summed over those merged into it."""
+        """Visits (of some traversals) by surviving instance, summed over those merged into it."""
         summed: dict[tuple[int, int], StoredVisit] = {}
         for batch in batches(list(parts)):
             statement = select(models.Visit.__table__).where(models.Visit.instance_number.in_(batch))
@@ -365,8 +373,8 @@ class MapReader:
         return visits
 
 
-def _in_time(statement: Select[*tuple[Any, ...]], instance: StoredInstance) -> Select[*tuple[Any, ...]]:
-    """Observations of an instance with their traversal and stamp, in the order of time."""
+def _ordered_by_time(statement: Select[*tuple[Any, ...]], instance: StoredInstance) -> Select[*tuple[Any, ...]]:
+    """The statement on observations, for those of an instance, with traversal and stamp, in the order of time."""
     keyframe, observation = models.Keyframe, models.Observation
     return (
         statement.add_columns(keyframe.traversal_id, keyframe.stamp_ns)

@@ -1,4 +1,4 @@
-"""Values to rows and rows to values: the one place that knows both."""
+"""Converts values to rows and rows to values."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ INSTANCE_WITHOUT_GEOMETRY = tuple(
 
 
 def to_json(value: object) -> str:
-    """Compact JSON; NaN and infinity are bugs."""
+    """Compact JSON. Raises `ValueError` for NaN and infinity."""
     return json.dumps(value, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
 
 
@@ -72,7 +72,7 @@ def _box(row: Row) -> Box3D:
 
 
 def traversal_values(start: TraversalStart, number: int, name: str) -> Values:
-    """The row of a traversal whose build begins."""
+    """The row of a new traversal."""
     return {
         "number": number,
         "name": name,
@@ -89,7 +89,7 @@ def traversal_values(start: TraversalStart, number: int, name: str) -> Values:
 
 
 def stored_traversal(row: Row) -> StoredTraversal:
-    """A traversal's row."""
+    """A traversal from its row."""
     return StoredTraversal(
         id=row.id,
         number=row.number,
@@ -131,7 +131,7 @@ def keyframe_values(keyframe: KeyframeRecord, traversal_id: int) -> Values:
 
 
 def keyframe_record(row: Row) -> KeyframeRecord:
-    """A keyframe's row, without its thumbnail."""
+    """A keyframe from its row, without its thumbnail."""
     return KeyframeRecord(
         stamp_ns=row.stamp_ns,
         T_map_base=_transform(row.T_map_base),
@@ -167,7 +167,7 @@ def instance_values(record: InstanceRecord, traversal_id: int, text_id: str) -> 
 
 
 def instance_record(row: Row) -> InstanceRecord:
-    """An instance's whole row."""
+    """An instance from its whole row."""
     return InstanceRecord(
         number=row.number,
         label=row.label,
@@ -189,7 +189,7 @@ def instance_record(row: Row) -> InstanceRecord:
 def stored_instance(
     row: Row, numbers: tuple[int, ...], states: tuple[StateRecord, ...], visits: tuple[StoredVisit, ...]
 ) -> StoredInstance:
-    """An instance's row without its geometry, with what belongs to it."""
+    """An instance from its row without the geometry, with the numbers, states and visits that belong to it."""
     return StoredInstance(
         number=row.number,
         id=row.id,
@@ -228,13 +228,13 @@ def observation_values(observation: Observation, keyframe_id: int) -> Values:
         "z": z,
         "evidence_for": int(observation.evidence_for),
         "evidence_against": int(observation.evidence_against),
-        "hypotheses": to_json([[each.label, float(each.score)] for each in observation.hypotheses]),
+        "hypotheses": to_json([[hypothesis.label, float(hypothesis.score)] for hypothesis in observation.hypotheses]),
         "crop_jpeg": observation.crop_jpeg,
     }
 
 
 def observation_ref(row: Row, survivors: Mapping[int, int]) -> ObservationRef:
-    """An observation's row joined with its keyframe; `survivors` maps merged numbers to those they are part of."""
+    """An observation from its row joined with its keyframe; `survivors` maps numbers to surviving instances."""
     return ObservationRef(
         id=row.id,
         traversal_id=row.traversal_id,
@@ -266,7 +266,7 @@ def state_values(state: StateRecord, traversal_id: int) -> Values:
 
 
 def state_record(row: Row) -> StateRecord:
-    """A state's row."""
+    """A state from its row."""
     return StateRecord(
         object_number=row.instance_number,
         index=row.state_index,
@@ -295,7 +295,7 @@ def visit_values(visit: Visit, traversal_id: int) -> Values:
 
 
 def added_visit(before: StoredVisit | None, row: Row, survivor: int) -> StoredVisit:
-    """A visit's row, added to what the same traversal saw of others that are one with it today."""
+    """A visit from its row, summed with those of the same traversal by instances merged into the same `survivor`."""
     firsts, lasts = [row.first_support_ns], [row.last_support_ns]
     if before is not None:
         firsts.append(before.first_support_ns)
@@ -312,7 +312,7 @@ def added_visit(before: StoredVisit | None, row: Row, survivor: int) -> StoredVi
 
 
 def visit(row: Row) -> Visit:
-    """A visit's row."""
+    """A visit from its row."""
     return Visit(
         object_number=row.instance_number,
         supported=row.supported,
@@ -337,7 +337,7 @@ def spatial_edge_values(edge: SpatialEdge, traversal_id: int) -> Values:
 
 
 def spatial_edge(row: Row) -> SpatialEdge:
-    """A spatial edge's row."""
+    """A spatial edge from its row."""
     return SpatialEdge(row.subject_number, row.relation, row.object_number, row.since_ns, row.until_ns, row.confidence)
 
 
@@ -358,7 +358,7 @@ def temporal_edge_values(edge: TemporalEdge, traversal_id: int) -> Values:
 
 
 def temporal_edge(row: Row) -> TemporalEdge:
-    """A temporal edge's row."""
+    """A temporal edge from its row."""
     return TemporalEdge(
         kind=row.kind,
         from_number=row.from_number,

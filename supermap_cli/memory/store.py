@@ -1,4 +1,4 @@
-"""`MapStore`: the map database as values. It is the only user of database sessions."""
+"""`MapStore`: reads and writes the map database as values. Only this package opens database sessions."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from sqlalchemy.exc import DatabaseError, IntegrityError
 from supermap_cli.errors import MemoryStoreError
 from supermap_cli.memory import rows
 from supermap_cli.memory.databases import Database, Lock, dialect_of
-from supermap_cli.memory.joining import Incoming, take_in
+from supermap_cli.memory.map_import import MapImport, import_map
 from supermap_cli.memory.names import traversal_name
 from supermap_cli.memory.numbers import BATCH
-from supermap_cli.memory.reading import MapReader, select_traversals
-from supermap_cli.memory.retention import (
-    GivenUp,
-    KeptFrom,
+from supermap_cli.memory.pruning import (
     Progress,
-    declare,
-    give_up_sightings,
-    give_up_thumbnails,
+    PruneCounts,
+    PrunePolicy,
+    declare_limits,
+    prune_observations,
+    prune_thumbnails,
 )
-from supermap_cli.memory.undo import drop_before_images, take_out
+from supermap_cli.memory.reading import MapReader, select_traversals
+from supermap_cli.memory.rollback import drop_before_images, roll_back
 from supermap_cli.memory.values import Checkpoint, StoredTraversal, TraversalStart
 from supermap_cli.memory.writing import measure_moves, write_checkpoint, write_delta
 from supermap_cli.types.memory import InstanceRecord, KeyframeRecord, MapDelta, SpatialEdge, StateRecord, Visit
@@ -35,15 +35,15 @@ if TYPE_CHECKING:
 
 
 class MapStore:
-    """An open map database; `opening.open_store` makes one, `close` (or `with`) ends it.
+    """An open map database, made by `opening.open_store`; `close` it, or use it in a `with` statement.
 
     A build calls `begin_traversal`, then `commit` for every batch of keyframes, then `finish_traversal`, or
-    `discard_traversal` when it comes to nothing. One that was stopped has left an `unfinished` traversal: it goes on
-    from its `checkpoint`, or is taken out. Questions use `reader`.
+    `discard_traversal` if it has no result. A build that was stopped leaves an `unfinished` traversal, which is resumed
+    from its `checkpoint` or rolled back. Queries use `reader`.
     """
 
     def __init__(self, database: Database, engine: Engine | None, lock: Lock | None) -> None:
-        """`engine` is `None` while there is no map yet; `lock` is `None` for readers."""
+        """`engine` is `None` until the map exists; `lock` is `None` for readers."""
         self._database = database
         self._engine = engine
         self._lock = lock
@@ -51,12 +51,12 @@ class MapStore:
 
     @property
     def where(self) -> str:
-        """The map's place for people: a path, or a URL without its password."""
+        """The map's path, or its URL without the password."""
         return self._database.where
 
     @property
     def identity(self) -> str:
-        """The same for the same map, however its place was written."""
+        """Equal for equal maps, however their path or URL is written."""
         return self._database.identity
 
     def __enter__(self) -> Self:
@@ -66,7 +66,7 @@ class MapStore:
         self.close()
 
     def close(self) -> None:
-        """Close all connections and give the build lock back."""
+        """Close all connections and release the build lock."""
         if self._engine is not None:
             self._engine.dispose()
         if self._lock is not None:
@@ -75,42 +75,43 @@ class MapStore:
     # Building
 
     def unfinished(self) -> StoredTraversal | None:
-        """The traversal whose build was stopped or killed: whatever is not complete, for the build lock is ours."""
-        return next((each for each in self.traversals() if each.status == "building"), None)
+        """The traversal whose build was stopped or killed. While this store holds the lock, no build is running."""
+        return next((traversal for traversal in self.traversals() if traversal.status == "building"), None)
 
-    def take_out_unfinished(self) -> tuple[str, ...]:
-        """Take out what stopped builds left, and return their names."""
-        unfinished = [each for each in self.traversals() if each.status == "building"]
+    def roll_back_unfinished(self) -> tuple[str, ...]:
+        """Roll back the traversals of stopped builds, and return their names."""
+        unfinished = [traversal for traversal in self.traversals() if traversal.status == "building"]
         if unfinished:
             with self._writing() as connection:
-                for each in unfinished:
-                    take_out(connection, each.id)
-        return tuple(each.name for each in unfinished)
+                for traversal in unfinished:
+                    roll_back(connection, traversal.id)
+        return tuple(traversal.name for traversal in unfinished)
 
     def check_is_new(
         self, recording: str, fingerprint: str, name: str | None, *, again: bool = False, without: int | None = None
     ) -> None:
-        """Raise `MemoryStoreError` if a recording is in the map already, unless `again`, or the name is taken. The
-        traversal `without` is about to go.
+        """Raise `MemoryStoreError` if a recording is in the map already, unless `again`, or if the name is taken.
+
+        The traversal with the id `without` is ignored: it is about to be rolled back.
         """
-        known = [each for each in self.traversals() if each.id != without]
-        same = next((each.name for each in known if each.fingerprint == fingerprint), None)
+        known = [traversal for traversal in self.traversals() if traversal.id != without]
+        same = next((known_object.name for known_object in known if known_object.fingerprint == fingerprint), None)
         if same is not None and not again:
             raise MemoryStoreError(
                 f"this recording is in the map already, as traversal {same!r}",
                 where=recording,
                 cure="build another recording, or this one into a database of its own (--db), or once more (--again)",
             )
-        if name is not None and name in {each.name for each in known}:
+        if name is not None and name in {known_object.name for known_object in known}:
             raise MemoryStoreError(
                 f"there is a traversal named {name!r} already", where=self.where, cure="choose another name"
             )
 
     def begin_traversal(self, start: TraversalStart, *, again: bool = False) -> int:
-        """Enter a new traversal and return its id; a missing map is made now.
+        """Add a traversal and return its id; a missing map is created.
 
         Raises `MemoryStoreError` if the recording is in the map already, unless `again`, if its name is taken, or if
-        the build of another traversal has not come to its end.
+        the build of another traversal is unfinished.
         """
         self._create_if_missing()
         if (unfinished := self.unfinished()) is not None:
@@ -120,7 +121,7 @@ class MapStore:
                 cure="let it go on, or take out what it wrote",
             )
         self.check_is_new(start.recording, start.fingerprint, start.name, again=again)
-        names = {each.name for each in self.traversals()}
+        names = {traversal.name for traversal in self.traversals()}
         with self._writing() as connection:
             dialect_of(connection).align_row_ids(connection)
             number = connection.execute(select(func.coalesce(func.max(models.Traversal.number), 0))).scalar_one() + 1
@@ -128,12 +129,12 @@ class MapStore:
             return connection.execute(insert(models.Traversal).returning(models.Traversal.id), values).scalar_one()
 
     def place_traversal(self, traversal_id: int, T_map_odom: FloatArray) -> None:
-        """Change where a traversal's odometry stands in the map."""
+        """Replace the registration of a traversal's odometry frame in the map."""
         with self._writing() as connection:
             _update_traversal(connection, traversal_id, T_map_odom=rows.to_json(T_map_odom.tolist()))
 
     def commit(self, traversal_id: int, delta: MapDelta, checkpoint: Checkpoint | None = None) -> None:
-        """Write all that a batch of whole keyframes changed, in one transaction; a checkpoint replaces the last one."""
+        """Write a batch of keyframes with everything that it changed, and the checkpoint, in one transaction."""
         with self._writing() as connection:
             dialect_of(connection).align_row_ids(connection)
             write_delta(connection, traversal_id, delta)
@@ -141,7 +142,7 @@ class MapStore:
                 write_checkpoint(connection, traversal_id, checkpoint)
 
     def checkpoint(self, traversal_id: int) -> Checkpoint | None:
-        """The last checkpoint of a traversal that is not complete; `None` if none was written yet."""
+        """The last checkpoint of an unfinished traversal; `None` if there is none yet."""
         table = models.Checkpoint
         found = self._rows(select(table.part, table.stamp_ns, table.content).where(table.traversal_id == traversal_id))
         return Checkpoint(found[0].stamp_ns, {row.part: row.content for row in found}) if found else None
@@ -154,8 +155,10 @@ class MapStore:
         *,
         end_ns: int | None = None,
     ) -> None:
-        """The build is complete. `timings` is seconds per stage, `warnings` what its recording, its odometry and itself
-        warned with; `end_ns` corrects the span's end.
+        """Mark the traversal as complete.
+
+        `timings` is seconds per stage; `warnings` are those of the recording, the odometry and the build; `end_ns`
+        replaces the end of the span.
         """
         with self._writing() as connection:
             measure_moves(connection, traversal_id)
@@ -169,17 +172,17 @@ class MapStore:
             if end_ns is not None:
                 changes["end_ns"] = int(end_ns)
             _update_traversal(connection, traversal_id, **changes)
-        self._database.give_back()  # checkpoints are large
+        self._database.release_free_pages()  # checkpoints are large
 
-    def take_in(self, other: MapStore, incoming: Incoming) -> None:
-        """Take another map's traversals in, in one transaction; the other map is only read."""
+    def import_map(self, other: MapStore, imported: MapImport) -> None:
+        """Import another map's traversals in one transaction; the other map is only read."""
         with self._writing() as target, other._reading() as source:
-            take_in(target, source, incoming)
+            import_map(target, source, imported)
 
     def discard_traversal(self, traversal_id: int) -> None:
-        """Take an unfinished traversal out again: the map is as it was before.
+        """Roll an unfinished traversal back: the map is as it was before.
 
-        Raises `MemoryStoreError` for a finished one.
+        Raises `MemoryStoreError` for a complete one.
         """
         with self._writing() as connection:
             status = connection.execute(
@@ -187,12 +190,12 @@ class MapStore:
             ).scalar_one_or_none()
             if status not in {None, "building"}:
                 raise MemoryStoreError(f"traversal {traversal_id} is {status} and stays", where=self.where)
-            take_out(connection, traversal_id)
-        self._database.give_back()
+            roll_back(connection, traversal_id)
+        self._database.release_free_pages()
 
     def discard_if_created(self) -> bool:
-        """Remove the database if this store made it and no complete traversal is in it; says whether it did."""
-        if not self._created or any(each.status == "complete" for each in self.traversals()):
+        """Remove the database if this store created it and it has no complete traversal; returns whether it did."""
+        if not self._created or any(traversal.status == "complete" for traversal in self.traversals()):
             return False
         if self._engine is not None:
             self._engine.dispose()
@@ -200,14 +203,14 @@ class MapStore:
         self._database.remove()
         return True
 
-    # What the mapping engine goes on from
+    # What mapping continues from
 
     def traversals(self) -> tuple[StoredTraversal, ...]:
-        """All traversals in the order of building."""
+        """All traversals in the order in which they were built."""
         return tuple(map(rows.stored_traversal, self._rows(select_traversals())))
 
     def load_instances(self, *, merged: bool = False) -> tuple[InstanceRecord, ...]:
-        """All instances in the order of their numbers; those merged into others only if `merged`."""
+        """All instances in the order of their numbers; `merged`: also those that were merged into others."""
         statement = select(models.Instance.__table__).order_by(models.Instance.number)
         if not merged:
             statement = statement.where(models.Instance.merged_into.is_(None))
@@ -218,7 +221,7 @@ class MapStore:
         return {row.number: row.id for row in self._rows(select(models.Instance.number, models.Instance.id))}
 
     def next_object_number(self) -> int:
-        """The smallest number that no instance has and none had that is stored."""
+        """The number after the largest of all stored instances."""
         largest = self._rows(select(func.max(models.Instance.number).label("number")))
         return (largest[0].number or 0) + 1 if largest else 1
 
@@ -230,7 +233,7 @@ class MapStore:
         return tuple(map(rows.state_record, self._rows(statement)))
 
     def load_open_states(self) -> tuple[StateRecord, ...]:
-        """The newest state of every instance that is not merged away, where nothing contradicted it yet."""
+        """The newest state of every instance that is not merged into another, where it has not ended."""
         later = models.State.__table__.alias("later")
         statement = (
             select(models.State.__table__)
@@ -250,7 +253,7 @@ class MapStore:
         return tuple(map(rows.state_record, self._rows(statement)))
 
     def load_spatial_edges(self, *, open_only: bool = True) -> tuple[SpatialEdge, ...]:
-        """Spatial edges, those that still hold or all of them."""
+        """Spatial edges: the open ones, or all of them."""
         statement = select(models.SpatialEdge.__table__).order_by(models.SpatialEdge.id)
         if open_only:
             statement = statement.where(models.SpatialEdge.until_ns.is_(None))
@@ -265,8 +268,9 @@ class MapStore:
     def keyframe_depths(
         self, traversal_ids: Collection[int] | None = None, *, until_ns: int | None = None
     ) -> Iterator[KeyframeRecord]:
-        """The keyframes of all (or the given) traversals in the order of time, one by one, without thumbnails; those
-        after `until_ns` are left out.
+        """The keyframes of all (or the given) traversals until `until_ns`, in the order of time, without thumbnails.
+
+        They are read while they are iterated over.
         """
         if self._engine is None:
             return
@@ -280,21 +284,21 @@ class MapStore:
             for row in connection.execute(statement.execution_options(yield_per=50)):
                 yield rows.keyframe_record(row)
 
-    # Questions
+    # Queries
 
     @contextmanager
     def reader(self) -> Iterator[MapReader]:
-        """Reads of one moment: whatever a running build commits meanwhile is not seen."""
+        """A reader of one snapshot: commits of a running build are not visible to it."""
         with self._reading() as connection:
             yield MapReader(connection, self._database)
 
-    # Keeping it small
+    # Size
 
-    def give_up(self, kept: KeptFrom, progress: Progress | None = None, *, really: bool = True) -> GivenUp:
-        """Give up old crops, observations and thumbnails; what stays, and how it is done, stands in `retention`.
+    def prune(self, policy: PrunePolicy, progress: Progress | None = None, *, dry_run: bool = False) -> PruneCounts:
+        """Delete old crops, observations and thumbnails, as described in `pruning`; with `dry_run` only count them.
 
-        Killed in between it leaves a sound map and can be done again. Not `really`: only say what would go.
-        Raises `MemoryStoreError` while a build has not come to its end.
+        If the process is killed, the map is consistent and pruning can be repeated. Raises `MemoryStoreError` while a
+        build is unfinished.
         """
         if (unfinished := self.unfinished()) is not None:
             raise MemoryStoreError(
@@ -302,35 +306,35 @@ class MapStore:
                 where=self.where,
                 cure="let it go on (`supermap build --resume`), or take it out by building another recording",
             )
-        session = self._writing if really else self._reading
-        if really:
+        session = self._reading if dry_run else self._writing
+        if not dry_run:
             with self._writing() as connection:
-                declare(connection, kept)
+                declare_limits(connection, policy)
         total = len(self._rows(select(models.Instance.number).where(models.Instance.merged_into.is_(None))))
-        given_up, after, done = GivenUp(), None, 0
+        counts, after, done = PruneCounts(), None, 0
         while True:
             with session() as connection:
-                after, part = give_up_sightings(connection, self._database, kept, after, really=really)
+                after, part = prune_observations(connection, self._database, policy, after, dry_run=dry_run)
             if after is None:
                 break
-            given_up.add(part)
+            counts.add(part)
             done = min(done + BATCH, total)
             if progress is not None:
                 progress(done, total)
-        for traversal in self.traversals() if kept.thumbnails_ns is not None else ():
+        for traversal in self.traversals() if policy.thumbnails_ns is not None else ():
             with session() as connection:
-                given_up.add(give_up_thumbnails(connection, traversal, kept.thumbnails_ns or 0, really=really))
-        return given_up
+                counts.add(prune_thumbnails(connection, traversal, policy.thumbnails_ns or 0, dry_run=dry_run))
+        return counts
 
-    def reclaim(self) -> None:
-        """Give the room of what is gone back to the disk, as far as the database can without blocking readers.
+    def vacuum(self) -> None:
+        """Release the space of deleted rows, as far as the database can without blocking readers.
 
-        Raises `MemoryStoreError` where there is no room to do so.
+        Raises `MemoryStoreError` if there is not enough free space to do so.
         """
         if self._engine is None or self._lock is None:
             raise MemoryStoreError("the map database is not open for writing", where=self.where)
         with self._translated():
-            self._database.reclaim(self._engine)
+            self._database.vacuum(self._engine)
 
     # Sessions
 
@@ -355,7 +359,7 @@ class MapStore:
 
     @contextmanager
     def _translated(self) -> Iterator[None]:
-        """What a user can mend (full disk, damaged file) becomes a `MemoryStoreError`; a broken invariant is a bug."""
+        """Raise `MemoryStoreError` for what a user can mend (full disk, damaged file); a broken constraint is a bug."""
         try:
             yield
         except IntegrityError:
@@ -364,7 +368,7 @@ class MapStore:
             raise self._database.failure(error) from error
 
     def _rows(self, statement: Select[*tuple[Any, ...]]) -> list[Row[*tuple[Any, ...]]]:
-        """All rows; none while there is no map."""
+        """All rows; none if there is no map yet."""
         if self._engine is None:
             return []
         with self._reading() as connection:

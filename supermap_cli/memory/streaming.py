@@ -1,6 +1,6 @@
-"""Reads of the whole memory, row by row: what is held at once does not grow with the memory.
+"""Streams whole tables row by row, so that memory does not grow with the map.
 
-Instances come from `MapReader.each_instance`; here is what belongs to them, under the numbers of before any merge.
+Instances are read by `MapReader.iter_instances`; rows here keep the numbers of merged instances.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from supermap_schema.models import Instance, Keyframe, Observation, SpatialEdge,
 AnyRow = Row[tuple[Any, ...]]
 
 FETCHED = 500
-"""Rows read ahead."""
+"""Rows fetched together."""
 
 
 def survivors_of_merged(reader: MapReader) -> dict[int, tuple[int, str]]:
-    """The number of every instance that was merged into another -> number and id of the one it is part of today."""
+    """The number of every instance that was merged into another -> number and text id of the surviving instance."""
     merged = reader.connection.execute(select(Instance.number).where(Instance.merged_into.is_not(None))).scalars()
     survivors = reader.survivors.of(merged.all())
     ids = reader.text_ids.of(survivors.values())
@@ -31,17 +31,18 @@ def survivors_of_merged(reader: MapReader) -> dict[int, tuple[int, str]]:
 
 
 def stream_geometry(reader: MapReader) -> Iterator[tuple[int, VoxelCloud]]:
-    """Number and voxels of all instances that stand for themselves, in the order of their numbers."""
+    """Number and voxels of all surviving instances in the order of their numbers."""
     statement = select(Instance.number, Instance.voxels).where(Instance.merged_into.is_(None)).order_by(Instance.number)
-    for row in _stream(reader, statement, most=20):
+    for row in _stream(reader, statement, fetched=20):
         yield row.number, blobs.decode_voxels(row.voxels)
 
 
 def stream_observations(
     reader: MapReader, traversal_id: int | None = None, until_ns: int | None = None
 ) -> Iterator[AnyRow]:
-    """All observations without their crops, each with its keyframe's stamp and traversal and its `instance_id`; or only
-    those of one traversal, and those until a time.
+    """Observations without their crops, with stamp and traversal of the keyframe and their `instance_id`.
+
+    Only those of one traversal and until a time, if given.
     """
     columns = [column for column in Observation.__table__.columns if column.name != "crop_jpeg"]
     statement = (
@@ -63,14 +64,14 @@ def stream_observations(
 def stream_keyframes(
     reader: MapReader, traversal_id: int | None = None, until_ns: int | None = None
 ) -> Iterator[AnyRow]:
-    """All keyframes without their images, by traversal and time; or only those of one, and those until a time."""
+    """Keyframes without their images by traversal and time; only those of one and until a time, if given."""
     columns = [column for column in Keyframe.__table__.columns if column.name not in {"depth_png", "thumbnail_jpeg"}]
     statement = select(*columns).where(*_within(traversal_id, until_ns))
     return _stream(reader, statement.order_by(Keyframe.traversal_id, Keyframe.stamp_ns, Keyframe.id))
 
 
 def stream_spatial_edges(reader: MapReader) -> Iterator[AnyRow]:
-    """All spatial edges with the `subject_id` and `object_id` of their ends, in the order of writing."""
+    """All spatial edges with the text ids `subject_id` and `object_id`, in the order of their row ids."""
     subject, other = aliased(Instance), aliased(Instance)
     statement = (
         select(SpatialEdge.__table__, subject.id.label("subject_id"), other.id.label("object_id"))
@@ -82,7 +83,7 @@ def stream_spatial_edges(reader: MapReader) -> Iterator[AnyRow]:
 
 
 def stream_temporal_edges(reader: MapReader) -> Iterator[AnyRow]:
-    """All temporal edges with the `from_id` and `to_id` of their ends, in the order of writing."""
+    """All temporal edges with the text ids `from_id` and `to_id`, in the order of their row ids."""
     source, target = aliased(Instance), aliased(Instance)
     statement = (
         select(TemporalEdge.__table__, source.id.label("from_id"), target.id.label("to_id"))
@@ -93,12 +94,12 @@ def stream_temporal_edges(reader: MapReader) -> Iterator[AnyRow]:
     return _stream(reader, statement)
 
 
-def _stream(reader: MapReader, statement: Select[*tuple[Any, ...]], *, most: int = 0) -> Iterator[AnyRow]:
-    yield from reader.connection.execute(statement.execution_options(yield_per=most or FETCHED))
+def _stream(reader: MapReader, statement: Select[*tuple[Any, ...]], *, fetched: int = FETCHED) -> Iterator[AnyRow]:
+    yield from reader.connection.execute(statement.execution_options(yield_per=fetched))
 
 
 def _within(traversal_id: int | None, until_ns: int | None) -> Iterator[ColumnElement[bool]]:
-    """What a keyframe must fulfil."""
+    """Conditions on a keyframe."""
     if traversal_id is not None:
         yield Keyframe.traversal_id == traversal_id
     if until_ns is not None:

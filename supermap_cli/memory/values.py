@@ -1,4 +1,4 @@
-"""What the store hands out beyond `types.memory`: traversals, and instances as questions need them."""
+"""Values that the store returns beside those of `types.memory`: traversals, and instances as queries need them."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ TraversalStatus = Literal["building", "complete"]
 
 @dataclass(frozen=True)
 class TraversalStart:
-    """What is known of a traversal when its build begins.
+    """A traversal when its build begins.
 
-    `recording` is its path, `fingerprint` tells it from others, `T_map_odom` (4, 4) places its odometry in the map.
-    `config` and `versions` are stored as JSON. Without a `name` it gets the recording's, made unique. Times are the
-    recording's plus `clock_shift_ns`.
+    `recording` is a path, `fingerprint` identifies the recording, `T_map_odom` (4, 4) registers its odometry frame in
+    the map. `config` and `versions` are stored as JSON. The default `name` is the recording's, made unique. Times are
+    the recording's plus `clock_shift_ns`.
     """
 
     recording: str
@@ -41,12 +41,12 @@ class TraversalStart:
 
 @dataclass(frozen=True)
 class StoredTraversal:
-    """A traversal in the map. `number` counts from 1 in the order of building; `timings` is seconds per stage;
-    `keyframes` and `observations` are how many it has; `warnings` are what its recording, its odometry and its build
-    warned with.
+    """A traversal in the map.
 
-    Its times are its recording's plus `clock_shift_ns`. Most crops, observations and thumbnails of keyframes before
-    `crops_kept_from_ns`, `observations_kept_from_ns` and `thumbnails_kept_from_ns` were given up.
+    `number` counts from 1 in the order of building; `timings` is seconds per stage; `keyframes` and `observations` are
+    its numbers of rows; `warnings` are those of its recording, its odometry and its build. Its times are its
+    recording's plus `clock_shift_ns`. Most crops, observations and thumbnails of keyframes before `crops_kept_from_ns`,
+    `observations_kept_from_ns` and `thumbnails_kept_from_ns` were pruned.
     """
 
     id: int
@@ -73,7 +73,7 @@ class StoredTraversal:
 
 @dataclass(frozen=True)
 class Checkpoint:
-    """What a build needs to go on after the keyframe at `stamp_ns`: parts by name, as `types.packing` packs them."""
+    """The state of a build after the keyframe at `stamp_ns`, in named parts that `types.packing` packed."""
 
     stamp_ns: int
     parts: Mapping[str, bytes]
@@ -81,7 +81,7 @@ class Checkpoint:
 
 @dataclass(frozen=True)
 class StoredVisit:
-    """How often one traversal looked at one instance's place (see `types.memory.Visit`)."""
+    """How often one traversal viewed one instance's place (see `types.memory.Visit`)."""
 
     traversal_id: int
     instance_number: int
@@ -96,7 +96,7 @@ class StoredVisit:
 class StoredInstance:
     """An instance without its geometry, with all its states and visits.
 
-    Those merged into it are part of it: `numbers` holds its own number and theirs, visits are summed over them.
+    It includes the instances that were merged into it: `numbers` holds its own number and theirs, visits are summed.
     """
 
     number: int
@@ -116,7 +116,7 @@ class StoredInstance:
     visits: tuple[StoredVisit, ...]
 
     def visit(self, traversal_id: int) -> StoredVisit:
-        """How one traversal looked at it; all zero where it never did."""
+        """The visit of one traversal; all counts are zero if there is none."""
         for visit in self.visits:
             if visit.traversal_id == traversal_id:
                 return visit
@@ -125,8 +125,9 @@ class StoredInstance:
 
 @dataclass(frozen=True)
 class ObservationRef:
-    """Where to find one observation, and what it said. `instance_number` is the instance it counts for today;
-    `centroid_map` (3,) is where it saw it.
+    """One observation without its crop and its box in the image.
+
+    `instance_number` is the surviving instance; `centroid_map` (3,) is the observed position.
     """
 
     id: int
@@ -142,8 +143,8 @@ class ObservationRef:
 
 
 @dataclass(frozen=True, slots=True)
-class Sighting:
-    """One observation without what it said: which, in which traversal, when, and how surely."""
+class ScoredObservation:
+    """One observation with its score only."""
 
     id: int
     traversal_id: int
@@ -152,22 +153,20 @@ class Sighting:
 
 
 @dataclass(frozen=True, slots=True)
-class Said:
-    """One observation without its place: which, in which traversal, when, what it called the thing and how surely, and
-    whether there is a crop of it.
-    """
+class LabelledObservation:
+    """One observation with its label and score, without its position."""
 
     id: int
     traversal_id: int
     stamp_ns: int
     label: str
     score: float
-    cropped: bool
+    has_crop: bool
 
 
 @dataclass(frozen=True)
 class Invariant:
-    """A rule; `violations` is SQL that gives one column, the name of every row that breaks it."""
+    """A rule; `violations` is SQL with one result column, the name of every row that breaks it."""
 
     table: str
     rule: str
@@ -176,7 +175,7 @@ class Invariant:
 
 @dataclass(frozen=True)
 class Problem:
-    """One broken invariant: in which table, at which row, and what is wrong."""
+    """A broken invariant: the table, the row, and what is wrong."""
 
     table: str
     row: str

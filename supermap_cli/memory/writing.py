@@ -1,4 +1,4 @@
-"""Writes one `MapDelta` within a transaction."""
+"""Writes a `MapDelta` within a transaction."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from supermap_cli.geometry.boxes import Box3D, displacement_m
 from supermap_cli.memory import rows
 from supermap_cli.memory.databases import dialect_of
 from supermap_cli.memory.names import InstanceIds, label_slug
-from supermap_cli.memory.undo import keep_before_images
+from supermap_cli.memory.rollback import save_before_images
 from supermap_cli.memory.values import Checkpoint
 from supermap_cli.types.memory import (
     InstanceRecord,
@@ -29,7 +29,7 @@ from supermap_schema import models
 
 
 def write_delta(connection: Connection, traversal_id: int, delta: MapDelta) -> None:
-    """Write all that a batch of keyframes changed (which key replaces what: see `MapDelta`)."""
+    """Write a batch of keyframes and everything that it changed; `MapDelta` says which keys are replaced."""
     _add_keyframes(connection, traversal_id, delta.keyframes)
     _replace_instances(connection, traversal_id, delta.instances)
     _add_observations(connection, traversal_id, delta.observations)
@@ -40,7 +40,7 @@ def write_delta(connection: Connection, traversal_id: int, delta: MapDelta) -> N
 
 
 def write_checkpoint(connection: Connection, traversal_id: int, checkpoint: Checkpoint) -> None:
-    """Keep what the traversal's build can go on from, in place of the last."""
+    """Replace the traversal's checkpoint."""
     table = models.Checkpoint
     connection.execute(delete(table).where(table.traversal_id == traversal_id))
     common = {"traversal_id": traversal_id, "stamp_ns": int(checkpoint.stamp_ns)}
@@ -50,16 +50,17 @@ def write_checkpoint(connection: Connection, traversal_id: int, checkpoint: Chec
 
 
 def measure_moves(connection: Connection, traversal_id: int) -> None:
-    """How far the things that a traversal looked at have moved, ever, by the boxes of their states as they are in the
-    end: when a move is noticed, its thing has hardly been seen in its new place.
+    """Recompute the distance of all moves of the instances that a traversal viewed, from the final boxes of the states.
+
+    When a move is detected, the object has hardly been seen in its new place, so that its box is still rough.
     """
     edge, before, after = models.TemporalEdge, aliased(models.State), aliased(models.State)
-    looked_at = select(models.Visit.instance_number).where(models.Visit.traversal_id == traversal_id)
+    viewed = select(models.Visit.instance_number).where(models.Visit.traversal_id == traversal_id)
     moves = connection.execute(
         select(edge.id, edge.distance_m, *_box_columns(before, "before"), *_box_columns(after, "after"))
         .join(before, and_(before.instance_number == edge.from_number, before.state_index == edge.from_state))
         .join(after, and_(after.instance_number == edge.to_number, after.state_index == edge.to_state))
-        .where(edge.kind == "moved", edge.to_number.in_(looked_at))
+        .where(edge.kind == "moved", edge.to_number.in_(viewed))
     ).all()
     for move in moves:
         distance_m = displacement_m(_box(move, "before"), _box(move, "after"))
@@ -82,8 +83,10 @@ def _box(row: Any, prefix: str) -> Box3D:
 def _add_keyframes(connection: Connection, traversal_id: int, keyframes: Sequence[KeyframeRecord]) -> None:
     if not keyframes:
         return
-    connection.execute(insert(models.Keyframe), [rows.keyframe_values(each, traversal_id) for each in keyframes])
-    newest_ns = max(int(each.stamp_ns) for each in keyframes)
+    connection.execute(
+        insert(models.Keyframe), [rows.keyframe_values(keyframe, traversal_id) for keyframe in keyframes]
+    )
+    newest_ns = max(int(keyframe.stamp_ns) for keyframe in keyframes)
     added = {"mapped_ns": newest_ns, "keyframes": models.Traversal.keyframes + len(keyframes)}
     connection.execute(update(models.Traversal).where(models.Traversal.id == traversal_id).values(added))
 
@@ -92,7 +95,7 @@ def _replace_instances(connection: Connection, traversal_id: int, instances: Seq
     if not instances:
         return
     newest = {record.number: record for record in instances}
-    keep_before_images(connection, traversal_id, "instance", newest.keys())
+    save_before_images(connection, traversal_id, "instance", newest.keys())
     known = select(models.Instance.number, models.Instance.id).where(models.Instance.number.in_(newest))
     stored = {row.number: row.id for row in connection.execute(known)}
     new = sorted(newest.keys() - stored.keys())
@@ -100,8 +103,8 @@ def _replace_instances(connection: Connection, traversal_id: int, instances: Seq
     for number in new:
         stored[number] = ids.next_id(newest[number].label)
     statement = dialect_of(connection).upsert(models.Instance)
-    kept = {"number", "id", "traversal_id"}
-    changed = {column.name: column for column in statement.excluded if column.name not in kept}
+    constant = {"number", "id", "traversal_id"}
+    changed = {column.name: column for column in statement.excluded if column.name not in constant}
     connection.execute(
         statement.on_conflict_do_update(index_elements=["number"], set_=changed),
         [rows.instance_values(record, traversal_id, stored[number]) for number, record in sorted(newest.items())],
@@ -109,7 +112,7 @@ def _replace_instances(connection: Connection, traversal_id: int, instances: Seq
 
 
 def _taken(connection: Connection, slugs: Iterable[str]) -> Iterator[str]:
-    """The text ids that begin as those of new instances will."""
+    """The existing text ids that start with one of the slugs."""
     for slug in slugs:
         yield from connection.execute(select(models.Instance.id).where(models.Instance.id.like(f"{slug}-%"))).scalars()
 
@@ -140,7 +143,7 @@ def _add_observations(connection: Connection, traversal_id: int, observations: S
 
 
 def _replace_states(connection: Connection, traversal_id: int, states: Sequence[StateRecord]) -> None:
-    """All touched states go before any comes back, so that none overlaps a state that is about to change."""
+    """All changed states are deleted before any is inserted, so that none overlaps one that is about to change."""
     if not states:
         return
     newest = {(state.object_number, state.index): state for state in states}
@@ -151,15 +154,15 @@ def _replace_states(connection: Connection, traversal_id: int, states: Sequence[
         )
     )
     known = {(row.instance_number, row.state_index): row for row in found}
-    keep_before_images(connection, traversal_id, "state", [row.id for row in known.values()])
+    save_before_images(connection, traversal_id, "state", [row.id for row in known.values()])
     connection.execute(delete(table).where(table.id.in_([row.id for row in known.values()])))
-    returning, new = [], []
+    replaced, new = [], []
     for key, state in sorted(newest.items(), key=lambda item: item[0]):
         if key in known:
-            returning.append(rows.state_values(state, known[key].traversal_id) | {"id": known[key].id})
+            replaced.append(rows.state_values(state, known[key].traversal_id) | {"id": known[key].id})
         else:
             new.append(rows.state_values(state, traversal_id))
-    for values in (returning, new):
+    for values in (replaced, new):
         if values:
             connection.execute(insert(table), values)
 
@@ -178,7 +181,7 @@ def _replace_visits(connection: Connection, traversal_id: int, visits: Sequence[
 
 
 def _replace_spatial_edges(connection: Connection, traversal_id: int, edges: Sequence[SpatialEdge]) -> None:
-    """An edge whose interval turned out empty never held, and is not kept."""
+    """An edge whose interval turned out empty never held; it is deleted."""
     if not edges:
         return
     newest = {(edge.subject, edge.relation, edge.object, edge.since_ns): edge for edge in edges}
@@ -189,7 +192,7 @@ def _replace_spatial_edges(connection: Connection, traversal_id: int, edges: Seq
         )
     )
     known = {(row.subject_number, row.relation, row.object_number, row.since_ns): row.id for row in found}
-    keep_before_images(connection, traversal_id, "spatial_edge", [known[key] for key in newest if key in known])
+    save_before_images(connection, traversal_id, "spatial_edge", [known[key] for key in newest if key in known])
     empty = [key for key, edge in newest.items() if edge.until_ns is not None and edge.until_ns <= edge.since_ns]
     connection.execute(delete(table).where(table.id.in_([known[key] for key in empty if key in known])))
     lasting = [
@@ -200,7 +203,7 @@ def _replace_spatial_edges(connection: Connection, traversal_id: int, edges: Seq
         for row_id, values in lasting
         if row_id is not None
     ]
-    if changed:  # an upsert would use up an id for every row that is there
+    if changed:  # an upsert would use up a row id for every existing row
         statement = update(table).where(table.id == bindparam("row_id"))
         connection.execute(statement.values(until_ns=bindparam("until"), confidence=bindparam("sure")), changed)
     new = [values for row_id, values in lasting if row_id is None]
@@ -211,5 +214,5 @@ def _replace_spatial_edges(connection: Connection, traversal_id: int, edges: Seq
 def _add_temporal_edges(connection: Connection, traversal_id: int, edges: Sequence[TemporalEdge]) -> None:
     if edges:
         connection.execute(
-            insert(models.TemporalEdge), [rows.temporal_edge_values(each, traversal_id) for each in edges]
+            insert(models.TemporalEdge), [rows.temporal_edge_values(edge, traversal_id) for edge in edges]
         )

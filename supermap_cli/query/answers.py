@@ -315,7 +315,7 @@ class QuestionResolver:
         return instance
 
     def _find_labels(self, noun: str) -> LabelMatch:
-        match = match_labels(noun, self.reader.finder.labels())
+        match = match_labels(noun, self.reader.search.labels())
         if match.note:
             self.notes.append(match.note)
         return match
@@ -363,9 +363,9 @@ class QuestionResolver:
         if phrase.noun is not None and (named := self._instance_by_id(phrase.noun)) is not None:
             return [named] if named.states else []
         labels = None if phrase.noun is None else self._labels(phrase.noun).labels
-        numbers = self.reader.finder.first_called(labels, MAX_NEAR_MISSES)
-        numbers += [] if labels is None else self.reader.finder.once_called(labels)
-        return sorted_by_number(self.reader.lives_of(sorted(numbers)[:MAX_NEAR_MISSES]))
+        numbers = self.reader.search.first_labelled(labels, MAX_NEAR_MISSES)
+        numbers += [] if labels is None else self.reader.search.formerly_labelled(labels)
+        return sorted_by_number(self.reader.instances_by_number(sorted(numbers)[:MAX_NEAR_MISSES]))
 
     def _out_of_reach(self, phrase: NounPhrase, related: RelationPhrase) -> tuple[NearMiss, ...]:
         """The pairs closest to fulfilling the relation, by box distance."""

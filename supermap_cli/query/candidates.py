@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from itertools import chain, islice
 from typing import Protocol
 
-from supermap_cli.memory.as_of import AsOf
-from supermap_cli.memory.finding import BELIEVED
+from supermap_cli.memory.instance_search import BELIEVED
+from supermap_cli.memory.presence_query import PresenceQuery
 from supermap_cli.memory.reading import MapReader
 from supermap_cli.memory.values import StoredInstance
 from supermap_cli.query.time_selector import TimeSelector
@@ -104,7 +104,7 @@ class LabelCandidates:
             return 1
         if self.labels is None:
             return math.inf
-        return self.reader.finder.count(self.labels, ["present"] if self.selector.kind == "now" else BELIEVED)
+        return self.reader.search.count(self.labels, ["present"] if self.selector.kind == "now" else BELIEVED)
 
     def match_count(self) -> MatchCount | None:
         """The number of matches, or `None` where the database cannot count them without reading them."""
@@ -112,14 +112,14 @@ class LabelCandidates:
         if self.number is not None or kind not in {"now", "last", "at"}:
             return None
         if kind == "at":
-            tally = self.as_of().tally(self.labels)
-            return MatchCount(tally.fits, tally.sure)
-        count = self.reader.finder.count(self.labels, ["present"] if kind == "now" else BELIEVED)
+            tally = self.as_of().counts_of(self.labels)
+            return MatchCount(tally.matching, tally.certain)
+        count = self.reader.search.count(self.labels, ["present"] if kind == "now" else BELIEVED)
         return MatchCount(count, count)
 
-    def as_of(self) -> AsOf:
+    def as_of(self) -> PresenceQuery:
         """The map at the selected time. Requires a selector of kind "at"."""
-        return self.reader.as_of(int(self.selector.low_ns), self.selector.since_ns)
+        return self.reader.presence_at(int(self.selector.low_ns), self.selector.since_ns)
 
     def batches(self) -> Iterator[list[InstanceCandidate]]:
         """All candidates, in batches; most recently seen first."""
@@ -137,7 +137,7 @@ class LabelCandidates:
         """All instances that ever had such a label, whether or not they have a state at the selected time."""
         numbers = iter(self._all_numbers())
         while batch := list(islice(numbers, BATCH_SIZE)):
-            instances = self.reader.lives_of(batch)
+            instances = self.reader.instances_by_number(batch)
             believed = (
                 instances[number] for number in batch if number in instances and instances[number].presence != "doubted"
             )
@@ -147,15 +147,15 @@ class LabelCandidates:
         """The smallest numbers of instances that ever had such a label and may have a state at the selected time."""
         if self.number is not None:
             return [self.number]
-        labelled_now = self.reader.finder.first_called(self.labels, limit)
-        labelled_before = [] if self.labels is None else self.reader.finder.once_called(self.labels)
+        labelled_now = self.reader.search.first_labelled(self.labels, limit)
+        labelled_before = [] if self.labels is None else self.reader.search.formerly_labelled(self.labels)
         return sorted({*labelled_now, *labelled_before})[:limit]
 
     def with_numbers(self, numbers: Collection[int]) -> list[InstanceCandidate]:
         """The candidates with the given instance numbers, in order."""
         wanted = set(numbers) if self.number is None else {self.number} & set(numbers)
         if self.labels is not None:
-            wanted = self.reader.finder.ever_called(wanted, self.labels)
+            wanted = self.reader.search.ever_labelled(wanted, self.labels)
         return [
             candidate
             for _, candidates in sorted(self._candidates_by_number(wanted).items())
@@ -164,7 +164,7 @@ class LabelCandidates:
 
     def _candidates_by_number(self, numbers: Collection[int]) -> dict[int, list[InstanceCandidate]]:
         traversal = self.selector.traversal
-        instances = self.reader.lives_of(numbers, () if traversal is None else (traversal.id,))
+        instances = self.reader.instances_by_number(numbers, () if traversal is None else (traversal.id,))
         return {
             number: self._candidates_of(instance)
             for number, instance in instances.items()
@@ -184,22 +184,22 @@ class LabelCandidates:
 
     def _all_numbers(self) -> Iterable[int]:
         """A superset of the matching instance numbers."""
-        finder, labels = self.reader.finder, self.labels
+        finder, labels = self.reader.search, self.labels
         if self.number is not None:
             return [self.number]
         if labels is not None and not labels:
             return []
         kind = self.selector.kind
         if kind == "now" and not self.any_state:
-            return finder.called(labels, ["present"])
+            return finder.labelled(labels, ["present"])
         if kind == "last" and not self.as_reference and not self.any_state:
-            return finder.called(labels)
+            return finder.labelled(labels)
         if self.selector.traversal is not None and not self.as_reference:
             seen = self.reader.survivors.of(finder.seen_in(self.selector.traversal.id, labels))
             return sorted(set(seen.values()))
         begun_ns = self.selector.low_ns if kind == "at" and not (self.as_reference or self.any_state) else math.inf
-        labelled_now = finder.called(labels, begun_ns=begun_ns)
-        return labelled_now if labels is None else chain(labelled_now, finder.once_called(labels))
+        labelled_now = finder.labelled(labels, begun_ns=begun_ns)
+        return labelled_now if labels is None else chain(labelled_now, finder.formerly_labelled(labels))
 
 
 def sorted_by_number(instances: Mapping[int, StoredInstance]) -> list[StoredInstance]:

@@ -7,10 +7,10 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 from supermap_cli.errors import QueryError
+from supermap_cli.memory.labelled_observations import LabelledObservations
 from supermap_cli.memory.numbers import batches
 from supermap_cli.memory.reading import MapReader
-from supermap_cli.memory.said import Hearing
-from supermap_cli.memory.values import Said, StoredInstance, StoredTraversal
+from supermap_cli.memory.values import LabelledObservation, StoredInstance, StoredTraversal
 from supermap_cli.query.change_classification import (
     CHANGE_KINDS,
     ChangeClassification,
@@ -138,7 +138,7 @@ class DiffBuilder:
         self.reader = reader
         self.times = times
         compared = [side.traversal.id for side in (times.before, times.after) if side.traversal is not None]
-        self._observations = Hearing(reader, compared if len(compared) == 2 else None)
+        self._observations = LabelledObservations(reader, compared if len(compared) == 2 else None)
         self._transient_ids: dict[str, list[str]] = defaultdict(list)
 
     def changes(self, numbers: Sequence[int]) -> Iterator[ObjectChange]:
@@ -172,7 +172,10 @@ class DiffBuilder:
         return classification
 
     def _change(
-        self, comparison: StateComparison, classification: ChangeClassification, observations: Sequence[Said]
+        self,
+        comparison: StateComparison,
+        classification: ChangeClassification,
+        observations: Sequence[LabelledObservation],
     ) -> ObjectChange:
         """A classified change with its evidence."""
         instance = comparison.instance
@@ -235,7 +238,9 @@ class DiffBuilder:
             instance.number: [edge for number in instance.numbers for edge in edges[number]] for instance in instances
         }
 
-    def _side_labels(self, observations: Sequence[Said]) -> tuple[LabelConsensus | None, LabelConsensus | None]:
+    def _side_labels(
+        self, observations: Sequence[LabelledObservation]
+    ) -> tuple[LabelConsensus | None, LabelConsensus | None]:
         """The label consensus of each side."""
         by_traversal = group_by_traversal(observations)
 
@@ -249,8 +254,8 @@ class DiffBuilder:
         return consensus_of(self.times.before), consensus_of(self.times.after)
 
     def _side_observations(
-        self, side: TimePoint, observations: Sequence[Said], state: StateRecord | None
-    ) -> Sequence[Said]:
+        self, side: TimePoint, observations: Sequence[LabelledObservation], state: StateRecord | None
+    ) -> Sequence[LabelledObservation]:
         """The observations that count for a side: a traversal's own; for a plain time those of the state until then,
         and for the later side those since the earlier one.
         """
@@ -266,7 +271,7 @@ class DiffBuilder:
         ]
 
     def _evidence(
-        self, instance: StoredInstance, observations: Sequence[Said], traversal_ids: frozenset[int]
+        self, instance: StoredInstance, observations: Sequence[LabelledObservation], traversal_ids: frozenset[int]
     ) -> EvidenceView:
         visits = [visit for visit in instance.visits if visit.traversal_id in traversal_ids]
         return evidence_of(observations, visits, self.reader.traversals)
@@ -286,7 +291,7 @@ class DiffBuilder:
 def _with_relabelling(
     classification: ChangeClassification,
     side_labels: tuple[LabelConsensus | None, LabelConsensus | None],
-    observations: Sequence[Said],
+    observations: Sequence[LabelledObservation],
     times: ComparedTimes,
 ) -> ChangeClassification:
     """Adds a label change if the two sides have a label consensus of their own and they differ; a move stays a move."""
@@ -312,16 +317,16 @@ def _with_relabelling(
     )
 
 
-def _best_crop(side: Sequence[Said]) -> int | None:
+def _best_crop(side: Sequence[LabelledObservation]) -> int | None:
     """The id of the best crop of a side; a crop is stored only if it is clearly better than earlier ones."""
-    return next((observation.id for observation in reversed(side) if observation.cropped), None)
+    return next((observation.id for observation in reversed(side) if observation.has_crop), None)
 
 
 def _instances_to_compare(reader: MapReader, times: ComparedTimes) -> list[int]:
     """The instances observed on either side, and those that changed or had a state in between."""
     traversals = [side.traversal.id for side in (times.before, times.after) if side.traversal is not None]
     observed = reader.supported_in(traversals) if traversals else ()
-    present_before = reader.standing_at(times.before.at_ns) if times.before.traversal is None else ()
+    present_before = reader.instances_placed_at(times.before.at_ns) if times.before.traversal is None else ()
     changed = reader.changed_within(times.before.at_ns, times.after.at_ns)
     return sorted({*observed, *present_before, *changed})
 

@@ -7,10 +7,10 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
-from supermap_cli.memory.values import ObservationRef, Said
+from supermap_cli.memory.values import LabelledObservation, ObservationRef
 
-LabelledObservation = ObservationRef | Said
-LabelledT = TypeVar("LabelledT", ObservationRef, Said)
+LabelSource = ObservationRef | LabelledObservation
+LabelledT = TypeVar("LabelledT", ObservationRef, LabelledObservation)
 
 MIN_LABEL_SHARE = 0.6
 MIN_OBSERVATIONS = 3
@@ -28,7 +28,7 @@ class LabelConsensus:
     traversal_id: int
 
 
-def label_shares(observations: Iterable[LabelledObservation]) -> dict[str, float]:
+def label_shares(observations: Iterable[LabelSource]) -> dict[str, float]:
     """The score-weighted share of each label in the observations, the largest first; empty without observations."""
     weights: dict[str, float] = defaultdict(float)
     for observation in observations:
@@ -46,7 +46,7 @@ def group_by_traversal(observations: Iterable[LabelledT]) -> dict[int, list[Labe
     return dict(grouped)
 
 
-def label_consensus(observations: Sequence[LabelledObservation]) -> LabelConsensus | None:
+def label_consensus(observations: Sequence[LabelSource]) -> LabelConsensus | None:
     """The label that one traversal's observations agree on; `None` if there are too few, or they disagree."""
     if len(observations) < MIN_OBSERVATIONS:
         return None

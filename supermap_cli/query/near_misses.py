@@ -78,7 +78,7 @@ def _touching_pairs(reader: MapReader, candidates: LabelCandidates, references: 
     pairs: list[CandidatePair] = []
     for batch in batches(candidates.smallest_numbers(TOUCHING_SEARCH_LIMIT), BATCH_SIZE):
         near: dict[int, set[int]] = defaultdict(set)
-        for here, there in reader.finder.near(batch, Reach(0.0, 0.0)):
+        for here, there in reader.search.near(batch, Reach(0.0, 0.0)):
             near[here].add(there)
         by_number: dict[int, list[InstanceCandidate]] = defaultdict(list)
         for reference in references.with_numbers({number for numbers in near.values() for number in numbers}):
@@ -109,7 +109,7 @@ def _pairs_within(
     outer, inner = (references, candidates) if turned else (candidates, references)
     for batch in outer.batches():
         near: dict[int, set[int]] = defaultdict(set)
-        for here, there in reader.finder.near(
+        for here, there in reader.search.near(
             {outer_candidate.instance.number for outer_candidate in batch}, Reach(radius_m, radius_m)
         ):
             near[there].add(here)
@@ -134,7 +134,7 @@ def maybe_labelled(reader: MapReader, noun: str) -> list[tuple[StoredInstance, s
     names = vocabulary.names_of(name)
     doubtful = [
         (-share, number, at, label)
-        for number, belief in reader.finder.beliefs(vocabulary.forms_of(names))
+        for number, belief in reader.search.label_beliefs(vocabulary.forms_of(names))
         for at, (label, share) in enumerate(json.loads(belief).items())
         if share >= MIN_LABEL_PROBABILITY and vocabulary.normalise(label) in names
     ]
@@ -142,9 +142,9 @@ def maybe_labelled(reader: MapReader, noun: str) -> list[tuple[StoredInstance, s
         (number, f"may be a {label} ({-doubt:.0%})")
         for doubt, number, _, label in heapq.nsmallest(MAX_NEAR_MISSES, doubtful)
     ]
-    close = get_close_matches(name, sorted(reader.finder.labels_today()), 1, MIN_SPELLING_SIMILARITY)
-    instances = reader.lives_of(
-        [*(number for number, _ in reasons), *reader.finder.first_called(close, MAX_NEAR_MISSES)]
+    close = get_close_matches(name, sorted(reader.search.current_labels()), 1, MIN_SPELLING_SIMILARITY)
+    instances = reader.instances_by_number(
+        [*(number for number, _ in reasons), *reader.search.first_labelled(close, MAX_NEAR_MISSES)]
     )
     near_misses = [(instances[number], reason) for number, reason in reasons]
     near_misses += [

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
-from supermap_cli.memory.pictures import Crop, crops_of
+from supermap_cli.memory.images import Crop, crops_of
 from supermap_cli.memory.reading import MapReader
 from supermap_cli.memory.values import ObservationRef, StoredInstance, StoredVisit
 from supermap_cli.query.clock import Clock

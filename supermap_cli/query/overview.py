@@ -51,8 +51,8 @@ class Overview:
 
 def overview(reader: MapReader, limit: int = DEFAULT_LIMIT) -> Overview:
     """All instances present now, at most `limit` of them listed."""
-    finder = reader.finder
-    listed = reader.instances_of(list(islice(finder.called(None, ["present"]), limit)))
+    finder = reader.search
+    listed = reader.instances_of(list(islice(finder.labelled(None, ["present"]), limit)))
     counts = finder.counts()
     return Overview(
         instances=tuple(_summary(reader, instance) for instance in listed),
@@ -65,9 +65,9 @@ def overview(reader: MapReader, limit: int = DEFAULT_LIMIT) -> Overview:
 
 def overview_at(reader: MapReader, time_point: TimePoint, clock: Clock, limit: int = DEFAULT_LIMIT) -> Overview:
     """All instances present, or of unknown presence, at a time; at most `limit` of each listed."""
-    as_of = reader.as_of(time_point.at_ns, time_point.traversal_start_ns)
+    as_of = reader.presence_at(time_point.at_ns, time_point.traversal_start_ns)
     present, unknown_presences = (
-        _presences(reader, as_of.first(value, limit), time_point) for value in ("present", "unknown")
+        _presences(reader, as_of.last_seen(value, limit), time_point) for value in ("present", "unknown")
     )
     totals: Counter[str] = Counter()
     counts: Counter[str] = Counter()

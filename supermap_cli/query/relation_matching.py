@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from supermap_cli.memory.linked import End, Linked
+from supermap_cli.memory.edge_query import EdgeEnd, EdgeQuery
 from supermap_cli.memory.numbers import batches
 from supermap_cli.memory.reading import MapReader
 from supermap_cli.query.candidates import (
@@ -116,7 +116,7 @@ class RelationMatcher:
             counter.merged({form.relation for form in forms})
         )
 
-    def _edge_counter(self, candidates: CandidateSource) -> Linked | None:
+    def _edge_counter(self, candidates: CandidateSource) -> EdgeQuery | None:
         """The counter of stored edges, if both sets are present instances by label, and both are large."""
         if (
             self.selector.kind != "now"
@@ -126,8 +126,8 @@ class RelationMatcher:
             return None
         if min(candidates.size(), self.references.size()) <= DIRECT_READ_LIMIT:
             return None
-        one, other = (End(source.labels, source.number) for source in (candidates, self.references))
-        return Linked(self.reader, one, other, int(self.selector.low_ns))
+        one, other = (EdgeEnd(source.labels, source.number) for source in (candidates, self.references))
+        return EdgeQuery(self.reader, one, other, int(self.selector.low_ns))
 
     def with_all_relations(self, candidates: list[InstanceCandidate], basis: Basis) -> list[InstanceCandidate]:
         """The matching candidates, with all their relations."""
@@ -148,7 +148,7 @@ class RelationMatcher:
         related_pairs = RelatedPairs()
         if basis == "boxes":
             labels = others.labels if isinstance(others, LabelCandidates) else None
-            for pair in self.reader.finder.near(numbers, REACH[self.name], labels, turned=turned):
+            for pair in self.reader.search.near(numbers, REACH[self.name], labels, turned=turned):
                 related_pairs.add_pair(*pair)
         else:
             for edge in self.reader.edges_of(numbers, {form.relation for form in STORED_FORMS[self.name]}):

@@ -9,8 +9,8 @@ import re
 from collections.abc import Collection, Iterable
 
 from supermap_cli.errors import QueryError
+from supermap_cli.memory.pruning import PrunePolicy
 from supermap_cli.memory.reading import MapReader
-from supermap_cli.memory.retention import KeptFrom
 from supermap_cli.memory.values import StoredTraversal
 from supermap_cli.query.clock import Clock, clock_of
 from supermap_cli.query.time_points import parse_time_point
@@ -26,7 +26,7 @@ CURE = (
 )
 
 
-def parse_retention_policy(words: Collection[str], reader: MapReader) -> KeptFrom:
+def parse_retention_policy(words: Collection[str], reader: MapReader) -> PrunePolicy:
     """The limits of items such as "crops=30d" in a map. Raises `QueryError` for any other text."""
     limits: dict[str, int] = {}
     best_crops = True
@@ -40,7 +40,7 @@ def parse_retention_policy(words: Collection[str], reader: MapReader) -> KeptFro
             raise QueryError("observations cannot all be given up: states rest on them", cure=CURE)
         best_crops = best_crops and not (kind == "crops" and limit == "none")
         limits[kind] = _limit_ns(limit, reader)
-    return KeptFrom(limits.get("crops"), limits.get("observations"), limits.get("thumbnails"), best_crops)
+    return PrunePolicy(limits.get("crops"), limits.get("observations"), limits.get("thumbnails"), best_crops)
 
 
 def pruned_data_notes(traversals: Iterable[StoredTraversal], clock: Clock) -> list[str]:

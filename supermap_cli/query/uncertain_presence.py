@@ -42,9 +42,11 @@ def uncertain_instances(
     listed_presences = {view.id: view.presence for view in listed}
     if counting and candidates.number is None:
         as_of = candidates.as_of()
-        first, tally = as_of.unsure(candidates.labels, MAX_NOTED, listed_presences), as_of.tally(candidates.labels)
-        count = tally.unsure - sum(presence == "unknown" for presence in listed_presences.values())
-        return UncertainInstances(sorted_by_number(candidates.reader.lives_of(first)), count, tally.besides)
+        first, tally = as_of.unknown(candidates.labels, MAX_NOTED, listed_presences), as_of.counts_of(candidates.labels)
+        count = tally.unknown - sum(presence == "unknown" for presence in listed_presences.values())
+        return UncertainInstances(
+            sorted_by_number(candidates.reader.instances_by_number(first)), count, tally.unknown_others
+        )
     uncertain: dict[int, StoredInstance] = {}
     searched = None
     for at, instance in enumerate(candidates.instances()):

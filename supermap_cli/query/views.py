@@ -15,7 +15,14 @@ import numpy as np
 from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.geometry.boxes import Box3D
 from supermap_cli.memory.reading import MapReader
-from supermap_cli.memory.values import ObservationRef, Said, Sighting, StoredInstance, StoredTraversal, StoredVisit
+from supermap_cli.memory.values import (
+    LabelledObservation,
+    ObservationRef,
+    ScoredObservation,
+    StoredInstance,
+    StoredTraversal,
+    StoredVisit,
+)
 from supermap_cli.query.presence_at import PresenceValue, PresenceView
 from supermap_cli.types.memory import Presence, StateRecord, TemporalEdge
 
@@ -217,7 +224,7 @@ def evidence_view(
     """The evidence for an instance within the given time spans (and traversals)."""
     observations = [
         observation
-        for observation in reader.sightings(instance)
+        for observation in reader.scored_observations(instance)
         if any(low <= observation.stamp_ns <= high for low, high in spans)
         and (traversal_ids is None or observation.traversal_id in traversal_ids)
     ]
@@ -225,7 +232,7 @@ def evidence_view(
     return evidence_of(observations, visits, reader.traversals)
 
 
-AnyObservation = ObservationRef | Sighting | Said
+AnyObservation = ObservationRef | ScoredObservation | LabelledObservation
 
 
 def evidence_of(

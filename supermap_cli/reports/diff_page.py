@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from html import escape
 from pathlib import Path
 
-from supermap_cli.memory.pictures import SmallImage, crop_jpegs, small_images
+from supermap_cli.memory.images import Thumbnail, crop_jpegs, thumbnails_of
 from supermap_cli.memory.reading import MapReader
 from supermap_cli.query.clock import Clock, clock_of
 from supermap_cli.query.diff import CERTAIN_CHANGES, Diff, ObjectChange
@@ -62,7 +62,7 @@ class ChangePictures:
     """The crops and keyframe images available for both sides of the changes."""
 
     crops: dict[int, bytes]
-    images: dict[int, list[SmallImage]]
+    images: dict[int, list[Thumbnail]]
     clock: Clock
 
     @classmethod
@@ -77,7 +77,7 @@ class ChangePictures:
             for change in listed
             for stamp in (*_keyframe_stamps(change, before=True), *_keyframe_stamps(change, before=False))
         }
-        return cls(crop_jpegs(reader, ids), small_images(reader, stamps), clock)
+        return cls(crop_jpegs(reader, ids), thumbnails_of(reader, stamps), clock)
 
     def side(self, change: ObjectChange, *, before: bool) -> str:
         """One side of a change: its crop, else its place in a keyframe that observed it or saw it empty."""

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from supermap_cli.memory.pictures import crop_jpegs
+from supermap_cli.memory.images import crop_jpegs
 from supermap_cli.memory.reading import MapReader
 from supermap_cli.query.clock import Clock, clock_of
 from supermap_cli.query.history_text import history_sentences, position_text

@@ -9,7 +9,7 @@ import numpy as np
 from supermap_cli.geometry.boxes import Box3D
 from supermap_cli.geometry.cameras import camera_from_json
 from supermap_cli.geometry.se3 import inverse, transform_points
-from supermap_cli.memory.pictures import SmallImage
+from supermap_cli.memory.images import Thumbnail
 
 CONTEXT_SHARE = 0.8
 """Margin around a place on each side, as a share of its size in the image."""
@@ -23,7 +23,7 @@ def data_uri(jpeg: bytes) -> str:
     return "data:image/jpeg;base64," + base64.b64encode(jpeg).decode("ascii")
 
 
-def crop_around_box(image: SmallImage, box: Box3D) -> bytes | None:
+def crop_around_box(image: Thumbnail, box: Box3D) -> bytes | None:
     """The part of a thumbnail that shows a box, with the box drawn on it, as a JPEG; `None` if it is not visible."""
     import cv2  # noqa: PLC0415 - only where a page with pictures is written
 

@@ -49,7 +49,7 @@ def test_a_sound_map_passes_the_check(db: Path) -> None:
 def test_a_broken_map_fails_the_check(db: Path) -> None:
     m.run_sql(db, "UPDATE state SET gone_ns = last_seen_ns + 1 WHERE gone_ns IS NULL")
     problems = document("db_check", "db", "check", "--db", db, exit_code=1)["problems"]
-    assert {each["table"] for each in problems} == {"instance"}
+    assert {problem["table"] for problem in problems} == {"instance"}
     result = supermap("db", "check", "--db", db)
     assert result.exit_code == 1
     assert "counts as present although" in result.stdout

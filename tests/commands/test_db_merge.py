@@ -41,11 +41,11 @@ def test_a_merge_is_told_by_the_published_schema(maps: tuple[Path, Path]) -> Non
     told = document("db_merge", "db", "merge", tuesday, "--db", monday)
     assert told["written"]
     assert told["traversals"] == [{"other_name": "tuesday", "name": "tuesday"}]
-    assert {each["id"]: each["how"] for each in told["objects"]} == {"dining-table-1": "in place", "stool-1": "moved"}
+    assert {obj["id"]: obj["how"] for obj in told["objects"]} == {"dining-table-1": "in place", "stool-1": "moved"}
     assert told["gone"] == ["cup-1"]
     assert document("db_check", "db", "check", "--db", monday)["sound"]
     found = document("diff", "diff", "--db", monday)
-    assert {(each["kind"], each["id"]) for each in found["changes"]} >= {("disappeared", "cup-1"), ("moved", "stool-1")}
+    assert {(item["kind"], item["id"]) for item in found["changes"]} >= {("disappeared", "cup-1"), ("moved", "stool-1")}
 
 
 def test_a_merge_is_told_in_a_table(maps: tuple[Path, Path]) -> None:

@@ -27,7 +27,9 @@ def with_plugins(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
     """Adds plugins that prepare connections by these functions."""
 
     def add(*prepares: Callable[[sqlite3.Connection], None]) -> None:
-        loaded = plugin_manager.load_plugins([SimpleNamespace(prepare_connection=hookimpl(each)) for each in prepares])
+        loaded = plugin_manager.load_plugins(
+            [SimpleNamespace(prepare_connection=hookimpl(prepare)) for prepare in prepares]
+        )
         monkeypatch.setattr(plugin_manager, "load_plugins", lambda: loaded)
 
     return add

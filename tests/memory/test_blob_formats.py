@@ -75,7 +75,7 @@ def depth_mm(png: bytes) -> np.ndarray:
         for i in range(2 * width):
             left, up, corner = (row[i - 2], above[i], above[i - 2]) if i >= 2 else (0, above[i], 0)
             guess = left + up - corner
-            nearest = min((left, up, corner), key=lambda each: abs(guess - each))
+            nearest = min((left, up, corner), key=lambda neighbour: abs(guess - neighbour))
             row[i] = (row[i] + (0, left, up, (left + up) // 2, nearest)[kind]) % 256
         image.append(np.frombuffer(bytes(row), ">u2"))
         above = row

@@ -110,7 +110,7 @@ def test_names_of_traversals_are_unique(tmp_path: Path) -> None:
     with open_store(str(tmp_path / "map.db"), create=True) as store:
         for span in ((0, 10), (20, 30)):
             store.finish_traversal(store.begin_traversal(replace(m.start("monday", span), fingerprint=str(span))))
-        assert [each.name for each in store.traversals()] == ["monday", "monday-2"]
+        assert [traversal.name for traversal in store.traversals()] == ["monday", "monday-2"]
 
 
 def test_the_same_recording_is_refused(tmp_path: Path) -> None:
@@ -191,7 +191,7 @@ def test_a_recording_may_be_built_once_more(tmp_path: Path) -> None:
     path = m.make_memory(tmp_path / "map.db", ("monday", (0, 10), CHAIR))
     with open_store(str(path)) as store:
         store.finish_traversal(store.begin_traversal(m.start("monday", (20, 30)), again=True))
-        assert [each.name for each in store.traversals()] == ["monday", "monday-2"]
+        assert [traversal.name for traversal in store.traversals()] == ["monday", "monday-2"]
 
 
 def test_a_killed_build_is_taken_out_when_another_recording_follows(tmp_path: Path) -> None:
@@ -199,10 +199,10 @@ def test_a_killed_build_is_taken_out_when_another_recording_follows(tmp_path: Pa
     with open_store(str(path), create=True) as store:
         store.commit(store.begin_traversal(m.start("monday", (0, 10))), CHAIR)
     with open_store(str(path)) as store:
-        assert store.take_out_unfinished() == ("monday",)
+        assert store.roll_back_unfinished() == ("monday",)
         assert store.load_instances() == ()
         m.add_traversal(store, "tuesday", (20, 30))
-        assert [(each.name, each.status) for each in store.traversals()] == [("tuesday", "complete")]
+        assert [(traversal.name, traversal.status) for traversal in store.traversals()] == [("tuesday", "complete")]
 
 
 def test_a_database_made_in_vain_is_removed(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ from sqlalchemy.exc import IntegrityError
 
 from supermap_cli.memory import open_store
 from supermap_cli.memory.checking import check
-from supermap_cli.memory.pictures import crop_jpegs, crops_of, small_images
+from supermap_cli.memory.images import crop_jpegs, crops_of, thumbnails_of
 from supermap_cli.memory.reading import MapReader
 from supermap_cli.memory.streaming import stream_keyframes
 from supermap_cli.types.memory import KeyframeRecord, MapDelta, Observation
@@ -102,7 +102,7 @@ def test_crops_and_thumbnails_are_those_of_the_camera_that_saw_it(reader: MapRea
         ("front", b"chair by front"),
         ("left", b"chair by left"),
     ]
-    images = small_images(reader, [m.ns(1)])[m.ns(1)]
+    images = thumbnails_of(reader, [m.ns(1)])[m.ns(1)]
     assert [(image.camera_id, cameras[image.keyframe_id], image.jpeg[3:]) for image in images] == [
         ("front", "front", b"front"),
         ("left", "left", b"left"),
@@ -126,5 +126,5 @@ def test_a_build_that_is_taken_out_takes_all_its_cameras_along(tmp_path: Path) -
     path = tmp_path / "map.db"
     with open_store(str(path), create=True) as store:
         store.commit(store.begin_traversal(m.start("monday", (0, 10))), SEEN)
-        assert store.take_out_unfinished() == ("monday",)
+        assert store.roll_back_unfinished() == ("monday",)
         assert list(store.keyframe_depths()) == []

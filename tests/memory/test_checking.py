@@ -270,7 +270,7 @@ def test_damage_is_found_and_named(sound: Path, damage: str | tuple[str, str | N
     if script is None:
         pytest.skip("PostgreSQL takes no such thing, or has nothing of the kind")
     m.run_sql(sound, script)
-    assert any(each.table == table and what in each.what for each in problems(sound))
+    assert any(problem.table == table and what in problem.what for problem in problems(sound))
 
 
 def test_every_rule_has_its_damage(sound: Path) -> None:
@@ -291,7 +291,7 @@ def test_a_state_whose_observations_were_given_up_is_sound(sound: Path) -> None:
     assert problems(sound) == []
     kept = f"UPDATE traversal SET observations_kept_from_ns = {m.ns(1)}"
     m.run_sql(sound, kept)
-    found = [(each.row, each.what.partition(",")[0]) for each in problems(sound)]
+    found = [(problem.row, problem.what.partition(",")[0]) for problem in problems(sound)]
     assert found == [
         ("cup-1", "counts more observations than it has"),
         ("cup-1 state 0", "has no observation between its first and its last support"),

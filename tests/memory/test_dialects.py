@@ -37,7 +37,7 @@ def connection(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Connection]
     ],
 )
 def test_a_word_is_found_in_ids_and_labels(connection: Connection, words: str, numbers: set[int]) -> None:
-    assert set(connection.execute(dialect_of(connection).labelled(words)).scalars()) == numbers
+    assert set(connection.execute(dialect_of(connection).matching_labels(words)).scalars()) == numbers
 
 
 @pytest.mark.parametrize(

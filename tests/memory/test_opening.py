@@ -72,7 +72,7 @@ def test_what_is_no_map_is_refused_and_left_alone(
         open_store(str(path), **mode)
     assert caught.value.where == str(path)
     assert caught.value.cure
-    assert [each.name for each in tmp_path.iterdir()] == ["map.db"]
+    assert [path.name for path in tmp_path.iterdir()] == ["map.db"]
     assert before is None or path.read_bytes() == before
 
 
@@ -93,7 +93,7 @@ def test_a_database_without_any_table_is_filled(tmp_path: Path) -> None:
         open_store(str(path), read_only=True)
     m.make_memory(path, ("monday", (0, 10), MapDelta()))
     with open_store(str(path), read_only=True) as store:
-        assert [each.name for each in store.traversals()] == ["monday"]
+        assert [traversal.name for traversal in store.traversals()] == ["monday"]
 
 
 @pytest.mark.sqlite_only("about files")
@@ -120,7 +120,7 @@ def test_a_url_and_a_path_mean_the_same(tmp_path: Path) -> None:
     path = m.make_memory(tmp_path / "my map?.db", ("monday", (0, 10), MapDelta()))
     for url in (str(path), f"sqlite:///{path}"):
         with open_store(url, read_only=True) as store:
-            assert [each.name for each in store.traversals()] == ["monday"]
+            assert [traversal.name for traversal in store.traversals()] == ["monday"]
 
 
 def test_a_second_build_is_refused_while_readers_are_not(tmp_path: Path) -> None:
@@ -147,7 +147,7 @@ def test_a_link_leads_to_the_same_lock(tmp_path: Path) -> None:
     with open_store(str(path)), pytest.raises(MemoryStoreError, match="another build is writing"):
         open_store(str(link))
     with open_store(str(link), read_only=True) as store:
-        assert [each.name for each in store.traversals()] == ["monday"]
+        assert [traversal.name for traversal in store.traversals()] == ["monday"]
 
 
 @pytest.mark.sqlite_only("files beside a file")
@@ -166,7 +166,7 @@ def test_a_map_on_a_full_disk_is_read_all_the_same(tmp_path: Path, monkeypatch: 
 
     monkeypatch.setattr(SqliteFile, "_connect_reader", full)
     with open_store(str(path), read_only=True) as store:
-        assert [each.name for each in store.traversals()] == ["monday"]
+        assert [traversal.name for traversal in store.traversals()] == ["monday"]
     path.with_name("map.db-wal").write_bytes(b"what a killed build had not moved into the file yet")
     with pytest.raises(MemoryStoreError, match="free space"):
         open_store(str(path), read_only=True)
@@ -182,7 +182,7 @@ def test_a_killed_build_gives_its_lock_back(tmp_path: Path) -> None:
     subprocess.run([sys.executable, "-c", program, str(path)], check=False)
     with open_store(str(path), create=True) as store:
         m.add_traversal(store, "monday", (0, 10))
-    assert [each.name for each in tmp_path.iterdir()] == ["map.db"]
+    assert [path.name for path in tmp_path.iterdir()] == ["map.db"]
 
 
 @pytest.mark.sqlite_only("about files")
@@ -193,5 +193,5 @@ def test_a_reader_leaves_no_files_behind_and_writes_nothing(tmp_path: Path) -> N
         assert len(store.traversals()) == 1
         with pytest.raises(MemoryStoreError, match="not open for writing"):
             store.commit(1, MapDelta())
-    assert [each.name for each in tmp_path.iterdir()] == ["map.db"]
+    assert [path.name for path in tmp_path.iterdir()] == ["map.db"]
     assert path.read_bytes() == before

@@ -262,7 +262,7 @@ def test_boxes_and_labels_are_found_by_their_indices(url: str) -> None:
         connection.exec_driver_sql("SET LOCAL enable_seqscan = off")
         for statement, index in (
             (dialect.states_near((0, 0, 0), (1, 1, 1)), "ix_state_ground"),
-            (dialect.labelled("dining table"), "ix_instance_label_words"),
+            (dialect.matching_labels("dining table"), "ix_instance_label_words"),
         ):
             compiled = statement.compile(connection, compile_kwargs={"literal_binds": True})
             plan = "\n".join(connection.exec_driver_sql(f"EXPLAIN {compiled}".replace("%", "%%")).scalars())

@@ -96,8 +96,8 @@ def test_whatever_writes_is_refused_and_leaves_no_trace(db: Path, statement: str
 def contents(db: Path) -> list[object]:
     with closing(databases.connect(db)) as connection:
         found = [
-            connection.execute(f"SELECT * FROM {each.name} ORDER BY 1, 2, 3".encode()).fetchall()
-            for each in Base.metadata.sorted_tables
+            connection.execute(f"SELECT * FROM {table.name} ORDER BY 1, 2, 3".encode()).fetchall()
+            for table in Base.metadata.sorted_tables
         ]
         counters = connection.execute(b"SELECT last_value, is_called FROM state_id_seq").fetchall()
         relations = b"SELECT relname FROM pg_class WHERE relnamespace = current_schema()::regnamespace ORDER BY 1"

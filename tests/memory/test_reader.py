@@ -28,7 +28,7 @@ def test_what_was_merged_counts_for_its_survivor(tmp_path: Path) -> None:
         visit = chair.visit(1)
         assert (visit.supported, visit.in_view) == (2, 3)
         assert (visit.first_support_ns, visit.last_support_ns) == (m.ns(1), m.ns(2))
-        assert [each.stamp_ns for each in reader.observations(chair)] == [m.ns(1), m.ns(2)]
+        assert [observation.stamp_ns for observation in reader.observations(chair)] == [m.ns(1), m.ns(2)]
         assert [(e.subject, e.object) for e in reader.edges_of([3])] == [(1, 3)]
         named = reader.instance("Chair-2")
         assert named is not None

@@ -48,7 +48,7 @@ def test_before_images_leave_no_holes_behind(tmp_path: Path) -> None:
     assert free == 0
     assert after < 1.1 * before
     with open_store(str(path), read_only=True) as store, store.reader() as reader:
-        assert {each.label for each in reader.instances} == {"armchair"}
+        assert {instance.label for instance in reader.instances} == {"armchair"}
 
 
 @pytest.mark.sqlite_only("about the pages of an SQLite file")

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from supermap_cli.memory import open_store
-from supermap_cli.memory.as_of import AsOf
+from supermap_cli.memory.presence_query import PresenceQuery
 from supermap_cli.memory.reading import MapReader
 from supermap_cli.query.candidates import had_label, label_in_state
 from supermap_cli.query.clock import clock_of
@@ -39,7 +39,7 @@ def test_counts_at_a_time_equal_those_of_single_instances(
 
 
 def compare(reader: MapReader, at_ns: int, since_ns: int | None, wanted: frozenset[str] | None) -> None:
-    as_of = AsOf(reader.connection, at_ns, since_ns)
+    as_of = PresenceQuery(reader.connection, at_ns, since_ns)
     instances = sorted(reader.believed, key=lambda instance: (-instance.last_seen_ns, -instance.number))
     known = {instance.number: presence_at(instance, at_ns, since_ns) for instance in instances}
     present = Counter(
@@ -54,7 +54,7 @@ def compare(reader: MapReader, at_ns: int, since_ns: int | None, wanted: frozens
             instance.number for instance in instances if (found := known[instance.number]) and found.value == presence
         ]
         assert sum(count for (other, _), count in counts.items() if other == presence) == len(expected)
-        assert [as_of.first(presence, limit) for limit in (0, 2, 99)] == [expected[:0], expected[:2], expected]
+        assert [as_of.last_seen(presence, limit) for limit in (0, 2, 99)] == [expected[:0], expected[:2], expected]
     held = {instance.number: state_held_at(instance.states, at_ns) for instance in instances}
     matching = [
         instance
@@ -68,14 +68,14 @@ def compare(reader: MapReader, at_ns: int, since_ns: int | None, wanted: frozens
         and found.value == "unknown"
         and (wanted is None or had_label(instance, wanted))
     ]
-    tally = as_of.tally(wanted)
-    assert (tally.fits, tally.unsure) == (len(matching), len(uncertain))
-    assert tally.sure == sum(instance not in uncertain for instance in matching)
-    assert tally.besides == sum(instance not in matching for instance in uncertain)
+    tally = as_of.counts_of(wanted)
+    assert (tally.matching, tally.unknown) == (len(matching), len(uncertain))
+    assert tally.certain == sum(instance not in uncertain for instance in matching)
+    assert tally.unknown_others == sum(instance not in matching for instance in uncertain)
     numbers = sorted(instance.number for instance in uncertain)
-    assert as_of.unsure(wanted, 3) == numbers[:3]
+    assert as_of.unknown(wanted, 3) == numbers[:3]
     ids = [instance.id for instance in uncertain if instance.number == numbers[0]]
-    assert as_of.unsure(wanted, 3, ids) == numbers[1:4]
+    assert as_of.unknown(wanted, 3, ids) == numbers[1:4]
 
 
 @settings(max_examples=examples(15), deadline=None)

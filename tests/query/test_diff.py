@@ -11,9 +11,9 @@ import pytest
 from supermap_cli.errors import QueryError
 from supermap_cli.memory import open_store
 from supermap_cli.memory.checking import check
+from supermap_cli.memory.labelled_observations import LabelledObservations
 from supermap_cli.memory.numbers import batches
 from supermap_cli.memory.reading import MapReader
-from supermap_cli.memory.said import Hearing
 from supermap_cli.query.diff import ObjectChange, diff
 from supermap_cli.query.object_history import object_history
 from supermap_cli.types.memory import InstanceRecord, MapDelta, StateRecord, Visit
@@ -278,7 +278,7 @@ def test_observations_of_some_traversals_equal_those_read_singly(
             )
     with open_store(str(path), read_only=True) as store, store.reader() as reader:
         instances = reader.instances
-        found = Hearing(reader, traversal_ids).of(instances)
+        found = LabelledObservations(reader, traversal_ids).of(instances)
         expected = {
             instance.number: [
                 seen
@@ -303,7 +303,7 @@ def test_observations_of_some_traversals_equal_those_read_singly(
         if observations
     }
     assert all(
-        observation.cropped == (observation.stamp_ns > m.ns(100))
+        observation.has_crop == (observation.stamp_ns > m.ns(100))
         for observations in found.values()
         for observation in observations
     )

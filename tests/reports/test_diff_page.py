@@ -16,7 +16,7 @@ from supermap_cli.errors import SupermapError
 from supermap_cli.geometry.boxes import Box3D
 from supermap_cli.geometry.cameras import PinholeCamera, camera_to_json
 from supermap_cli.memory import open_store
-from supermap_cli.memory.pictures import SmallImage, crop_jpegs, crops_of, small_images
+from supermap_cli.memory.images import Thumbnail, crop_jpegs, crops_of, thumbnails_of
 from supermap_cli.memory.reading import MapReader
 from supermap_cli.query.diff import diff
 from supermap_cli.reports.diff_page import diff_page, write_diff_page
@@ -134,7 +134,7 @@ def test_a_plan_is_well_formed_and_keeps_the_scale() -> None:
 def test_a_box_is_cropped_from_the_image_that_shows_it() -> None:
     picture = np.zeros((120, 160, 3), np.uint8)
     picture[:, 80:] = (0, 0, 255)
-    image = SmallImage(1, 0, cv2.imencode(".png", picture)[1].tobytes(), camera_to_json(CAMERA), LOOKING_ALONG_X)
+    image = Thumbnail(1, 0, cv2.imencode(".png", picture)[1].tobytes(), camera_to_json(CAMERA), LOOKING_ALONG_X)
     right = Box3D(np.array([0, -1.0, 0.8]), np.array([0.3, 0.3, 0.5]), 0.0)
     behind = Box3D(np.array([-6.0, 0, 0.8]), np.array([0.3, 0.3, 0.5]), 0.0)
     cut = crop_around_box(image, right)
@@ -149,7 +149,7 @@ def test_pictures_are_read_by_number_and_stamp(reader: MapReader) -> None:
     crops = crops_of(reader, [kitchen.CUP])[kitchen.CUP]
     assert [crop.stamp_ns for crop in crops] == [m.ns(1), m.ns(40), m.ns(90)]
     assert set(crop_jpegs(reader, [crop.observation for crop in crops])) == {crop.observation for crop in crops}
-    assert set(small_images(reader, [m.ns(1), m.ns(2)])) == {m.ns(1)}
+    assert set(thumbnails_of(reader, [m.ns(1), m.ns(2)])) == {m.ns(1)}
 
 
 def test_of_several_cameras_the_one_that_has_the_place_in_view_is_shown(reader: MapReader, tmp_path: Path) -> None:

@@ -62,7 +62,7 @@ def test_build_of_a_rendered_room(tmp_path: Path) -> None:
 
 def test_plugins_as_they_are_installed() -> None:
     listed = document("plugins", "plugins")
-    assert {"onnx", "recorded"} <= {each["name"] for each in listed["plugins"]}
+    assert {"onnx", "recorded"} <= {plugin["name"] for plugin in listed["plugins"]}
 
 
 def test_plugins_that_are_broken_or_claim_one_name(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -72,5 +72,5 @@ def test_plugins_that_are_broken_or_claim_one_name(monkeypatch: pytest.MonkeyPat
     listed = document("plugins", "plugins")
     assert "implements no hook" in listed["broken"][0]["error"]
     assert "'twin' is claimed" in listed["conflicts"][0]
-    (option, _) = (each["options"][0] for each in listed["plugins"][-1]["backends"])
+    (option, _) = (plugin["options"][0] for plugin in listed["plugins"][-1]["backends"])
     assert option == {"name": "model", "required": True, "default": None, "description": ""}

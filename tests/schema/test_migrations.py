@@ -127,15 +127,15 @@ def test_a_memory_of_an_earlier_release_is_lifted_and_goes_on(released: Path) ->
     assert before < after == SCHEMA_VERSION
     with open_store(str(released), read_only=True) as store, store.reader() as reader:
         assert check(reader) == []
-        assert [each.name for each in reader.traversals] == ["monday", "tuesday", "wednesday"]
-        assert {each.id for each in reader.instances} >= {"chair-1", "dining-table-1", "potted-plant-1"}
+        assert [traversal.name for traversal in reader.traversals] == ["monday", "tuesday", "wednesday"]
+        assert {instance.id for instance in reader.instances} >= {"chair-1", "dining-table-1", "potted-plant-1"}
     with open_store(str(released)) as store:
-        store.take_out_unfinished()
+        store.roll_back_unfinished()
         m.add_traversal(store, "thursday", (300, 310), MapDelta(keyframes=(m.keyframe(301),)))
     with open_store(str(released), read_only=True) as store, store.reader() as reader:
         assert check(reader) == []
-        assert [each.name for each in reader.traversals] == ["monday", "tuesday", "thursday"]
-        assert {each.label for each in reader.instances} == {"chair", "dining table", "potted plant"}
+        assert [traversal.name for traversal in reader.traversals] == ["monday", "tuesday", "thursday"]
+        assert {instance.label for instance in reader.instances} == {"chair", "dining table", "potted plant"}
 
 
 @pytest.mark.sqlite_only("no map of the first version lies in PostgreSQL")

@@ -65,7 +65,7 @@ def rows(path: Path, sql: str) -> list[dict[str, Any]]:
 
 def test_every_present_object_is_one_row_with_what_it_stands_on(memory: Path) -> None:
     found = rows(memory, "SELECT * FROM current_objects ORDER BY id")
-    assert [(each["id"], each["stands"]) for each in found] == [
+    assert [(row["id"], row["stands"]) for row in found] == [
         ("chair-1", None),
         ("cup-1", "on dining-table-1"),
         ("dining-table-1", None),
@@ -78,13 +78,13 @@ def test_every_present_object_is_one_row_with_what_it_stands_on(memory: Path) ->
 
 def test_the_last_traversal_is_the_last_that_saw_it(tmp_path: Path) -> None:
     db = kitchen.make_kitchen(tmp_path / "map.db")
-    found = {each["id"]: each["last_traversal"] for each in rows(db, "SELECT * FROM current_objects")}
+    found = {row["id"]: row["last_traversal"] for row in rows(db, "SELECT * FROM current_objects")}
     assert (found["chair-1"], found["book-1"], found["lamp-1"]) == ("tuesday", "monday", "tuesday")
 
 
 def test_a_history_says_how_every_state_ended(memory: Path) -> None:
     found = rows(memory, "SELECT * FROM object_history")
-    assert [(each["id"], each["state_index"], each["presence"]) for each in found] == [
+    assert [(row["id"], row["state_index"], row["presence"]) for row in found] == [
         ("chair-1", 0, "ended"),
         ("chair-1", 1, "present"),
         ("dining-table-1", 0, "present"),
@@ -103,8 +103,8 @@ def test_a_history_says_how_every_state_ended(memory: Path) -> None:
 
 def test_changes_say_from_where_to_where(memory: Path) -> None:
     columns = "kind, id, from_x, from_y, to_x, to_y, distance_m, from_id, not_before, not_after"
-    found = [tuple(each.values()) for each in rows(memory, f"SELECT {columns} FROM changes")]
-    assert [each[:8] for each in found] == [
+    found = [tuple(row.values()) for row in rows(memory, f"SELECT {columns} FROM changes")]
+    assert [row[:8] for row in found] == [
         ("appeared", "chair-1", None, None, 1.0, 2.0, None, "chair-1"),
         ("merged", "cup-1", 5.0, 5.0, 5.0, 5.0, None, "cup-2"),
         ("moved", "chair-1", 1.0, 2.0, 4.0, 2.0, 3.0, "chair-1"),
@@ -115,7 +115,7 @@ def test_changes_say_from_where_to_where(memory: Path) -> None:
 
 def test_relations_name_both_ends_and_when(memory: Path) -> None:
     found = rows(memory, "SELECT * FROM relations ORDER BY since_ns, subject")
-    assert [(each["subject"], each["relation"], each["object"], each["until"]) for each in found] == [
+    assert [(row["subject"], row["relation"], row["object"], row["until"]) for row in found] == [
         ("chair-1", "beside", "dining-table-1", "2026-01-05T09:00:05.0Z"),
         ("cup-1", "on", "dining-table-1", None),
         ("cup-1", "near", "chair-1", None),
@@ -123,7 +123,7 @@ def test_relations_name_both_ends_and_when(memory: Path) -> None:
 
 
 def test_the_trajectory_says_where_the_robot_was(memory: Path) -> None:
-    found = [tuple(each.values()) for each in rows(memory, "SELECT traversal, at, x, y, z FROM trajectory")]
+    found = [tuple(row.values()) for row in rows(memory, "SELECT traversal, at, x, y, z FROM trajectory")]
     assert found[0] == ("monday", "2026-01-05T09:00:01.0Z", 2.5, 0.0, 0.0)
 
 

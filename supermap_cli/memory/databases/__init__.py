@@ -1,9 +1,9 @@
-"""Every difference between the databases a map can lie in: SQLite and PostgreSQL.
+"""Everything that differs between the two databases of a map, SQLite and PostgreSQL.
 
-- `Database`: a place where a map is or may be made: how it is opened, locked, measured, asked in plain SQL, removed.
-- `Dialect`: what its SQL has words of its own for; it needs only an open connection (`dialect_of`).
+- `Database`: the place of a map; opens, locks, measures and removes it, and runs plain SQL.
+- `Dialect`: SQL that differs; needs only an open connection (`dialect_of`).
 
-What both have in common (tables, migrations, all other SQL) stands elsewhere, once.
+Tables, migrations and all other SQL are common to both.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ _SQLITE_PREFIX = "sqlite:///"
 
 
 def database_of(url: str) -> Database:
-    """The database that a path or URL means; nothing is opened. Raises `MemoryStoreError` for other kinds."""
+    """The database of a path or URL; nothing is opened. Raises `MemoryStoreError` for other kinds."""
     if "://" in url and not url.startswith(_SQLITE_PREFIX):
         scheme = url.partition("://")[0]
         if scheme.partition("+")[0] not in {"postgresql", "postgres"}:

@@ -1,4 +1,4 @@
-"""SQL that is not the same everywhere, by an open connection."""
+"""SQL that differs between databases, chosen by an open connection."""
 
 from __future__ import annotations
 
@@ -28,62 +28,63 @@ _JSON = (
     ("instance", "id", ("label_belief", "engine_state")),
     ("before_image", "row_key", ("content",)),
 )
-"""Table, the name of a row, the columns that are JSON; PostgreSQL's constraints hold them so."""
+"""Table, column that names a row, columns that are JSON; PostgreSQL checks these by constraints."""
 
 
 def _no_json(column_name: str) -> str:
-    """Some versions of SQLite call NULL no valid JSON."""
+    """Condition for broken JSON; some versions of SQLite call NULL invalid."""
     return f"({column_name} IS NOT NULL AND NOT json_valid({column_name}))"
 
 
 def _images(literal: str) -> Iterator[Invariant]:
-    """Pictures begin as files of their kind do; `literal` writes bytes given in hexadecimal digits."""
-    for of, image, kind, magic in (
+    """Images must begin with the magic number of their format; `literal` formats hexadecimal digits as bytes."""
+    for table_name, image, kind, magic in (
         ("keyframe", "thumbnail_jpeg", "JPEG", "ffd8ff"),
         ("observation", "crop_jpeg", "JPEG", "ffd8ff"),
     ):
         start = f"substr({image}, 1, {len(magic) // 2}) <> {literal.format(magic)}"
-        yield Invariant(of, f"has a {image} that is no {kind}", f"SELECT id FROM {of} WHERE {start}")
+        sql = f"SELECT id FROM {table_name} WHERE {start}"
+        yield Invariant(table_name, f"has a {image} that is no {kind}", sql)
 
 
 class Dialect(Protocol):
-    """The words of one kind of database."""
+    """The SQL of one kind of database."""
 
     invariants: tuple[Invariant, ...]
-    """What must hold beside `supermap_cli.memory.invariants`."""
+    """Invariants in this database's own SQL, beside `supermap_cli.memory.invariants`."""
 
     own_objects: tuple[str, ...]
-    """The triggers and whatever else a schema must have that models and views do not name."""
+    """Names of the triggers and other objects that a schema must have beside models and views."""
 
     def upsert(self, into: Table | type[models.Base]) -> Upsert:
-        """An INSERT that can say what happens where the key is there already (`on_conflict_do_update`)."""
+        """An INSERT with `on_conflict_do_update`."""
 
     def states_near(self, lower_m: Sequence[float], upper_m: Sequence[float]) -> Select[tuple[int]]:
         """The ids of all states whose box may touch the box from `lower_m` (x, y, z) to `upper_m`, by an index.
 
-        None is left out, but some come that do not touch it: boxes are taken as wide as they can be at any heading, and
-        rounded outwards.
+        A superset: boxes in the index are as wide as they can be at any yaw, and rounded outwards.
         """
 
-    def labelled(self, words: str) -> Select[tuple[int]]:
-        """The numbers of all instances that have these words, one after the other and whatever their endings, in their
-        id, their label or another label they may have; by an index.
+    def matching_labels(self, words: str) -> Select[tuple[int]]:
+        """The numbers of all instances with this phrase in their id or one of their labels, compared by word stems.
+
+        Answered by an index.
         """
 
     def defer_foreign_keys(self, connection: Connection) -> None:
-        """Until the transaction ends, rows may point to rows that are not there yet."""
+        """Check foreign keys at the end of the transaction only."""
 
     def align_row_ids(self, connection: Connection) -> None:
-        """The next row of every table gets the id after the largest there is."""
+        """Make the next row of every table get the id after the largest one."""
 
     def objects(self, connection: Connection) -> set[str]:
-        """The names of all tables, views, indices, triggers and constraints that are there and at work."""
+        """The names of all existing and enabled tables, views, indices, triggers and constraints."""
 
     def altered(self, connection: Connection) -> set[str]:
-        """The names of those that are there, but are not what the schema makes under this name."""
+        """The names of existing objects whose definition differs from the schema's."""
 
     def damage(self, connection: Connection) -> Iterator[Problem]:
-        """What is wrong with the storage itself."""
+        """Damage of the storage itself, and dangling foreign keys."""
 
 
 class Sqlite:
@@ -136,33 +137,33 @@ class Sqlite:
     )
 
     def upsert(self, into: Table | type[models.Base]) -> Upsert:
-        """As SQLite has it."""
+        """SQLite's INSERT."""
         return sqlite.insert(into)
 
     def states_near(self, lower_m: Sequence[float], upper_m: Sequence[float]) -> Select[tuple[int]]:
-        """By the R*Tree."""
+        """Uses the R*Tree."""
         return select(_BOX.c.state_id).where(*_overlaps("xyz", lower_m, upper_m))
 
-    def labelled(self, words: str) -> Select[tuple[int]]:
-        """By FTS5."""
+    def matching_labels(self, words: str) -> Select[tuple[int]]:
+        """Uses FTS5."""
         phrase = f'"{_plain(words)}"'
         return select(_WORDS.c.rowid.label("number")).where(
             text("instance_label MATCH :phrase").bindparams(phrase=phrase)
         )
 
     def defer_foreign_keys(self, connection: Connection) -> None:
-        """All of them."""
+        """Applies to all foreign keys."""
         connection.exec_driver_sql("PRAGMA defer_foreign_keys = ON")
 
     def align_row_ids(self, connection: Connection) -> None:
-        """SQLite does so by itself."""
+        """Nothing to do: SQLite always takes the next id."""
 
     def objects(self, connection: Connection) -> set[str]:
-        """All that `sqlite_master` lists."""
+        """Everything in `sqlite_master`."""
         return set(connection.exec_driver_sql("SELECT name FROM sqlite_master").scalars())
 
     def altered(self, connection: Connection) -> set[str]:
-        """SQLite keeps the text of every statement that made something."""
+        """Compares the statements that SQLite stores with the schema's."""
         made = sqlite_schema.definitions() | dict(_indices(connection.dialect))
         found = connection.exec_driver_sql("SELECT name, sql FROM sqlite_master WHERE sql IS NOT NULL")
         return {name for name, sql in found if name in made and _on_one_line(sql) != _on_one_line(made[name])}
@@ -200,27 +201,27 @@ class Postgresql:
     )
 
     def upsert(self, into: Table | type[models.Base]) -> Upsert:
-        """As PostgreSQL has it."""
+        """PostgreSQL's INSERT."""
         return postgresql.insert(into)
 
     def states_near(self, lower_m: Sequence[float], upper_m: Sequence[float]) -> Select[tuple[int]]:
-        """On the ground by GiST, then by height."""
+        """Uses the GiST index on ground rectangles, then compares heights."""
         corners = (func.point(*map(float, corner[:2])) for corner in (lower_m, upper_m))
         on_the_ground = _BOX.c.ground.op("&&")(func.box(*corners))
         return select(_BOX.c.state_id).where(on_the_ground, *_overlaps("z", lower_m[2:], upper_m[2:]))
 
-    def labelled(self, words: str) -> Select[tuple[int]]:
-        """By GIN."""
+    def matching_labels(self, words: str) -> Select[tuple[int]]:
+        """Uses the GIN index."""
         phrase = func.phraseto_tsquery(text(f"'{postgresql_schema.LABEL_SEARCH}'"), _plain(words))
         return select(_WORDS.c.number).where(_WORDS.c.words.op("@@")(phrase))
 
     def defer_foreign_keys(self, connection: Connection) -> None:
-        """Those that are declared so: `merged_into`, and the states of temporal edges."""
+        """Applies to deferrable foreign keys: `merged_into`, and the states of temporal edges."""
         connection.exec_driver_sql("SET CONSTRAINTS ALL DEFERRED")
 
     def align_row_ids(self, connection: Connection) -> None:
-        """Sequences also count what was taken out or rolled back."""
-        counted = ((each.name, each.autoincrement_column) for each in models.Base.metadata.sorted_tables)
+        """Sequences also count rows that were deleted or rolled back."""
+        counted = ((table.name, table.autoincrement_column) for table in models.Base.metadata.sorted_tables)
         connection.execute(
             select(
                 *(
@@ -236,7 +237,7 @@ class Postgresql:
         )
 
     def objects(self, connection: Connection) -> set[str]:
-        """Of the schema, without indices and constraints that are not valid and triggers that are switched off."""
+        """Objects of the schema without invalid indices and constraints and disabled triggers."""
         listed = """
             SELECT c.relname FROM pg_class c LEFT JOIN pg_index x ON x.indexrelid = c.oid
             WHERE c.relnamespace = current_schema()::regnamespace AND x.indisvalid IS NOT FALSE
@@ -247,7 +248,7 @@ class Postgresql:
         return set(connection.exec_driver_sql(listed).scalars())
 
     def altered(self, connection: Connection) -> set[str]:
-        """Of triggers, what they do, and indices; PostgreSQL keeps the text of no view."""
+        """Compares triggers, their functions and indices; PostgreSQL does not store the text of views."""
         made = postgresql_schema.definitions() | dict(_indices(connection.dialect))
         found = connection.exec_driver_sql("""
             SELECT t.tgname, pg_get_triggerdef(t.oid), current_schema() FROM pg_trigger t
@@ -263,7 +264,7 @@ class Postgresql:
         }
 
     def damage(self, connection: Connection) -> Iterator[Problem]:
-        """Foreign keys; the server itself looks after its files."""
+        """Dangling foreign keys; the server checks its files itself."""
         for child in models.Base.metadata.sorted_tables:
             for key in child.foreign_key_constraints:
                 yield from _orphans(connection, child, key)
@@ -273,14 +274,14 @@ _DIALECTS: dict[str, Dialect] = {"sqlite": Sqlite(), "postgresql": Postgresql()}
 
 
 def dialect_of(connection: Connection) -> Dialect:
-    """The dialect that an open connection understands."""
+    """The dialect of an open connection."""
     return _DIALECTS[connection.dialect.name]
 
 
 def _indices(dialect: Any) -> Iterator[tuple[str, str]]:
-    """The statements that make the models' indices, by name."""
-    for each in models.Base.metadata.sorted_tables:
-        for index in each.indexes:
+    """The statements that create the models' indices, by name."""
+    for model_table in models.Base.metadata.sorted_tables:
+        for index in model_table.indexes:
             yield str(index.name), str(CreateIndex(index).compile(dialect=dialect))
 
 
@@ -289,7 +290,7 @@ def _on_one_line(sql: str) -> str:
 
 
 def _bare(sql: str) -> str:
-    """Without what PostgreSQL adds: the kind of an index, and brackets."""
+    """Without what PostgreSQL adds: the index method, and brackets."""
     return _on_one_line(re.sub(r" USING btree|[()]", " ", sql))
 
 
@@ -300,12 +301,12 @@ def _overlaps(axes: str, lower_m: Sequence[float], upper_m: Sequence[float]) -> 
 
 
 def _plain(words: str) -> str:
-    """Letters and digits only: neither database then reads an operator into a name."""
+    """Letters and digits only, so that neither database takes a part of a name for an operator."""
     return " ".join(re.findall(r"[^\W_]+", words))
 
 
 def _orphans(connection: Connection, child: Table, key: Any) -> Iterator[Problem]:
-    """Rows whose foreign key leads nowhere: PostgreSQL refuses them, unless its triggers were switched off."""
+    """Rows with a dangling foreign key; PostgreSQL refuses them unless its triggers were disabled."""
     parent = key.referred_table.alias("parent")
     pairs = [(element.parent, parent.c[element.column.name]) for element in key.elements]
     missing = select(child.primary_key.columns[0].label("row")).where(

@@ -1,4 +1,4 @@
-"""What every database of a map must be able to do."""
+"""The interface of the databases that can hold a map."""
 
 from __future__ import annotations
 
@@ -18,72 +18,74 @@ SqlValue = int | float | str | bytes | None
 
 @dataclass(frozen=True)
 class SqlRows:
-    """The answer to one statement; its rows are read from the database while they are taken."""
+    """The result of one statement; its rows are read from the database while they are iterated over."""
 
     columns: tuple[str, ...]
     rows: Iterator[tuple[SqlValue, ...]]
 
 
 class Lock(Protocol):
-    """The right to write, held by one process at a time; the system gives it back when that process dies."""
+    """The write lock, held by one process at a time and released by the system when that process dies."""
 
     def check(self, connection: Connection) -> None:
-        """Raise `MemoryStoreError` if the lock was lost: another build may be writing."""
+        """Raise `MemoryStoreError` if the lock was lost, so that another build may be writing."""
 
     def release(self) -> None:
-        """Give it back; does nothing where it is not held."""
+        """Release the lock; does nothing if it is not held."""
 
 
 class Database(Protocol):
-    """A place where a map is, or may be made."""
+    """A path or URL where a map exists or may be created."""
 
     @property
     def where(self) -> str:
-        """The place for people: a path, or a URL without its password."""
+        """The path, or the URL without its password, for messages."""
 
     @property
     def identity(self) -> str:
-        """The same for the same place, however it was written."""
+        """Equal for equal places, however they are written."""
 
     def stored_version(self) -> int | None:
-        """The version of the map that is there; `None` where nothing is. Raises `MemoryStoreError` for anything else,
-        and for what cannot be reached or read.
+        """The schema version of the map; `None` if there is none.
+
+        Raises `MemoryStoreError` if there is something else, or if it cannot be reached or read.
         """
 
     def take_lock(self) -> Lock:
-        """Become the one who writes. Raises `MemoryStoreError` if another is, or if nothing can be written."""
+        """Take the write lock. Raises `MemoryStoreError` if another process holds it, or if nothing can be written."""
 
     def writer_engine(self) -> Engine:
-        """For the one who holds the lock; a transaction that writes has the execution option `writes`."""
+        """For the holder of the lock; a transaction that writes has the execution option `writes`."""
 
     def reader_engine(self) -> Engine:
-        """For everybody else: every transaction sees one moment, changes nothing, and blocks nobody."""
+        """For readers: every transaction reads one snapshot, writes nothing, and blocks no other."""
 
     def prepare(self, connection: Connection) -> None:
-        """Make room for a new map, before its tables are made."""
+        """Prepare the place for a new map before its tables are created."""
 
     def remove(self) -> None:
-        """Take a map away that was made in vain; no connection is open."""
+        """Remove a map that got no traversal; no connection is open."""
 
     def size_bytes(self, connection: Connection) -> int:
-        """What the map takes on the disk."""
+        """The size of the map on disk."""
 
-    def give_back(self) -> None:
-        """Give back what a build freed when it came to its end, as far as that costs no more than what was freed."""
+    def release_free_pages(self) -> None:
+        """Release the space of rows that a build deleted at its end, without rewriting the map."""
 
-    def reclaim(self, engine: Engine) -> None:
-        """Give back what deleted rows took, as far as that blocks no reader; by the writer's engine, which holds no
-        transaction. Raises `MemoryStoreError` where there is no room for it.
+    def vacuum(self, engine: Engine) -> None:
+        """Release the space of deleted rows, as far as that blocks no reader; the engine holds no transaction.
+
+        Raises `MemoryStoreError` if there is not enough free space to do so.
         """
 
     def failure(self, error: DatabaseError) -> MemoryStoreError:
-        """An error of the database that a user can mend, as one that says how."""
+        """A `MemoryStoreError`, with a cure, for an error of the database."""
 
     def read_sql(
         self, statement: str, prepare: Callable[[sqlite3.Connection], None] | None = None
     ) -> AbstractContextManager[SqlRows]:
-        """Run one statement that only reads; `prepare` may add functions to an SQLite connection before.
+        """Run one read-only statement; `prepare` may add functions to an SQLite connection first.
 
         Raises `QueryError`, with the database's message, for a statement that is wrong, that would write, or that is
-        more than one; while rows are taken, too.
+        more than one; also while rows are iterated over.
         """

@@ -1,4 +1,4 @@
-"""A map in a schema of a PostgreSQL database: the first of the connection's search path."""
+"""A map in a schema of a PostgreSQL database, the first one of the connection's search path."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from sqlalchemy.pool import NullPool
 
 from supermap_cli.errors import MemoryStoreError
 from supermap_cli.memory.databases.interface import SqlRows
+from supermap_cli.memory.databases.postgresql_errors import no_driver, postgresql_error
 from supermap_cli.memory.databases.postgresql_lock import AdvisoryLock
-from supermap_cli.memory.databases.postgresql_refusals import no_driver, refused
 from supermap_cli.memory.databases.postgresql_sql import read_rows
 from supermap_schema import models, postgresql
 
@@ -25,14 +25,14 @@ _SECRETS = ("password", "passfile", "sslpassword")
 _CONNECT_TIMEOUT_S = 10
 
 _FIRST_SCHEMA = "SELECT btrim(split_part(current_setting('search_path'), ',', 1), ' \"')"
-"""The name of the schema that a map is to have, where that schema does not exist yet."""
+"""The name of the schema of a new map, which may not exist yet."""
 
 _OWN_RELATIONS = """
     SELECT c.oid, c.relname, c.relkind FROM pg_class c WHERE c.relnamespace = current_schema()::regnamespace
     AND c.relkind IN ('r', 'p', 'v', 'm', 'f') AND NOT EXISTS (
       SELECT 1 FROM pg_depend d WHERE d.classid = 'pg_class'::regclass AND d.objid = c.oid AND d.deptype = 'e')
 """
-"""Tables and views of the schema, but for those that belong to an extension (PostGIS)."""
+"""Tables and views of the schema, without those of extensions (PostGIS)."""
 
 _MARK_FOUND = """
     SELECT obj_description(c.oid, 'pg_class') FROM pg_class c
@@ -42,13 +42,13 @@ _MARK_FOUND = """
 
 @dataclass(frozen=True)
 class PostgresqlSchema:
-    """The place that `url` leads to, by psycopg."""
+    """The schema that `url` selects, accessed with psycopg."""
 
     url: URL
 
     @classmethod
     def of(cls, url: str) -> PostgresqlSchema:
-        """The place of a URL. Raises `MemoryStoreError` for one that is not understood."""
+        """The schema of a URL. Raises `MemoryStoreError` for a malformed one."""
         scheme, _, rest = url.partition("://")
         cure = "write postgresql+psycopg://USER@HOST/DATABASE"
         if scheme not in {"postgresql+psycopg", "postgresql", "postgres"}:
@@ -68,16 +68,16 @@ class PostgresqlSchema:
 
     @property
     def identity(self) -> str:
-        """The URL without its password; two names of one server are not told to be the same."""
+        """The URL without its password; two names of one server are not recognised as equal."""
         return self.where
 
     def stored_version(self) -> int | None:
-        """The number of the newest migration, of a schema that is marked as a map."""
+        """The number of the newest migration of a schema that is marked as a map."""
         with self._connected("AUTOCOMMIT") as connection:
             try:
                 return self._version(connection)
             except DatabaseError as error:
-                raise refused(error, self.where) from error
+                raise postgresql_error(error, self.where) from error
 
     def _version(self, connection: Connection) -> int | None:
         if int(connection.exec_driver_sql("SHOW server_version_num").scalar_one()) < postgresql.OLDEST_SERVER:
@@ -103,7 +103,7 @@ class PostgresqlSchema:
         return AdvisoryLock.taken(self._connected("AUTOCOMMIT"), self.where)
 
     def writer_engine(self) -> Engine:
-        """READ COMMITTED: there is one writer."""
+        """READ COMMITTED, because there is one writer."""
         return self._engine()
 
     def reader_engine(self) -> Engine:
@@ -111,7 +111,7 @@ class PostgresqlSchema:
         return self._engine().execution_options(isolation_level="REPEATABLE READ", postgresql_readonly=True)
 
     def prepare(self, connection: Connection) -> None:
-        """Make the schema, where the search path begins with one that does not exist."""
+        """Create the first schema of the search path if it does not exist."""
         if connection.exec_driver_sql("SELECT current_schema()").scalar_one() is None:
             name = connection.exec_driver_sql(_FIRST_SCHEMA).scalar_one()
             quoted = connection.dialect.identifier_preparer.quote(name)
@@ -119,7 +119,7 @@ class PostgresqlSchema:
             connection.execute(text(f"COMMENT ON SCHEMA {quoted} IS '{postgresql.MARK}'"))
 
     def remove(self) -> None:
-        """Drop all that a map has made, and its schema if that was made for it."""
+        """Drop everything that belongs to the map, and its schema if that was created for it."""
         with self._connected() as connection, connection.begin():
             made = connection.exec_driver_sql(
                 "SELECT obj_description(current_schema()::regnamespace, 'pg_namespace')"
@@ -136,29 +136,27 @@ class PostgresqlSchema:
             connection.exec_driver_sql("DROP TEXT SEARCH DICTIONARY IF EXISTS supermap_porter")
 
     def size_bytes(self, connection: Connection) -> int:
-        """All tables with their indices."""
+        """Size of all tables with their indices."""
         size = f"SELECT coalesce(sum(pg_total_relation_size(oid)), 0)::bigint FROM ({_OWN_RELATIONS}) AS own"
         return int(connection.exec_driver_sql(size).scalar_one())
 
-    def give_back(self) -> None:
-        """The server's autovacuum does so."""
+    def release_free_pages(self) -> None:
+        """Nothing to do: the server's autovacuum does it."""
 
-    def reclaim(self, engine: Engine) -> None:
-        """VACUUM: the room is used again by what comes; to give it back to the system, the server would lock readers
-        out (VACUUM FULL).
-        """
+    def vacuum(self, engine: Engine) -> None:
+        """VACUUM, which makes the space reusable; VACUUM FULL would return it to the system, but blocks readers."""
         with engine.connect().execution_options(isolation_level="AUTOCOMMIT") as connection:
             for model in (models.Observation, models.Keyframe, models.Traversal):
                 connection.exec_driver_sql(f"VACUUM (ANALYZE) {model.__tablename__}")
 
     def failure(self, error: DatabaseError) -> MemoryStoreError:
-        """A server that went away, a full disk."""
-        return refused(error, self.where)
+        """For a lost connection or a full disk."""
+        return postgresql_error(error, self.where)
 
     def read_sql(
         self, statement: str, prepare: Callable[[sqlite3.Connection], None] | None = None
     ) -> AbstractContextManager[SqlRows]:
-        """One statement that reads; functions of plugins are made for SQLite."""
+        """Run one read-only statement; functions of plugins exist for SQLite only."""
         return read_rows(self._connect, statement)
 
     def _engine(self, **options: Any) -> Engine:
@@ -168,19 +166,19 @@ class PostgresqlSchema:
             raise no_driver(self.where) from error
 
     def _connect_arguments(self) -> dict[str, Any]:
-        """The name is what the server shows, and what another build is told while this one is at work."""
+        """The application name is shown by the server, and to another build that waits for the lock."""
         return {
             "connect_timeout": int(str(self.url.query.get("connect_timeout", _CONNECT_TIMEOUT_S))),
             "application_name": f"supermap, process {os.getpid()} on {socket.gethostname()}",
         }
 
     def _connected(self, isolation_level: str | None = None) -> Connection:
-        """A connection of its own. Raises `MemoryStoreError` where there is none."""
+        """A separate connection. Raises `MemoryStoreError` if the server is not reached."""
         engine = self._engine(poolclass=NullPool)
         try:
             connection = engine.connect()
         except DatabaseError as error:
-            raise refused(error, self.where) from error
+            raise postgresql_error(error, self.where) from error
         return connection.execution_options(isolation_level=isolation_level) if isolation_level else connection
 
     def _connect(self) -> Any:
@@ -191,9 +189,9 @@ class PostgresqlSchema:
         try:
             return psycopg.connect(*arguments, **{**options, **self._connect_arguments()})
         except psycopg.Error as error:
-            raise refused(error, self.where) from error
+            raise postgresql_error(error, self.where) from error
 
 
 def _without_secrets(url: URL) -> str:
-    """The driver would take a password in the query as well."""
+    """Passwords may also be in the URL's query."""
     return url._replace(password=None).difference_update_query(_SECRETS).render_as_string()

@@ -1,4 +1,4 @@
-"""One build at a time: an advisory lock, which the server gives back when the connection that holds it ends."""
+"""The write lock of a PostgreSQL map: an advisory lock that the server releases when its connection ends."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from sqlalchemy import Connection, text
 from supermap_cli.errors import MemoryStoreError
 from supermap_schema.sqlite import APPLICATION_ID
 
-_PATIENCE_S = 2.0
-"""The server takes a moment to see that a build was killed."""
+_TIMEOUT_S = 2.0
+"""How long to wait for the lock: the server needs a moment to notice that a build was killed."""
 
 _SCHEMA = "coalesce(current_schema()::text, btrim(split_part(current_setting('search_path'), ',', 1), ' \"'))"
 _KEY = f"{APPLICATION_ID}, hashtext({_SCHEMA})"
@@ -22,7 +22,7 @@ _HELD = f"""l.locktype = 'advisory' AND l.granted AND l.database = (
 
 @dataclass(frozen=True)
 class AdvisoryLock:
-    """The lock of one schema; `connection` holds it and does nothing else, `backend` is its process on the server."""
+    """The lock of one schema; `connection` only holds it, `backend` is its process id on the server."""
 
     connection: Connection
     backend: int
@@ -31,9 +31,9 @@ class AdvisoryLock:
     @classmethod
     def taken(cls, connection: Connection, where: str) -> AdvisoryLock:
         """Take the lock with a connection. Raises `MemoryStoreError`, naming the holder, if another build has it."""
-        patient_until = time.monotonic() + _PATIENCE_S
+        deadline_s = time.monotonic() + _TIMEOUT_S
         while not connection.exec_driver_sql(f"SELECT pg_try_advisory_lock({_KEY})").scalar_one():
-            if time.monotonic() < patient_until:
+            if time.monotonic() < deadline_s:
                 time.sleep(0.05)
                 continue
             holder = connection.exec_driver_sql(
@@ -41,7 +41,7 @@ class AdvisoryLock:
                 "|| ', since ' || to_char(a.backend_start AT TIME ZONE 'UTC', 'YYYY-MM-DD HH24:MI:SS') || ' UTC' "
                 f"FROM pg_locks l LEFT JOIN pg_stat_activity a ON a.pid = l.pid WHERE {_HELD}"
             ).scalar()
-            _end(connection)
+            _close(connection)
             raise MemoryStoreError(
                 f"another build is writing this map ({holder or 'unknown'})",
                 where=where,
@@ -51,7 +51,7 @@ class AdvisoryLock:
         return cls(connection, backend, where)
 
     def check(self, connection: Connection) -> None:
-        """Ask the server whether the lock still is there: without its connection another build may have begun."""
+        """Ask the server whether the lock is still held: it is lost with its connection."""
         held = connection.execute(
             text(f"SELECT count(*) FROM pg_locks l WHERE {_HELD} AND l.pid = :backend"), {"backend": self.backend}
         )
@@ -61,11 +61,11 @@ class AdvisoryLock:
             )
 
     def release(self) -> None:
-        """End the connection, and the lock with it."""
-        _end(self.connection)
+        """Close the connection, which releases the lock."""
+        _close(self.connection)
 
 
-def _end(connection: Connection) -> None:
+def _close(connection: Connection) -> None:
     if not connection.closed:
         engine = connection.engine
         connection.close()

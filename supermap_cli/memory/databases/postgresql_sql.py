@@ -1,4 +1,4 @@
-"""Plain SQL on a map in PostgreSQL, strictly for reading."""
+"""Read-only SQL on a map in PostgreSQL."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ _CURES = {
     "42883": "see `supermap db sql --help`; functions of plugins are for SQLite",
     "25006": "this command only reads: give one SELECT",
 }
-"""The SQLSTATE of a refusal -> cure."""
+"""SQLSTATE -> cure."""
 
 
 @contextmanager
 def read_rows(connect: Callable[[], psycopg.Connection[Any]], statement: str) -> Iterator[SqlRows]:
     """Run one statement (see `Database.read_sql`) in a read-only transaction.
 
-    It goes by the protocol for prepared statements, which takes one at a time, and its rows come one by one.
+    It uses the protocol for prepared statements, which takes one statement at a time and streams its rows.
     """
     import psycopg  # noqa: PLC0415 - only where a map lies in PostgreSQL
 
@@ -42,7 +42,7 @@ def read_rows(connect: Callable[[], psycopg.Connection[Any]], statement: str) ->
 
 
 def _columns(connection: psycopg.Connection[Any], statement: str) -> tuple[str, ...]:
-    """The names of the columns; none if the statement gives no rows. It is not run."""
+    """The names of the columns, none if the statement returns no rows; the statement is not run."""
     from psycopg.errors import error_from_result  # noqa: PLC0415
     from psycopg.pq import ExecStatus  # noqa: PLC0415
 
@@ -74,7 +74,7 @@ def _refusals_as_query_errors(connection: psycopg.Connection[Any]) -> Iterator[N
 
 
 def _names(connection: psycopg.Connection[Any]) -> str:
-    """The tables and views there are."""
+    """The tables and views of the schema."""
     found = connection.execute(
         "SELECT table_name FROM information_schema.tables WHERE table_schema = current_schema() "
         "ORDER BY table_type = 'VIEW' DESC, table_name"
@@ -83,23 +83,23 @@ def _names(connection: psycopg.Connection[Any]) -> str:
 
 
 def _plain_values(connection: psycopg.Connection[Any]) -> None:
-    """Numbers, texts and bytes as SQLite has them; all else as PostgreSQL writes it."""
+    """Load numbers, texts and bytes as SQLite does; all other types as text."""
     from psycopg.adapt import Loader  # noqa: PLC0415
     from psycopg.types.string import TextLoader  # noqa: PLC0415
 
-    class Truth(Loader):
+    class BoolLoader(Loader):
         def load(self, data: Any) -> int:
             return int(bytes(data) == b"t")
 
-    class Exact(Loader):
+    class NumericLoader(Loader):
         def load(self, data: Any) -> int | float:
             written = bytes(data).decode()
             return int(written) if written.lstrip("-").isdigit() else float(written)
 
-    for each in connection.adapters.types:
-        if each.name not in {"int2", "int4", "int8", "oid", "float4", "float8", "bytea"}:
-            connection.adapters.register_loader(each.oid, TextLoader)
-        if each.array_oid:
-            connection.adapters.register_loader(each.array_oid, TextLoader)
-    connection.adapters.register_loader("bool", Truth)
-    connection.adapters.register_loader("numeric", Exact)
+    for type_ in connection.adapters.types:
+        if type_.name not in {"int2", "int4", "int8", "oid", "float4", "float8", "bytea"}:
+            connection.adapters.register_loader(type_.oid, TextLoader)
+        if type_.array_oid:
+            connection.adapters.register_loader(type_.array_oid, TextLoader)
+    connection.adapters.register_loader("bool", BoolLoader)
+    connection.adapters.register_loader("numeric", NumericLoader)

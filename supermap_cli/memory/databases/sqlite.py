@@ -20,7 +20,7 @@ from supermap_cli.memory.databases.sqlite_lock import FileLock
 from supermap_cli.memory.databases.sqlite_sql import read_rows
 from supermap_schema import sqlite
 
-_UNCHANGING = "immutable=1"
+_IMMUTABLE = "immutable=1"
 _FILE_MAGIC = b"SQLite format 3\x00"
 
 
@@ -32,7 +32,7 @@ class SqliteFile:
 
     @classmethod
     def of(cls, path: str) -> SqliteFile:
-        """The file of that name. Raises `MemoryStoreError` for an empty one."""
+        """The file at a path. Raises `MemoryStoreError` for an empty path."""
         if not path:
             raise MemoryStoreError("the database's path is empty", cure="give a path with --db")
         return cls(Path(path))
@@ -44,13 +44,11 @@ class SqliteFile:
 
     @property
     def identity(self) -> str:
-        """The path without links."""
+        """The absolute path with links resolved."""
         return str(self.path.resolve())
 
     def stored_version(self) -> int | None:
-        """`PRAGMA user_version` of a file that is a map; none of one without any table, which a build is about to fill,
-        or was killed before it did.
-        """
+        """`PRAGMA user_version` of a map; `None` for a file without tables, left by a build that was killed early."""
         if self._is_missing():
             return None
         self._check_is_sqlite()
@@ -88,7 +86,7 @@ class SqliteFile:
         return lock
 
     def writer_engine(self) -> Engine:
-        """WAL; what writes begins as such, so that it never has to give up half-way."""
+        """WAL mode; transactions that write begin as IMMEDIATE, so that none fails half-way for a lock."""
         engine = create_engine("sqlite://", creator=self._connect_writer)
 
         def begin(connection: Connection) -> None:
@@ -105,26 +103,26 @@ class SqliteFile:
         return engine
 
     def prepare(self, connection: Connection) -> None:
-        """The file is made with its first table."""
+        """Nothing to do: the file is created with its first table."""
 
     def remove(self) -> None:
-        """Delete the file and what SQLite keeps beside it."""
+        """Delete the file and SQLite's files beside it."""
         for suffix in ("", "-wal", "-shm", "-journal"):
             self._beside(suffix).unlink(missing_ok=True)
 
     def size_bytes(self, connection: Connection) -> int:
-        """The file without what a running build has not moved into it yet."""
+        """Size of the file, without the WAL of a running build."""
         return self.path.stat().st_size
 
-    def give_back(self) -> None:
-        """The pages that are free go from the file's end, one by one; where that fails the next build uses them."""
+    def release_free_pages(self) -> None:
+        """Truncate the file by its free pages; if that fails, the next build reuses them."""
         with closing(self._connect_writer()) as connection, suppress(sqlite3.OperationalError):
             connection.executescript("PRAGMA incremental_vacuum")  # `execute` takes one step, which is one page
 
-    def reclaim(self, engine: Engine) -> None:
-        """VACUUM: SQLite writes the whole map anew, beside the old one; then the file is cut to its new length.
+    def vacuum(self, engine: Engine) -> None:
+        """VACUUM: SQLite writes a compact copy of the map, and then truncates the file.
 
-        Where somebody reads an older moment meanwhile, it is cut when the next build, or the last reader, is done.
+        While a reader still uses an older snapshot, the file is truncated when the next build or the last reader ends.
         """
         needed = self.path.stat().st_size
         free = shutil.disk_usage(self.path.absolute().parent).free
@@ -156,14 +154,14 @@ class SqliteFile:
     def read_sql(
         self, statement: str, prepare: Callable[[sqlite3.Connection], None] | None = None
     ) -> AbstractContextManager[SqlRows]:
-        """One statement that reads."""
+        """Run one read-only statement."""
         return read_rows(self.connect_read_only, statement, prepare)
 
     def connect_read_only(self) -> sqlite3.Connection:
-        """A connection that never writes; it works on a database in a read-only folder, too.
+        """A connection that never writes; it also works on a database in a read-only folder.
 
-        Where folder and file are writable it is opened for writing all the same, with `query_only`, because the last
-        such connection to close tidies the WAL files away.
+        A writable file is opened for writing all the same, with `query_only`, because the last such connection to close
+        removes the WAL files.
         """
         file = self.path.resolve()
         if os.access(file, os.W_OK) and os.access(file.parent, os.W_OK):
@@ -171,13 +169,13 @@ class SqliteFile:
         elif self._beside("-wal").exists():
             mode = "mode=ro"
         else:
-            mode = _UNCHANGING
+            mode = _IMMUTABLE
         try:
             return self._connect_reader(mode)
         except sqlite3.OperationalError as error:
-            if not _no_room(error) or mode == _UNCHANGING or self._beside("-wal").exists():
+            if not _no_room(error) or mode == _IMMUTABLE or self._beside("-wal").exists():
                 raise
-            return self._connect_reader(_UNCHANGING)  # no room for SQLite's shared memory, and nobody writes
+            return self._connect_reader(_IMMUTABLE)  # no space for SQLite's shared memory, and no writer
 
     def _connect_reader(self, mode: str) -> sqlite3.Connection:
         connection = sqlite3.connect(
@@ -194,7 +192,7 @@ class SqliteFile:
         return connection
 
     def _unreadable(self, error: sqlite3.Error) -> MemoryStoreError:
-        """A file that is damaged, or one that a build was killed at and SQLite has no room beside to go on from."""
+        """The error for a damaged file, or for a WAL of a killed build that cannot be recovered for lack of space."""
         if _no_room(error) and self._beside("-wal").exists():
             return MemoryStoreError(
                 "the map database has a log (-wal) that cannot be read where it lies",
@@ -206,7 +204,7 @@ class SqliteFile:
         )
 
     def _beside(self, suffix: str) -> Path:
-        """What SQLite keeps beside the file itself, whatever links lead there."""
+        """One of SQLite's files beside the database, with links resolved."""
         file = self.path.resolve()
         return file.with_name(file.name + suffix)
 
@@ -239,5 +237,5 @@ class SqliteFile:
 
 
 def _no_room(error: sqlite3.Error) -> bool:
-    """Whether SQLite could not make or write a file."""
+    """Whether SQLite could not create or write a file."""
     return getattr(error, "sqlite_errorname", "").startswith(("SQLITE_IOERR", "SQLITE_FULL", "SQLITE_CANTOPEN"))

@@ -1,4 +1,4 @@
-"""One build at a time: an advisory lock beside the database, which the system releases when its process dies."""
+"""The write lock of an SQLite map: an advisory file lock that the system releases when its process dies."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from supermap_cli.errors import MemoryStoreError
 
 
 class FileLock:
-    """Holds ``<database>.lock`` (flock) from `acquire` to `release`; the file holds the builder's process id.
+    """Holds ``<database>.lock`` (flock) from `acquire` to `release`; the file contains the builder's process id.
 
-    SQLite's own locks are of another kind (POSIX record locks on the database), so that readers never notice this one.
-    It lies beside the file itself, whatever links lead there.
+    SQLite's own locks are POSIX record locks on the database, so that this one does not affect readers. The lock file
+    is beside the database with links resolved.
     """
 
     def __init__(self, database: Path) -> None:
@@ -63,10 +63,10 @@ class FileLock:
             ) from error
 
     def check(self, connection: Connection) -> None:
-        """The system takes no file lock away."""
+        """Nothing to check: a file lock cannot be lost."""
 
     def release(self) -> None:
-        """Give the lock back and remove its file; does nothing where it is not held."""
+        """Release the lock and remove its file; does nothing if it is not held."""
         if self._descriptor is None:
             return
         self._path.unlink(missing_ok=True)
@@ -75,7 +75,7 @@ class FileLock:
         atexit.unregister(self.release)
 
     def _is_current(self, descriptor: int) -> bool:
-        """Whether the locked file still is the one under that name: the holder before may have removed it."""
+        """Whether the locked file still has that name: the previous holder may have removed it."""
         try:
             return os.path.samestat(os.fstat(descriptor), self._path.stat())
         except FileNotFoundError:

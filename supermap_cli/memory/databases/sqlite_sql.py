@@ -1,4 +1,4 @@
-"""Plain SQL on a map in SQLite, strictly for reading."""
+"""Read-only SQL on a map in SQLite."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def read_rows(
 
 
 def _authorize(action: int, first: str | None, *_: str | None) -> int:
-    """Refuse what `query_only` lets through: other files (ATTACH, VACUUM INTO), and pragmas that change something."""
+    """Refuse what `query_only` allows: other files (ATTACH, VACUUM INTO), and pragmas that change something."""
     if action in {sqlite3.SQLITE_ATTACH, sqlite3.SQLITE_DETACH}:
         return sqlite3.SQLITE_DENY
     if action == sqlite3.SQLITE_PRAGMA and str(first).lower() not in _READING_PRAGMAS:
@@ -75,7 +75,7 @@ def _refusals_as_query_errors(connection: sqlite3.Connection) -> Iterator[None]:
 
 
 def _names(connection: sqlite3.Connection) -> str:
-    """The tables and views there are; not those that SQLite keeps for itself."""
+    """The tables and views, without SQLite's own."""
     found = connection.execute(
         "SELECT name FROM pragma_table_list WHERE schema = 'main' AND type <> 'shadow' AND name NOT LIKE 'sqlite%' "
         "ORDER BY type = 'view' DESC, name"

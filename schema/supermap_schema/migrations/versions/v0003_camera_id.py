@@ -24,7 +24,7 @@ def upgrade() -> None:
     """
     op.add_column("traversal", sa.Column("warnings", Json, nullable=False, server_default=sa.text("'[]'")))
     if op.get_bind().dialect.name == "sqlite":
-        _make_keyframe_anew()
+        _recreate_keyframe()
         statements = sqlite.OBJECTS_0003
     else:
         op.add_column("keyframe", sa.Column("camera_id", Label, nullable=False, server_default="camera"))
@@ -36,10 +36,10 @@ def upgrade() -> None:
         op.execute(statement)
 
 
-def _make_keyframe_anew() -> None:
-    """SQLite cannot change the constraints of a table: its rows go aside while it is dropped and made again.
+def _recreate_keyframe() -> None:
+    """SQLite cannot change the constraints of a table: its rows are copied, and it is dropped and created again.
 
-    Observations point to no keyframe meanwhile; the transaction's end finds them all pointing to one.
+    In between the observations' foreign keys dangle; they are checked at the end of the transaction.
     """
     op.execute("PRAGMA defer_foreign_keys = ON")
     op.execute("CREATE TEMP TABLE keyframe_0002 AS SELECT *, 'camera' AS camera_id FROM keyframe")

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 
 from supermap_cli.geometry.se3 import inverse, make_transform, transform_points
 from supermap_cli.geometry.voxels import pack_keys
+from supermap_cli.map_merge.transform import MapTransform
 from supermap_cli.mapping.belief import Viewpoint, ViewpointHistory
 from supermap_cli.mapping.voxel_map import VoxelMap
-from supermap_cli.merging.passage import Passage
 from support import memories as m
 
 
@@ -21,12 +21,12 @@ def level(yaw_deg: float, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> np.
 
 
 def block(low: tuple[int, int, int] = (-3, 2, 0), size: tuple[int, int, int] = (12, 7, 9)) -> VoxelMap:
-    """A solid block of 1 cm voxels, each with a log-odds of its own."""
+    """A solid block of 1 cm voxels with different log-odds."""
     keys = (np.indices(size).reshape(3, -1).T + np.array(low)).astype(np.int32)
     codes = np.sort(pack_keys(keys))
     n = len(codes)
-    each = np.linspace(0.1, 4, n).astype(np.float32)
-    return VoxelMap(0.01, codes, each, each + 1, each * 0, np.tile(each[:, None], (1, 3)))
+    values = np.linspace(0.1, 4, n).astype(np.float32)
+    return VoxelMap(0.01, codes, values, values + 1, values * 0, np.tile(values[:, None], (1, 3)))
 
 
 poses = st.builds(
@@ -77,17 +77,17 @@ def test_an_empty_cloud_stays_empty() -> None:
 
 @given(poses, st.floats(-3, 3), st.integers(0, 10**15))
 def test_boxes_points_and_times_pass_together(T: np.ndarray, yaw: float, shift_ns: int) -> None:
-    passage = Passage(T, shift_ns)
+    transform = MapTransform(T, shift_ns)
     box = m.upright_box((1, 2, 0.5), (0.8, 0.3, 1), yaw)
-    moved = passage.box(box)
+    moved = transform.box(box)
     corners = np.array([[sx, sy, sz] for sx in (-0.4, 0.4) for sy in (-0.15, 0.15) for sz in (-0.5, 0.5)])
     there = transform_points(T, transform_points(level(np.degrees(box.yaw), *box.center), corners))
     here = transform_points(level(np.degrees(moved.yaw), *moved.center), corners)
     assert np.linalg.norm(there[:, None] - here[None], axis=2).min(axis=1).max() < 1e-6
-    state = passage.state(m.state(1, 0, (1, 2), (1, 2, 0.5), gone=5, empty_before=0))
+    state = transform.state(m.state(1, 0, (1, 2), (1, 2, 0.5), gone=5, empty_before=0))
     assert (state.first_seen_ns, state.gone_ns) == (m.ns(1) + shift_ns, m.ns(5) + shift_ns)
     np.testing.assert_allclose(state.centroid_map, transform_points(T, np.array([[1, 2, 0.5]]))[0])
-    assert passage.maybe_time(None) is None
+    assert transform.optional_time(None) is None
 
 
 @given(st.sampled_from([-165, -90, -15, 0, 15, 45, 90, 180]), st.floats(0, 6.28), st.floats(0.5, 4))
@@ -102,4 +102,4 @@ def test_views_turn_with_the_frame(yaw_deg: float, bearing: float, distance: flo
     seen = ViewpointHistory()
     seen.add_detection(view, 1.0)
     (name,) = seen.cells
-    assert Passage(level(yaw_deg), 0)._view(name) == turned.cell()
+    assert MapTransform(level(yaw_deg), 0)._rotated_cell(name) == turned.cell()

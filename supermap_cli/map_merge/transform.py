@@ -1,4 +1,4 @@
-"""From the other memory's frame and time into the map's."""
+"""Transforms what another map stores into this map's frame and time."""
 
 from __future__ import annotations
 
@@ -16,43 +16,44 @@ from supermap_cli.mapping.restoring import restore_object
 from supermap_cli.types.memory import InstanceRecord, KeyframeRecord, StateRecord, TemporalEdge, Visit
 
 _AZIMUTHS, _AZIMUTH_DEG = 24, 15
+"""Azimuth cells of a full turn and the width of one, as in `belief.Vantage.cell`."""
 
 
 @dataclass(frozen=True)
-class Passage:
-    """`T_map_other` (4, 4), both frames level, and how much later than the other memory has it something is here."""
+class MapTransform:
+    """`T_map_other` (4, 4) between two level frames; `shift_ns` is added to the other map's stamps."""
 
     T_map_other: FloatArray
     shift_ns: int
 
     @cached_property
     def yaw(self) -> float:
-        """How far the other frame is turned in the map, radians."""
+        """Rotation of the other frame about the map's z axis, radians."""
         return float(np.arctan2(self.T_map_other[1, 0], self.T_map_other[0, 0]))
 
     def time(self, stamp_ns: int) -> int:
-        """A time."""
+        """A stamp in the map's time."""
         return stamp_ns + self.shift_ns
 
-    def maybe_time(self, stamp_ns: int | None) -> int | None:
-        """A time, if there is one."""
+    def optional_time(self, stamp_ns: int | None) -> int | None:
+        """As `time`; `None` stays `None`."""
         return None if stamp_ns is None else stamp_ns + self.shift_ns
 
     def points(self, points_other: FloatArray) -> FloatArray:
-        """Points (n, 3)."""
+        """Points (n, 3) in the map frame."""
         return transform_points(self.T_map_other, points_other)
 
     def point(self, point_other: FloatArray) -> FloatArray:
-        """One point (3,)."""
+        """One point (3,) in the map frame."""
         return self.points(point_other[None]).reshape(3)
 
     def box(self, box_other: Box3D) -> Box3D:
-        """An upright box."""
+        """An upright box; its yaw lies in [-pi/2, pi/2)."""
         yaw = (box_other.yaw + self.yaw + np.pi / 2) % np.pi - np.pi / 2
         return Box3D(self.point(box_other.center), box_other.size, float(yaw))
 
     def keyframe(self, record: KeyframeRecord) -> KeyframeRecord:
-        """A keyframe."""
+        """A keyframe with its poses and stamp transformed."""
         return replace(
             record,
             stamp_ns=self.time(record.stamp_ns),
@@ -61,49 +62,51 @@ class Passage:
         )
 
     def state(self, record: StateRecord) -> StateRecord:
-        """A state."""
+        """A state with its place and stamps transformed."""
         return replace(
             record,
             first_seen_ns=self.time(record.first_seen_ns),
             last_seen_ns=self.time(record.last_seen_ns),
-            gone_ns=self.maybe_time(record.gone_ns),
-            empty_before_ns=self.maybe_time(record.empty_before_ns),
+            gone_ns=self.optional_time(record.gone_ns),
+            empty_before_ns=self.optional_time(record.empty_before_ns),
             centroid_map=self.point(record.centroid_map),
             box=self.box(record.box),
         )
 
     def visit(self, record: Visit) -> Visit:
-        """How often it was looked at."""
+        """A visit with its stamps transformed."""
         return replace(
             record,
-            first_support_ns=self.maybe_time(record.first_support_ns),
-            last_support_ns=self.maybe_time(record.last_support_ns),
+            first_support_ns=self.optional_time(record.first_support_ns),
+            last_support_ns=self.optional_time(record.last_support_ns),
         )
 
     def edge(self, record: TemporalEdge) -> TemporalEdge:
-        """What happened, but between the same objects."""
+        """A temporal edge with its stamps transformed; it keeps the other map's object numbers."""
         return replace(
             record,
-            not_before_ns=self.maybe_time(record.not_before_ns),
+            not_before_ns=self.optional_time(record.not_before_ns),
             not_after_ns=self.time(record.not_after_ns),
         )
 
-    def thing(self, instance: InstanceRecord, number: int) -> MapObject:
-        """An object as it was at the end, under another number."""
-        carried = restore_object(instance)
-        carried.number = number
-        carried.voxels = carried.voxels.carried(self.T_map_other)
-        cells = carried.existence.viewpoints.cells
-        carried.existence.viewpoints = ViewpointHistory({self._view(name): cell for name, cell in cells.items()})
-        carried.first_seen_ns, carried.last_seen_ns = self.time(carried.first_seen_ns), self.time(carried.last_seen_ns)
-        carried.status = replace(carried.status, gone_ns=self.maybe_time(carried.gone_ns))
-        carried.state.first_seen_ns = self.time(carried.state.first_seen_ns)
-        carried.state.empty_before_ns = self.maybe_time(carried.state.empty_before_ns)
-        carried.voxels_changed()
-        return carried
+    def map_object(self, instance: InstanceRecord, number: int) -> MapObject:
+        """An object as it was at the end of the other map, under a number of this one."""
+        restored = restore_object(instance)
+        restored.number = number
+        restored.voxels = restored.voxels.carried(self.T_map_other)
+        cells = restored.existence.viewpoints.cells
+        rotated = ViewpointHistory({self._rotated_cell(name): cell for name, cell in cells.items()})
+        restored.existence.viewpoints = rotated
+        restored.first_seen_ns = self.time(restored.first_seen_ns)
+        restored.last_seen_ns = self.time(restored.last_seen_ns)
+        restored.status = replace(restored.status, gone_ns=self.optional_time(restored.gone_ns))
+        restored.state.first_seen_ns = self.time(restored.state.first_seen_ns)
+        restored.state.empty_before_ns = self.optional_time(restored.state.empty_before_ns)
+        restored.voxels_changed()
+        return restored
 
-    def _view(self, name: str) -> str:
-        """A cell of viewpoints, "azimuth,elevation,distance" (`belief.Viewpoint.cell`), turned."""
+    def _rotated_cell(self, name: str) -> str:
+        """A viewpoint cell "azimuth,elevation,distance" (`belief.Viewpoint.cell`) rotated by `yaw`."""
         azimuth, elevation, distance = name.split(",")
         turned = int(azimuth) + round(np.degrees(self.yaw) / _AZIMUTH_DEG)
         return f"{(turned + _AZIMUTHS // 2) % _AZIMUTHS - _AZIMUTHS // 2},{elevation},{distance}"

@@ -11,10 +11,10 @@ import pytest
 
 from supermap_cli.errors import AlignmentError, MemoryStoreError
 from supermap_cli.geometry.se3 import make_transform, transform_points
+from supermap_cli.map_merge.merge import MapMerge, MergeSummary
 from supermap_cli.memory import MapStore, open_store
-from supermap_cli.memory import joining as joining_module
+from supermap_cli.memory import map_import as map_import_module
 from supermap_cli.memory.checking import check
-from supermap_cli.merging.merge import MemoryMerge, MergeSummary
 from supermap_cli.traversal_build import TraversalBuild
 from supermap_schema.models import Base
 from support import databases
@@ -47,7 +47,7 @@ def build(
 
 def merge(path: Path, other: Path, align: str = "none", **options: bool) -> MergeSummary:
     with open_store(str(path)) as store, open_store(str(other), read_only=True) as source:
-        summary = MemoryMerge(store, source, again=options.get("again", False)).run(
+        summary = MapMerge(store, source, again=options.get("again", False)).run(
             align, dry_run=options.get("dry_run", False)
         )
     with open_store(str(path), read_only=True) as store, store.reader() as reader:
@@ -63,29 +63,31 @@ def contents(path: Path) -> dict[str, list[tuple[object, ...]]]:
 
 def told(summary: MergeSummary) -> dict[str, tuple[str, str]]:
     """By the id there: the id here, of what was here before, and how it is known."""
-    return {summary.other_ids[each.other]: (summary.ids.get(each.number, "new"), each.how) for each in summary.joined}
+    return {
+        summary.other_ids[match.other]: (summary.ids.get(match.number, "new"), match.kind) for match in summary.matches
+    }
 
 
 def lives(store: MapStore) -> dict[str, list[tuple[bool, list[float]]]]:
     """By id: whether each of its states ended, and where it was, to 5 cm."""
     ids = store.instance_ids()
     found: dict[str, list[tuple[bool, list[float]]]] = {}
-    for each in store.load_states():
-        place = (each.centroid_map / 0.05).round().tolist()
-        found.setdefault(ids[each.object_number], []).append((each.gone_ns is not None, place))
+    for state in store.load_states():
+        place = (state.centroid_map / 0.05).round().tolist()
+        found.setdefault(ids[state.object_number], []).append((state.gone_ns is not None, place))
     return found
 
 
 def presences(store: MapStore) -> dict[str, str]:
     ids = store.instance_ids()
-    return {ids[each.number]: each.presence for each in store.load_instances()}
+    return {ids[record.number]: record.presence for record in store.load_instances()}
 
 
 def events(path: Path) -> set[tuple[str, str, str]]:
     with open_store(str(path), read_only=True) as store, store.reader() as reader:
         return {
-            (each.kind, reader.text_ids[each.from_number], reader.text_ids[each.to_number])
-            for each in reader.temporal_edges()
+            (edge.kind, reader.text_ids[edge.from_number], reader.text_ids[edge.to_number])
+            for edge in reader.temporal_edges()
         }
 
 
@@ -106,14 +108,14 @@ def test_what_stands_in_its_place_keeps_its_id_and_its_state_goes_on(monday: Pat
         "stool-1": "in place",
     }
     with open_store(str(monday), read_only=True) as store:
-        assert [each.name for each in store.traversals()] == ["monday", "tuesday"]
-        assert {each.label for each in store.load_instances()} == {"dining table", "cup", "stool"}
-        assert all(each.first_seen_ns < s.ns(DAY_S) <= each.last_seen_ns for each in store.load_states())
-        assert all(each.gone_ns is None for each in store.load_states())
+        assert [traversal.name for traversal in store.traversals()] == ["monday", "tuesday"]
+        assert {record.label for record in store.load_instances()} == {"dining table", "cup", "stool"}
+        assert all(state.first_seen_ns < s.ns(DAY_S) <= state.last_seen_ns for state in store.load_states())
+        assert all(state.gone_ns is None for state in store.load_states())
     with open_store(str(monday), read_only=True) as store, store.reader() as reader:
-        for each in reader.instances:
-            assert [visit.supported > 0 for visit in each.visits] == [True, True]
-            assert len(reader.observations(each)) == each.observations
+        for instance in reader.instances:
+            assert [visit.supported > 0 for visit in instance.visits] == [True, True]
+            assert len(reader.observations(instance)) == instance.observations
 
 
 def test_a_merge_tells_what_a_build_in_sequence_tells(monday: Path, tmp_path: Path) -> None:
@@ -134,7 +136,7 @@ def test_a_merge_tells_what_a_build_in_sequence_tells(monday: Path, tmp_path: Pa
         ("moved", "stool-1", "stool-1"),
         ("appeared", "box-1", "box-1"),
     }
-    assert {each for each in events(sequence) if each[0] != "merged"} == events(monday)
+    assert {event for event in events(sequence) if event[0] != "merged"} == events(monday)
 
 
 def test_bounds_of_changes_lie_between_the_looks_that_tell(monday: Path, tmp_path: Path) -> None:
@@ -144,8 +146,8 @@ def test_bounds_of_changes_lie_between_the_looks_that_tell(monday: Path, tmp_pat
         assert edge.kind == "disappeared"
         assert edge.not_before_ns is not None
         assert edge.not_before_ns < s.ns(60) < s.ns(DAY_S) <= edge.not_after_ns
-        (cup,) = (each for each in reader.instances if each.label == "cup")
-        (visit,) = (each for each in cup.visits if each.supported == 0)
+        (cup,) = (instance for instance in reader.instances if instance.label == "cup")
+        (visit,) = (stored for stored in cup.visits if stored.supported == 0)
         assert visit.contradicted >= 3
         assert cup.presence == "absent"
 
@@ -155,9 +157,9 @@ def test_what_nobody_looked_at_is_not_gone(monday: Path, tmp_path: Path) -> None
     hiding = s.Thing("box", (1.2, -0.5, 0.6), (0.1, 1.4, 1.2), (90, 60, 30))
     merge(monday, build(tmp_path / "tuesday.db", "tuesday", (s.TABLE, s.CUP, hiding), DAY_S))
     with open_store(str(monday), read_only=True) as store:
-        (stool,) = (each for each in store.load_instances() if each.label == "stool")
+        (stool,) = (record for record in store.load_instances() if record.label == "stool")
         assert stool.presence == "present"
-    assert not [each for each in events(monday) if each[1] == "stool-1"]
+    assert not [event for event in events(monday) if event[1] == "stool-1"]
 
 
 def test_what_had_gone_may_be_back_in_its_place(monday: Path, tmp_path: Path) -> None:
@@ -177,7 +179,7 @@ def test_a_place_seen_empty_before_the_thing_was_known_bounds_no_move(tmp_path: 
     summary = merge(path, build(tmp_path / "tuesday.db", "tuesday", (s.TABLE, STOOL.at(1.5, 1.0)), DAY_S))
     assert ("stool-1", "moved") in told(summary).values()
     with open_store(str(path), read_only=True) as store, store.reader() as reader:
-        (moved,) = (each for each in reader.temporal_edges() if each.kind == "moved")
+        (moved,) = (edge for edge in reader.temporal_edges() if edge.kind == "moved")
         assert moved.not_before_ns is not None
         assert s.ns(3600) < moved.not_before_ns < s.ns(DAY_S) <= moved.not_after_ns
 
@@ -187,15 +189,15 @@ def test_a_thing_pushed_aside_by_less_than_its_width_has_moved(tmp_path: Path) -
     path = build(tmp_path / "monday.db", "monday", (armchair,))
     summary = merge(path, build(tmp_path / "tuesday.db", "tuesday", (armchair.at(2.0, 0.08),), DAY_S))
     assert told(summary) == {"armchair-1": ("armchair-1", "moved")}
-    assert summary.joined[0].distance_m == pytest.approx(0.28, abs=0.08)
+    assert summary.matches[0].distance_m == pytest.approx(0.28, abs=0.08)
     assert events(path) == {("moved", "armchair-1", "armchair-1")}
 
 
 def test_two_alike_that_may_be_one_are_linked_and_stay_two(monday: Path, tmp_path: Path) -> None:
     after = (s.TABLE, s.CUP, STOOL.at(1.2, 0.9), STOOL.at(1.5, 1.4))
     merge(monday, build(tmp_path / "tuesday.db", "tuesday", after, DAY_S))
-    kinds = [each for each in events(monday) if each[0] in {"candidate", "moved"}]
-    assert {each[0] for each in kinds} == {"candidate"}
+    kinds = [event for event in events(monday) if event[0] in {"candidate", "moved"}]
+    assert {kind[0] for kind in kinds} == {"candidate"}
     assert len(kinds) == 2
 
 
@@ -205,13 +207,13 @@ def test_relations_that_hold_in_both_go_on_and_those_of_what_left_end(monday: Pa
         ids = store.instance_ids()
         edges = store.load_spatial_edges(open_only=False)
         states = store.load_states()
-    cup = [each for each in edges if "cup-1" in {ids[each.subject], ids[each.object]}]
+    cup = [edge for edge in edges if "cup-1" in {ids[edge.subject], ids[edge.object]}]
     assert cup
-    assert all(each.until_ns is not None and each.until_ns <= s.ns(DAY_S + 60) for each in cup)
-    keys = [(each.subject, each.relation, each.object) for each in edges if each.until_ns is None]
+    assert all(edge.until_ns is not None and edge.until_ns <= s.ns(DAY_S + 60) for edge in cup)
+    keys = [(edge.subject, edge.relation, edge.object) for edge in edges if edge.until_ns is None]
     assert len(keys) == len(set(keys))
-    first_ns = {each.object_number: each.first_seen_ns for each in reversed(states)}
-    assert all(each.since_ns >= max(first_ns[each.subject], first_ns[each.object]) for each in edges)
+    first_ns = {state.object_number: state.first_seen_ns for state in reversed(states)}
+    assert all(edge.since_ns >= max(first_ns[edge.subject], first_ns[edge.object]) for edge in edges)
 
 
 # -- frame and time
@@ -229,23 +231,25 @@ def test_another_frame_is_turned_into_the_maps(monday: Path, tmp_path: Path, yaw
         recording = f.FakeRecording(film((s.TABLE, s.CUP, STOOL), DAY_S), Path("tuesday.fake"))
         where = f"{-1.5 * np.cos(yaw) + 2.0 * np.sin(yaw)} {1.5 * np.sin(yaw) + 2.0 * np.cos(yaw)} 0 {-yaw_deg}"
         TraversalBuild(recording, f.FakePlugins().load(), CONFIG, store).run(align=where)
-        there = {each.label: each for each in store.load_instances()}
+        there = {record.label: record for record in store.load_instances()}
     summary = merge(monday, tuesday, f"1.5 -2 0 {yaw_deg}")
     assert {how for _, how in told(summary).values()} == {"in place"}
     with open_store(str(monday), read_only=True) as store:
-        for each in store.load_instances():
-            moved = transform_points(T_map_other, there[each.label].centroid_map[None])[0]
-            np.testing.assert_allclose(each.centroid_map, moved, atol=0.04)
-        first, second = ([each.T_map_camera for each in store.keyframe_depths([one.id])] for one in store.traversals())
+        for record in store.load_instances():
+            moved = transform_points(T_map_other, there[record.label].centroid_map[None])[0]
+            np.testing.assert_allclose(record.centroid_map, moved, atol=0.04)
+        first, second = (
+            [record.T_map_camera for record in store.keyframe_depths([one.id])] for one in store.traversals()
+        )
         np.testing.assert_allclose(first, second, atol=5e-3)  # drift is put right
-        observed = {each.label: each for each in store.load_instances()}
+        observed = {record.label: record for record in store.load_instances()}
         assert observed["stool"].box.size[0] == pytest.approx(0.35, abs=0.06)
 
 
 def test_clocks_that_overlap_keep_the_order_given(monday: Path, tmp_path: Path) -> None:
     tuesday = build(tmp_path / "tuesday.db", "monday", (s.TABLE, s.CUP, STOOL), 1.0)
     summary = merge(monday, tuesday)
-    assert [each for each in summary.warnings if "the order given is kept" in each]
+    assert [warning for warning in summary.warnings if "the order given is kept" in warning]
     with open_store(str(monday), read_only=True) as store:
         first, second = store.traversals()
         assert (first.name, second.name) == ("monday", "monday-2")
@@ -273,19 +277,19 @@ def test_a_dry_run_writes_nothing_and_tells_the_same(monday: Path, tmp_path: Pat
     assert contents(monday) != before
 
 
-@pytest.mark.parametrize("failing", ["_take_keyframes", "write_delta", "_take_observations"])
+@pytest.mark.parametrize("failing", ["_copy_keyframes", "write_delta", "_copy_observations"])
 def test_a_merge_that_fails_leaves_the_map_as_it_was(
     monday: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, failing: str
 ) -> None:
     tuesday = build(tmp_path / "tuesday.db", "tuesday", (s.TABLE, STOOL), DAY_S)
     before = contents(monday)
-    done = getattr(joining_module, failing)
+    done = getattr(map_import_module, failing)
 
     def fail(*arguments: object) -> None:
         done(*arguments)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(joining_module, failing, fail)
+    monkeypatch.setattr(map_import_module, failing, fail)
     with pytest.raises(KeyboardInterrupt):
         merge(monday, tuesday)
     assert contents(monday) == before
@@ -301,7 +305,7 @@ def test_the_same_recording_in_both_is_refused_unless_again(monday: Path, tmp_pa
 
 def test_a_map_is_not_merged_with_itself(monday: Path) -> None:
     with open_store(str(monday)) as store, pytest.raises(MemoryStoreError, match="with itself"):
-        MemoryMerge(store, store).run()
+        MapMerge(store, store).run()
 
 
 def test_a_map_whose_build_has_not_ended_is_refused(monday: Path, tmp_path: Path) -> None:

@@ -1,6 +1,6 @@
-"""Which instances questions are about: by what they are called, when and where they stood; each by an index.
+"""Finds the instances that a question is about by label, time and place; every search uses an index.
 
-What was merged into another stands for itself nowhere here; what is doubted is not believed, and never found.
+Instances that were merged into others are not found, nor are those whose presence is "doubted" (demoted).
 """
 
 from __future__ import annotations
@@ -18,9 +18,10 @@ from supermap_cli.types.memory import Presence
 from supermap_schema import models
 
 BELIEVED: tuple[Presence, ...] = ("present", "absent")
+"""The presences of all instances that were not demoted."""
 
 ROUNDED_M = 0.001
-"""By so much less boxes may be apart in the index of boxes than they are."""
+"""Tolerance in metres: the R*Tree stores 32-bit floats, rounded outwards, so that boxes seem closer than they are."""
 
 Instance, State, Visit = models.Instance, models.State, models.Visit
 
@@ -29,7 +30,7 @@ _BOX = table("state_box", *map(column, ("state_id", "min_x", "max_x", "min_y", "
 _OWN, _OTHER = _BOX.alias("own"), _BOX.alias("other")
 _HERE, _THERE = (State.__table__.alias(name) for name in ("here", "there"))
 
-_LABELS_TODAY = text(
+_CURRENT_LABELS = text(
     """
     WITH RECURSIVE called(label) AS (
       SELECT min(label) FROM instance WHERE merged_into IS NULL
@@ -41,7 +42,7 @@ _LABELS_TODAY = text(
       AND presence IN ('present', 'absent'))
     """
 )
-_LABELS_ONCE = text(
+_STATE_LABELS = text(
     """
     WITH RECURSIVE called(label) AS (
       SELECT min(label) FROM state
@@ -52,87 +53,88 @@ _LABELS_ONCE = text(
       WHERE state.label = called.label AND instance.merged_into IS NULL AND instance.presence IN ('present', 'absent'))
     """
 )
-"""From one label to the next, however many there are of each."""
+"""Both step from one label to the next in the index, so that the number of rows does not matter."""
 
 
-class Finder:
-    """Numbers of instances that are believed; merged ones never."""
+class InstanceSearch:
+    """Searches over one connection; results are instance numbers."""
 
     def __init__(self, connection: Connection) -> None:
         self._connection = connection
 
     def labels(self) -> frozenset[str]:
-        """All that anything is called, or was called in one of its states."""
-        return self.labels_today() | frozenset(self._connection.execute(_LABELS_ONCE).scalars())
+        """All labels that an instance has, or had in one of its states."""
+        return self.current_labels() | frozenset(self._connection.execute(_STATE_LABELS).scalars())
 
-    def labels_today(self) -> frozenset[str]:
-        """All that anything is called today."""
-        return frozenset(self._connection.execute(_LABELS_TODAY).scalars())
+    def current_labels(self) -> frozenset[str]:
+        """All labels that an instance has today."""
+        return frozenset(self._connection.execute(_CURRENT_LABELS).scalars())
 
     def count(self, labels: Collection[str] | None, presences: Collection[Presence] = BELIEVED) -> int:
-        """How many are called so today."""
-        statement = select(func.count()).select_from(Instance).where(*_stands(presences))
+        """How many instances have one of the labels (`None`: any) today."""
+        statement = select(func.count()).select_from(Instance).where(*_has_presence(presences))
         if labels is not None:
             statement = statement.where(Instance.label.in_(labels))
         return self._connection.execute(statement).scalar_one()
 
     def counts(self) -> dict[str, int]:
-        """How many are present of each label."""
-        counts = {label: self.count([label], ["present"]) for label in sorted(self.labels_today())}
+        """How many instances of each label are present."""
+        counts = {label: self.count([label], ["present"]) for label in sorted(self.current_labels())}
         return {label: count for label, count in counts.items() if count}
 
-    def called(
+    def labelled(
         self, labels: Collection[str] | None, presences: Collection[Presence] = BELIEVED, *, begun_ns: float = math.inf
     ) -> Iterator[int]:
-        """Those called so today (or all), of which something was seen by `begun_ns`: the last seen first."""
-        asked = [
-            (presence, label) for presence in presences for label in ([None] if labels is None else sorted(labels))
-        ]
-        runs = [self._run(presence, label, begun_ns) for presence, label in asked]
+        """Instances that have one of the labels (`None`: any) today and were first seen by `begun_ns`, in the order of
+        when they were last seen, the latest first.
+        """
+        keys = [(presence, label) for presence in presences for label in ([None] if labels is None else sorted(labels))]
+        runs = [self._run(presence, label, begun_ns) for presence, label in keys]
         return (-number for _, number in heapq.merge(*runs))
 
-    def once_called(self, labels: Collection[str]) -> list[int]:
-        """Those called so in one of their states, but not today, in order."""
+    def formerly_labelled(self, labels: Collection[str]) -> list[int]:
+        """Instances that had one of the labels in one of their states, but not today, ordered by number."""
         today = select(Instance.number).where(Instance.merged_into.is_(None), Instance.label.in_(labels))
         states = select(State.instance_number).where(State.label.in_(labels), State.instance_number.not_in(today))
-        statement = select(Instance.number).where(Instance.number.in_(states), *_stands(BELIEVED))
+        statement = select(Instance.number).where(Instance.number.in_(states), *_has_presence(BELIEVED))
         return list(self._connection.execute(statement.order_by(Instance.number)).scalars())
 
-    def ever_called(self, numbers: Collection[int], labels: Collection[str]) -> set[int]:
-        """Those of the given that are called so today, or were in one of their states."""
+    def ever_labelled(self, numbers: Collection[int], labels: Collection[str]) -> set[int]:
+        """Those of the given instances that have one of the labels today, or had it in one of their states."""
         found: set[int] = set()
         for batch in batches(sorted(numbers)):
             today = select(Instance.number).where(Instance.number.in_(batch), Instance.label.in_(labels))
-            once = select(State.instance_number).where(State.instance_number.in_(batch), State.label.in_(labels))
-            found.update(self._connection.execute(today.union(once)).scalars())
+            formerly = select(State.instance_number).where(State.instance_number.in_(batch), State.label.in_(labels))
+            found.update(self._connection.execute(today.union(formerly)).scalars())
         return found
 
     def seen_in(self, traversal_id: int, labels: Collection[str] | None) -> list[int]:
-        """All that a traversal saw, but those that are surely not called so; numbers of merged parts are among them."""
+        """Instances that a traversal saw, without those that never had one of the labels; merged ones are included."""
         statement = select(Visit.instance_number).where(Visit.traversal_id == traversal_id, Visit.supported > 0)
         if labels is not None:
             state = exists().where(State.instance_number == Instance.number, State.label.in_(labels))
-            perhaps = or_(Instance.merged_into.is_not(None), Instance.label.in_(labels), state)
-            statement = statement.join(Instance, Instance.number == Visit.instance_number).where(perhaps)
+            possible = or_(Instance.merged_into.is_not(None), Instance.label.in_(labels), state)
+            statement = statement.join(Instance, Instance.number == Visit.instance_number).where(possible)
         return list(self._connection.execute(statement.order_by(Visit.instance_number)).scalars())
 
-    def first_called(self, labels: Collection[str] | None, limit: int) -> list[int]:
-        """Those with the smallest numbers that are called so today (or all), and stood somewhere."""
-        stood = exists().where(State.instance_number == Instance.number)
-        statement = select(Instance.number).where(*_stands(BELIEVED), stood)
+    def first_labelled(self, labels: Collection[str] | None, limit: int) -> list[int]:
+        """The smallest numbers of instances that have one of the labels (`None`: any) today, and a state."""
+        has_state = exists().where(State.instance_number == Instance.number)
+        statement = select(Instance.number).where(*_has_presence(BELIEVED), has_state)
         if labels is not None:
             statement = statement.where(Instance.label.in_(labels))
         return list(self._connection.execute(statement.order_by(Instance.number).limit(limit)).scalars())
 
-    def beliefs(self, names: Collection[str]) -> Iterator[tuple[int, str]]:
-        """What may have one of the names, whatever its ending, and stood somewhere: its labels with their probabilities
-        as JSON, by number.
+    def label_beliefs(self, names: Collection[str]) -> Iterator[tuple[int, str]]:
+        """Number and label belief (JSON) of instances that have a state, and one of the names among their labels.
+
+        Names are compared by their stems.
         """
         dialect, found = dialect_of(self._connection), set[int]()
         for name in sorted(names):
-            stood = exists().where(State.instance_number == Instance.number)
-            named = Instance.number.in_(dialect.labelled(name))
-            statement = select(Instance.number, Instance.label_belief).where(named, *_stands(BELIEVED), stood)
+            has_state = exists().where(State.instance_number == Instance.number)
+            named = Instance.number.in_(dialect.matching_labels(name))
+            statement = select(Instance.number, Instance.label_belief).where(named, *_has_presence(BELIEVED), has_state)
             for number, belief in self._connection.execute(statement):
                 if number not in found:
                     found.add(number)
@@ -141,9 +143,10 @@ class Finder:
     def near(
         self, numbers: Collection[int], reach: Reach, labels: Collection[str] | None = None, *, turned: bool = False
     ) -> set[tuple[int, int]]:
-        """Pairs of one of the given and another instance of which states may lie within reach, the given one's above
-        (`turned`: the other's), the other's called by one of the labels; some are farther apart, and neither time nor
-        belief is looked at.
+        """Pairs of a given instance and another one, with one of the labels, that may have states within reach.
+
+        With a `rise_m` the given one's state is above the other's (`turned`: below). A superset: some pairs are farther
+        apart, and neither time nor presence is compared.
         """
         own, other, here, there = _OWN, _OTHER, _HERE, _THERE
         floor, height = reach.floor_m, reach.height_m
@@ -169,14 +172,14 @@ class Finder:
                 .where(here.c.instance_number.in_(batch), there.c.instance_number != here.c.instance_number)
             )
             if labels is not None:
-                called = or_(Instance.label.in_(labels), there.c.label.in_(labels))
-                statement = statement.join(Instance, Instance.number == there.c.instance_number).where(called)
+                has_label = or_(Instance.label.in_(labels), there.c.label.in_(labels))
+                statement = statement.join(Instance, Instance.number == there.c.instance_number).where(has_label)
             pairs.update((a, b) for a, b in self._connection.execute(statement))
         return pairs
 
     def _run(self, presence: Presence, label: str | None, begun_ns: float) -> Iterator[tuple[int, int]]:
-        """One label's, ordered, as keys that grow."""
-        statement = select(Instance.last_seen_ns, Instance.number).where(*_stands([presence]))
+        """Sort keys (negated time and number, ascending) of the instances of one label."""
+        statement = select(Instance.last_seen_ns, Instance.number).where(*_has_presence([presence]))
         if label is not None:
             statement = statement.where(Instance.label == label)
         if begun_ns < math.inf:
@@ -186,5 +189,5 @@ class Finder:
             yield -last_seen_ns, -number
 
 
-def _stands(presences: Collection[Presence]) -> tuple[ColumnElement[bool], ColumnElement[bool]]:
+def _has_presence(presences: Collection[Presence]) -> tuple[ColumnElement[bool], ColumnElement[bool]]:
     return Instance.merged_into.is_(None), Instance.presence.in_(presences)

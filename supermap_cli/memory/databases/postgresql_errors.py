@@ -1,4 +1,4 @@
-"""What a PostgreSQL server refuses, or why it is not reached: one line, and a cure."""
+"""Errors of a PostgreSQL server, or of the connection to it, as one line with a cure."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ def no_driver(where: str) -> MemoryStoreError:
     )
 
 
-def refused(error: Exception, where: str) -> MemoryStoreError:
-    """The error of a connection or of a statement, without what only the driver's makers need to know."""
+def postgresql_error(error: Exception, where: str) -> MemoryStoreError:
+    """The error of a connection or a statement, without the driver's own details."""
     message = _message(getattr(error, "orig", None) or error)
     if getattr(error, "connection_invalidated", False) or any(part in message for part in _LOST):
         return MemoryStoreError(
@@ -47,8 +47,8 @@ def refused(error: Exception, where: str) -> MemoryStoreError:
 
 
 def _message(error: BaseException) -> str:
-    """The first line, from where the server speaks; a list of addresses that were tried says the same several times."""
+    """The first line that the server sent; the driver repeats it for every address that it tried."""
     diagnosis = getattr(getattr(error, "diag", None), "message_primary", None)
     lines = [line.strip() for line in str(diagnosis or error).splitlines() if line.strip()]
-    line = next((each for each in lines if "failed:" in each), lines[0] if lines else type(error).__name__)
+    line = next((text for text in lines if "failed:" in text), lines[0] if lines else type(error).__name__)
     return line.removeprefix("connection failed: ").removeprefix("- ")

@@ -1,4 +1,4 @@
-"""Checkpoints of builds, clocks that run behind the map's, observations given up, and indices for large memories."""
+"""Checkpoints of builds, clock shifts, limits of pruning, and indices for large maps."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ INDICES: tuple[tuple[str, list[str], str | None], ...] = (
     ("visit", ["instance_number", "traversal_id"], None),
     ("temporal_edge", ["not_after_ns"], None),
 )
-"""Each with its table, its columns, and the rows that it holds."""
+"""Table, columns, and the condition of a partial index."""
 
 
 def upgrade() -> None:
-    """Add what is new."""
+    """Add columns, indices, the checkpoint table and new views and triggers."""
     op.add_column("traversal", sa.Column("clock_shift_ns", Int64, nullable=False, server_default=sa.text("0")))
     op.add_column("traversal", sa.Column("crops_kept_from_ns", Int64))
     op.add_column("traversal", sa.Column("observations_kept_from_ns", Int64))

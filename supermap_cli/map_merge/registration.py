@@ -1,4 +1,4 @@
-"""Where one memory stands in another: by its structure, as the stored depth images show it."""
+"""Registers another map in this one by the structure in their stored depth images."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from supermap_cli.mapping.structure import CoarseDepth, stored_depth
 from supermap_cli.memory.store import MapStore
 
 SAMPLED_KEYFRAMES = 40
-"""Stored depth images, spread over each memory, by which they are laid over one another."""
+"""Stored depth images used of each map, evenly spread; tuned on merges of simulated offices."""
 
 
-def place_memory(store: MapStore, other: MapStore, wish: str) -> Placement:
-    """Find `T_map_other`; both maps are level. `wish` is "auto", "none" (they have one frame), or "x y z yaw_deg".
+def register_map(store: MapStore, other: MapStore, mode: str) -> Placement:
+    """Find `T_map_other`; both maps are level. `mode` is "auto", "none" (one common frame) or "x y z yaw_deg".
 
-    Raises `AlignmentError` if there is no such place, or more than one, or the wish is not understood.
+    Raises `AlignmentError` if registration fails, is ambiguous, or the mode is not understood.
     """
-    if wish == "none":
+    if mode == "none":
         return Placement(np.eye(4), "taken to have one frame")
-    if wish != "auto":
-        return Placement(placed_by_hand(wish, np.eye(4)), f"given: {wish}")
-    odom, other_odom = (each.traversals()[end].T_map_odom for each, end in ((store, -1), (other, 0)))
+    if mode != "auto":
+        return Placement(placed_by_hand(mode, np.eye(4)), f"given: {mode}")
+    odom, other_odom = (map_.traversals()[end].T_map_odom for map_, end in ((store, -1), (other, 0)))
     try:
         found = align(_spread_views(store), _spread_views(other), np.eye(4), [odom @ inverse(other_odom)])
     except AlignmentError as error:
@@ -37,7 +37,7 @@ def place_memory(store: MapStore, other: MapStore, wish: str) -> Placement:
 
 
 def _spread_views(store: MapStore) -> list[CoarseDepth]:
-    """Coarse depth images of a memory, evenly spread over its keyframes; only these are decoded."""
-    count = sum(each.keyframes for each in store.traversals())
+    """Coarse depth images evenly spread over a map's keyframes; only these are decoded."""
+    count = sum(traversal.keyframes for traversal in store.traversals())
     chosen = set(np.linspace(0, count - 1, min(count, SAMPLED_KEYFRAMES)).round().astype(int).tolist())
     return [stored_depth(record) for k, record in enumerate(store.keyframe_depths()) if k in chosen]

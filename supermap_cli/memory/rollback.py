@@ -1,4 +1,4 @@
-"""Takes an unfinished traversal out of the map: new rows go, changed rows get their before-image back."""
+"""Rolls an unfinished traversal back: its new rows are deleted, rows that it changed get their before-images back."""
 
 from __future__ import annotations
 
@@ -27,22 +27,22 @@ from supermap_schema.models import (
 _CHANGING = ("instance", "state", "spatial_edge")
 
 
-def keep_before_images(connection: Connection, traversal_id: int, table_name: str, keys: Collection[int]) -> None:
-    """Before rows that other traversals wrote are changed: keep each as it is, once a traversal."""
+def save_before_images(connection: Connection, traversal_id: int, table_name: str, keys: Collection[int]) -> None:
+    """Store the rows of other traversals that are about to change, once for each traversal that changes them."""
     table = Base.metadata.tables[table_name]
     key = _key(table)
-    kept = select(BeforeImage.row_key).where(
+    saved = select(BeforeImage.row_key).where(
         BeforeImage.traversal_id == traversal_id, BeforeImage.table_name == table_name
     )
     rows = connection.execute(
-        select(table).where(key.in_(keys), table.c.traversal_id != traversal_id, key.not_in(kept))
+        select(table).where(key.in_(keys), table.c.traversal_id != traversal_id, key.not_in(saved))
     )
     images = [
         {
             "traversal_id": traversal_id,
             "table_name": table_name,
             "row_key": row._mapping[key],
-            "content": to_json({name: _shown(value) for name, value in row._mapping.items()}),
+            "content": to_json({name: _to_json_value(value) for name, value in row._mapping.items()}),
         }
         for row in rows
     ]
@@ -51,12 +51,12 @@ def keep_before_images(connection: Connection, traversal_id: int, table_name: st
 
 
 def drop_before_images(connection: Connection, traversal_id: int) -> None:
-    """The traversal is in the map for good."""
+    """The traversal is complete and cannot be rolled back any more."""
     connection.execute(delete(BeforeImage).where(BeforeImage.traversal_id == traversal_id))
 
 
-def take_out(connection: Connection, traversal_id: int) -> None:
-    """Undo everything an unfinished traversal wrote, and delete it."""
+def roll_back(connection: Connection, traversal_id: int) -> None:
+    """Undo everything that an unfinished traversal wrote, and delete it."""
     dialect_of(connection).defer_foreign_keys(connection)
     keyframes = select(Keyframe.id).where(Keyframe.traversal_id == traversal_id)
     connection.execute(delete(Observation).where(Observation.keyframe_id.in_(keyframes)))
@@ -76,13 +76,13 @@ def _restore(connection: Connection, traversal_id: int, table: Table) -> None:
     ).all()
     if not images:
         return
-    if table.name == "state":  # one by one, a state could overlap one that is about to change
+    if table.name == "state":  # restored one by one, a state could overlap another that is restored later
         connection.execute(delete(table).where(_key(table).in_([image.row_key for image in images])))
     statement = dialect_of(connection).upsert(table)
     changed = {column.name: column for column in statement.excluded if not column.primary_key}
     connection.execute(
         statement.on_conflict_do_update(index_elements=[_key(table)], set_=changed),
-        [{name: _stored(value) for name, value in json.loads(image.content).items()} for image in images],
+        [{name: _from_json_value(value) for name, value in json.loads(image.content).items()} for image in images],
     )
 
 
@@ -90,9 +90,9 @@ def _key(table: Table) -> Any:
     return next(iter(table.primary_key.columns))
 
 
-def _shown(value: object) -> object:
+def _to_json_value(value: object) -> object:
     return {"hex": value.hex()} if isinstance(value, bytes) else value
 
 
-def _stored(value: object) -> object:
+def _from_json_value(value: object) -> object:
     return bytes.fromhex(value["hex"]) if isinstance(value, dict) else value

@@ -1,4 +1,4 @@
-"""Which present things stored edges relate to which others: a join over the edges, without reading the things."""
+"""Which present instances are related by stored edges: a join over the edges that reads no instance."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ Subject, Object = aliased(models.Instance, name="subject"), aliased(models.Insta
 
 
 @dataclass(frozen=True)
-class End:
-    """What stands at one end of an edge: present things of some labels (`None`: of any), or the one with a `number`."""
+class EdgeEnd:
+    """The condition on one end of an edge: a present instance with one of the labels (`None`: any), or a `number`."""
 
     labels: frozenset[str] | None
     number: int | None = None
 
-    def of(self, instance: type[models.Instance]) -> Iterator[ColumnElement[bool]]:
-        """As conditions on a row."""
+    def conditions(self, instance: type[models.Instance]) -> Iterator[ColumnElement[bool]]:
+        """As conditions on a row of `instance`."""
         yield instance.merged_into.is_(None)
         yield instance.presence == "present"
         if self.number is not None:
@@ -34,24 +34,24 @@ class End:
 
 
 @dataclass(frozen=True)
-class Linked:
-    """Edges between two kinds of things that hold after a time; `turned`: the candidate is the object of an edge."""
+class EdgeQuery:
+    """Edges between candidates and references that hold after a time; `turned`: the candidate is the edge's object."""
 
     reader: MapReader
-    candidates: End
-    references: End
+    candidates: EdgeEnd
+    references: EdgeEnd
     after_ns: int
 
     def numbers(self, relation: str, *, turned: bool) -> set[int]:
-        """The candidates that have such an edge of their own, and not of a part of them."""
+        """The candidates with such an edge, edges of instances that were merged into them not included."""
         return set(self.reader.connection.execute(self._edges(relation, turned).distinct()).scalars())
 
     def any(self, relation: str, *, turned: bool) -> bool:
-        """Whether there is one."""
+        """Whether there is such an edge."""
         return self.reader.connection.execute(self._edges(relation, turned).limit(1)).first() is not None
 
     def merged(self, relations: Collection[str]) -> set[int]:
-        """All things, candidates or not, between which an edge is that was written for a part of one of them."""
+        """The instances, candidates or not, with an edge that was written for an instance merged into one of them."""
         parts = select(models.Instance.number).where(models.Instance.merged_into.is_not(None))
         found: set[int] = set()
         for end in (Edge.subject_number, Edge.object_number):
@@ -63,7 +63,7 @@ class Linked:
     def _edges(self, relation: str, turned: bool) -> Select[Any]:
         subject, obj = (self.references, self.candidates) if turned else (self.candidates, self.references)
         holds = or_(Edge.until_ns.is_(None), Edge.until_ns > self.after_ns)
-        ends: Iterable[ColumnElement[bool]] = (*subject.of(Subject), *obj.of(Object))
+        ends: Iterable[ColumnElement[bool]] = (*subject.conditions(Subject), *obj.conditions(Object))
         return (
             select(Object.number if turned else Subject.number)
             .select_from(Edge)

@@ -1,4 +1,4 @@
-"""What a merge did, as it leaves the program."""
+"""The result of a merge as `supermap db merge --json` prints it."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from supermap_cli.geometry.arrays import FloatArray
-from supermap_cli.merging.merge import MergeSummary
+from supermap_cli.map_merge.merge import MergeSummary
 
 
 @dataclass(frozen=True)
@@ -19,7 +19,7 @@ class MergedTraversal:
 
 @dataclass(frozen=True)
 class MergeCandidate:
-    """A thing of the map that an object may be."""
+    """An object of this map that another map's object may be, with its probability."""
 
     id: str
     probability: float
@@ -27,7 +27,7 @@ class MergeCandidate:
 
 @dataclass(frozen=True)
 class MergedObject:
-    """What an object of the other map is here. `id` is empty where nothing was written and it would be a new one."""
+    """An object of the other map and its id here, which is empty for a new object of a dry run. `how`: `MatchKind`."""
 
     other_id: str
     id: str
@@ -40,8 +40,8 @@ class MergedObject:
 
 @dataclass(frozen=True)
 class MergeReport:
-    """A merge. `T_map_other` places the other map, whose times are `clock_shift_ns` later here; `gone` are the objects
-    that the other map saw to be gone.
+    """The document. `T_map_other` registers the other map, whose times are `clock_shift_ns` later here; `gone` are the
+    objects that the other map saw to be gone.
     """
 
     into: str
@@ -57,9 +57,11 @@ class MergeReport:
 
 
 def report_of(summary: MergeSummary, into: str, other: str, ids: Mapping[int, str]) -> MergeReport:
-    """The report; `ids` are the text ids here, by number, as they are now."""
-    moved = {each.number for each in summary.joined if each.how != "new"}
-    gone = [each.from_number for each in summary.changes if each.kind == "disappeared" and each.from_number in ids]
+    """The report; `ids` are the text ids here, by number, after the merge."""
+    moved = {match.number for match in summary.matches if match.kind != "new"}
+    gone = [
+        change.from_number for change in summary.changes if change.kind == "disappeared" and change.from_number in ids
+    ]
     return MergeReport(
         into=into,
         other=other,
@@ -67,20 +69,20 @@ def report_of(summary: MergeSummary, into: str, other: str, ids: Mapping[int, st
         placed=summary.placement.method,
         T_map_other=_rows(summary.placement.T_map_odom),
         clock_shift_ns=summary.time.shift_ns,
-        traversals=tuple(MergedTraversal(*each) for each in summary.names),
+        traversals=tuple(MergedTraversal(*name) for name in summary.names),
         objects=tuple(
             MergedObject(
-                summary.other_ids[each.other],
-                ids.get(each.number, ""),
-                summary.labels[each.other],
-                each.how,
-                None if each.distance_m is None else round(each.distance_m, 4),
-                None if each.into is None else ids[each.into],
-                tuple(MergeCandidate(ids[number], round(p, 4)) for number, p in each.candidates),
+                summary.other_ids[match.other],
+                ids.get(match.number, ""),
+                summary.labels[match.other],
+                match.kind,
+                None if match.distance_m is None else round(match.distance_m, 4),
+                None if match.into is None else ids[match.into],
+                tuple(MergeCandidate(ids[number], round(p, 4)) for number, p in match.candidates),
             )
-            for each in summary.joined
+            for match in summary.matches
         ),
-        gone=tuple(dict.fromkeys(ids[each] for each in gone if each not in moved and each in summary.ids)),
+        gone=tuple(dict.fromkeys(ids[number] for number in gone if number not in moved and number in summary.ids)),
         warnings=summary.warnings,
     )
 

@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 from supermap_cli.errors import MemoryStoreError, QueryError
 from supermap_cli.memory import open_store
 from supermap_cli.memory.checking import check
-from supermap_cli.memory.retention import KeptFrom
+from supermap_cli.memory.pruning import PrunePolicy
 from supermap_cli.memory.values import Checkpoint
 from supermap_cli.query.retention_policy import parse_retention_policy
 from supermap_cli.types.memory import MapDelta, Observation
@@ -42,8 +42,8 @@ def long_memory(path: Path) -> Path:
         stamps = [start + second for second in range(1, 21)]
         return MapDelta(
             keyframes=tuple(
-                type(each)(**{**each.__dict__, "thumbnail_jpeg": b"\xff\xd8\xff" + bytes(3000)})
-                for each in m.keyframes(stamps)
+                type(keyframe)(**{**keyframe.__dict__, "thumbnail_jpeg": b"\xff\xd8\xff" + bytes(3000)})
+                for keyframe in m.keyframes(stamps)
             ),
             instances=(m.instance(1, "chair", (index, 0, 0.5), seen=(1, stamps[-1]), observations=20 * (index + 1)),),
             observations=tuple(
@@ -82,7 +82,7 @@ def observations(db: Path) -> list[tuple[float, bool]]:
 
 
 def vacuum(db: Path, *keep: str) -> None:
-    result = supermap("db", "vacuum", "--db", db, *(word for each in keep for word in ("--keep", each)))
+    result = supermap("db", "vacuum", "--db", db, *(word for rule in keep for word in ("--keep", rule)))
     assert result.exit_code == 0, result.output or repr(result.exception)
 
 
@@ -164,11 +164,11 @@ def test_answers_say_that_observations_were_given_up(db: Path) -> None:
     assert [len(told["intervals"]), told["sightings"][0]["observation_count"]] == [2, 3]
     assert "only the telling ones were kept" in supermap("history", "chair-1", "--db", db).stdout
     changed = document("diff", "diff", "--db", db)
-    assert [each["kind"] for each in changed["changes"]] == ["moved"]
+    assert [change["kind"] for change in changed["changes"]] == ["moved"]
     assert changed["changes"][0]["evidence_before"]["observations"] == [1, 5, 20]
     assert any("given up" in note for note in changed["notes"])
     answered = document("answer", "query", "chair in monday", "--db", db)
-    assert [each["id"] for each in answered["instances"]] == ["chair-1"]
+    assert [instance["id"] for instance in answered["instances"]] == ["chair-1"]
     assert any("only the telling ones" in note for note in answered["notes"])
 
 
@@ -250,7 +250,7 @@ def test_without_room_the_map_stays_and_the_error_says_what_is_needed(
 )
 def test_ages_count_back_from_the_newest_time_in_the_map(db: Path, said: str, seconds: float) -> None:
     with open_store(str(db), read_only=True) as store, store.reader() as reader:
-        assert parse_retention_policy([f"crops={said}"], reader) == KeptFrom(crops_ns=m.ns(seconds))
+        assert parse_retention_policy([f"crops={said}"], reader) == PrunePolicy(crops_ns=m.ns(seconds))
 
 
 @pytest.mark.parametrize(
@@ -288,26 +288,26 @@ def test_whatever_is_given_up_the_map_is_sound_and_every_state_has_its_evidence(
 ) -> None:
     crops, seen, thumbnails, best_crops = given_limits
     db = kitchen.make_kitchen(tmp_path_factory.mktemp("kitchen") / "map.db")
-    kept = KeptFrom(m.maybe_ns(crops), m.maybe_ns(seen), m.maybe_ns(thumbnails), best_crops)
+    kept = PrunePolicy(m.maybe_ns(crops), m.maybe_ns(seen), m.maybe_ns(thumbnails), best_crops)
     with open_store(str(db), read_only=True) as store, store.reader() as reader:
-        before = {each.id: reader.observations(each) for each in reader.instances}
+        before = {instance.id: reader.observations(instance) for instance in reader.instances}
     with open_store(str(db)) as store:
-        store.give_up(kept)
-        store.reclaim()
+        store.prune(kept)
+        store.vacuum()
     assert problems(db) == []
     with open_store(str(db), read_only=True) as store, store.reader() as reader:
-        for each in reader.instances:
-            left = reader.observations(each)
-            for state in each.states:
+        for instance in reader.instances:
+            left = reader.observations(instance)
+            for state in instance.states:
                 old, now = (
                     [o for o in some if state.first_seen_ns <= o.stamp_ns <= state.last_seen_ns]
-                    for some in (before[each.id], left)
+                    for some in (before[instance.id], left)
                 )
                 if old:
                     assert {old[0].id, old[-1].id} <= {o.id for o in now}
                     assert max(o.score for o in now) == max(o.score for o in old)
                     assert {o.traversal_id for o in now} == {o.traversal_id for o in old}
-            young = [o.id for o in before[each.id] if o.stamp_ns >= (kept.observations_ns or 0)]
+            young = [o.id for o in before[instance.id] if o.stamp_ns >= (kept.observations_ns or 0)]
             assert set(young) <= {o.id for o in left}
 
 

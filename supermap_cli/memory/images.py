@@ -1,4 +1,4 @@
-"""The pictures that the memory keeps: crops of observations, small images of keyframes and where they were taken."""
+"""Reads stored images: crops of observations, thumbnails of keyframes with their cameras and poses."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from supermap_schema import models
 
 @dataclass(frozen=True)
 class Crop:
-    """A crop that is kept of an observation, without its bytes."""
+    """The stored crop of an observation, without its bytes."""
 
     observation: int
     traversal_id: int
@@ -29,9 +29,10 @@ class Crop:
 
 
 @dataclass(frozen=True)
-class SmallImage:
-    """A keyframe's small image (JPEG), its camera as JSON in full size, and `T_map_camera` (4, 4). `camera_id` names
-    the camera among those of the rig.
+class Thumbnail:
+    """A keyframe's thumbnail (JPEG), its camera in full size as JSON, and `T_map_camera` (4, 4).
+
+    `camera_id` names the camera among those of the rig.
     """
 
     keyframe_id: int
@@ -43,7 +44,7 @@ class SmallImage:
 
 
 def crops_of(reader: MapReader, numbers: Collection[int]) -> dict[int, list[Crop]]:
-    """All crops of some instances and of what was merged into them, by instance, in the order of time."""
+    """All crops of some instances and of those merged into them, by instance, in the order of time."""
     parts = reader.parts_of(numbers)
     observation, keyframe = models.Observation, models.Keyframe
     found: dict[int, list[Crop]] = defaultdict(list)
@@ -63,11 +64,13 @@ def crops_of(reader: MapReader, numbers: Collection[int]) -> dict[int, list[Crop
         for row in reader.connection.execute(statement):
             crop = Crop(row.id, row.traversal_id, row.keyframe_id, row.stamp_ns, row.score)
             found[parts[row.instance_number]].append(crop)
-    return {number: sorted(of, key=lambda each: (each.stamp_ns, each.observation)) for number, of in found.items()}
+    return {
+        number: sorted(crops, key=lambda crop: (crop.stamp_ns, crop.observation)) for number, crops in found.items()
+    }
 
 
 def crop_jpegs(reader: MapReader, observations: Collection[int]) -> dict[int, bytes]:
-    """The JPEGs of some observations, as far as they are kept."""
+    """The crops of observations as JPEG, by observation id; those that were pruned are missing."""
     observation = models.Observation
     jpegs: dict[int, bytes] = {}
     for batch in batches(sorted(observations)):
@@ -76,12 +79,13 @@ def crop_jpegs(reader: MapReader, observations: Collection[int]) -> dict[int, by
     return jpegs
 
 
-def small_images(reader: MapReader, stamps_ns: Collection[int]) -> dict[int, list[SmallImage]]:
-    """The small images of the keyframes with these stamps, as far as they are kept: by stamp those of all cameras, in
-    the order of the keyframes.
+def thumbnails_of(reader: MapReader, stamps_ns: Collection[int]) -> dict[int, list[Thumbnail]]:
+    """The thumbnails of the keyframes with these stamps, by stamp those of all cameras in the order of their keyframes.
+
+    Thumbnails that were pruned are missing.
     """
     keyframe = models.Keyframe
-    images: dict[int, list[SmallImage]] = defaultdict(list)
+    images: dict[int, list[Thumbnail]] = defaultdict(list)
     for batch in batches(sorted(stamps_ns)):
         statement = select(
             *(keyframe.id, keyframe.stamp_ns, keyframe.thumbnail_jpeg, keyframe.camera, keyframe.T_map_camera),
@@ -89,6 +93,6 @@ def small_images(reader: MapReader, stamps_ns: Collection[int]) -> dict[int, lis
         ).where(keyframe.stamp_ns.in_(batch), keyframe.thumbnail_jpeg.is_not(None))
         for row in reader.connection.execute(statement.order_by(keyframe.id)):
             pose = np.array(json.loads(row.T_map_camera), np.float64).reshape(4, 4)
-            image = SmallImage(row.id, row.stamp_ns, row.thumbnail_jpeg, row.camera, pose, row.camera_id)
+            image = Thumbnail(row.id, row.stamp_ns, row.thumbnail_jpeg, row.camera, pose, row.camera_id)
             images[row.stamp_ns].append(image)
     return images

@@ -1,0 +1,1 @@
+"""Merges one map into another: registration, object matching, state merge."""

@@ -1,1 +1,0 @@
-"""Two memories of one place become one (`supermap db merge`)."""
