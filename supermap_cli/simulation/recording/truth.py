@@ -27,7 +27,7 @@ from supermap_cli.types.truth import (
 )
 
 SURFACE_SPACING_M = 0.02
-"""Distance of surface samples of things, m: less than a voxel of the map (5 cm by default) has an edge."""
+"""Distance of surface samples of things, m."""
 FIXTURE_SPACING_M = 0.05
 """Distance of surface samples of walls, floors and the like, m."""
 PERSON = "person"
