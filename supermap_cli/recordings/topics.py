@@ -317,7 +317,7 @@ def _odometry_rank(topic: Topic) -> tuple[float, ...]:
 
 
 def faults(choices: Iterable[TopicChoice], where: str) -> tuple[RecordingError, ...]:
-    """Why topics that were chosen cannot be read; not for depth of an unsupported encoding, which is reported before."""
+    """Why topics that were chosen cannot be read; not for depth of an unsupported encoding, which is said before."""
     return tuple(
         RecordingError(fault.what, where=fault.where or f"{where}, {choice.topic.name}", cure=fault.cure)
         for choice in choices
