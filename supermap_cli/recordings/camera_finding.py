@@ -143,6 +143,11 @@ class CameraFinder:
         self._owners = _color_devices(topics)
         self._own = _topics_of_cameras(topics, {str(device): owner for device, owner in self._owners.items()})
 
+    def lone(self) -> TopicPlan:
+        """The plan for a lone camera. Raises `ConfigError` if the user named a topic for another."""
+        self._check_named([MAIN_CAMERA])
+        return self._lone
+
     def find(self, robot: RecordedRobot, notes: Notes) -> TopicPlan:
         """The cameras found, the main one first; the plan for a lone camera where there are not several.
 
@@ -151,10 +156,10 @@ class CameraFinder:
         candidates = self._candidates()
         found = self._usable(candidates, robot, notes) if len(candidates) > 1 else {}
         if len(found) < 2:
-            self._check_named([MAIN_CAMERA])
             lone_color = self._lone.topic("color")
             if not found or any(plan.color is lone_color for plan in found.values()):
-                return self._lone
+                return self.lone()
+            self._check_named([MAIN_CAMERA])
             (only,) = found.values()
             return replace(self._lone, cameras=(replace(only, camera_id=MAIN_CAMERA),))
         devices = dict(zip(camera_ids(list(found)), found, strict=True))
@@ -321,11 +326,11 @@ def _same_view(tree: TransformTree, a: CameraPlan, b: CameraPlan) -> bool:
     return bool(np.linalg.norm(T_a_b[:3, 3]) < nearest_m and T_a_b[2, 2] > np.cos(_PARALLEL_RAD))
 
 
-def check_clocks(cameras: Sequence[CameraPlan], robot: RecordedRobot, where: str) -> None:
-    """Raise `RecordingError` where the stamps of cameras that the user named are of different clocks."""
+def clock_problems(cameras: Sequence[CameraPlan], robot: RecordedRobot, where: str) -> Iterator[RecordingError]:
+    """Cameras that the user named whose stamps are of different clocks."""
     for camera in cameras[1:]:
         if (why := _other_clock(camera, cameras[0], robot)) is not None:
-            raise RecordingError(
+            yield RecordingError(
                 why, where=f"{where}, {camera.color.name}", cure="record with one clock, or name only one of the two"
             )
 

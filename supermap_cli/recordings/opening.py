@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
 
 from supermap_cli.errors import CalibrationError, ConfigError, RecordingError
 from supermap_cli.hookspecs import RecordingRequest
 from supermap_cli.recordings import messages
-from supermap_cli.recordings.camera_finding import CameraFinder, RecordedRobot, check_clocks, plan_named_cameras
+from supermap_cli.recordings.camera_finding import CameraFinder, RecordedRobot, clock_problems, plan_named_cameras
 from supermap_cli.recordings.containers import open_storage
 from supermap_cli.recordings.decoding import Decoder
 from supermap_cli.recordings.messages import PoseMessage
@@ -156,9 +156,11 @@ def open_recording(path: Path, request: RecordingRequest) -> OpenedRecording:
         base_frame = find_base_frame(source, tree, _sensor_frame(plan), request.frames, notes)
         robot = RecordedRobot(tree, base_frame, storage, decoder)
         if named.color_cameras:
-            check_clocks(plan.cameras, robot, where)
-        elif not (named.lone_camera or request.camera):
-            plan = CameraFinder(topics, plan, named, where).find(robot, notes)
+            clocks = clock_problems(plan.cameras, robot, where)
+            plan = replace(plan, shared_problems=(*plan.shared_problems, *clocks))
+        elif not named.lone_camera:
+            finder = CameraFinder(topics, plan, named, where)
+            plan = finder.lone() if request.camera else finder.find(robot, notes)
         builder = RigBuilder(plan, tree, request.camera, where=where)
         cameras, problems = _open_cameras(plan, lambda camera: builder.build(camera, base_frame, source, notes), notes)
     except CalibrationError as error:

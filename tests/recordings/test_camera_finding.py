@@ -141,6 +141,8 @@ def test_a_camera_named_where_there_is_one_alone_is_an_error(tmp_path):
     path = bags.write_recording(tmp_path / "run.mcap")
     with pytest.raises(ConfigError, match=r"there is no camera 'front', only camera"):
         open_(path, topics={"depth.front": "/camera/depth/image_raw"})
+    with pytest.raises(ConfigError, match=r"there is no camera 'front', only camera"):
+        open_(path, topics={"depth.front": "/camera/depth/image_raw"}, camera="equirectangular")
     assert open_(path, topics={"depth.camera": "/camera/depth/image_raw"}).cameras == ("camera",)
 
 
