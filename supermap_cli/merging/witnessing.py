@@ -82,8 +82,7 @@ class Witness:
             seen.mark_absent(max(gone_ns, seen.last_seen_ns + 1))
             return
         stands = (
-            view.observable_share >= ABSENCE.observable_share
-            and view.contradicted_share <= ABSENCE.absent_share / 2
+            view.observable_share >= ABSENCE.observable_share and view.contradicted_share <= ABSENCE.absent_share / 2
         )
         if stands and keyframe.detected and seen.number not in self.found:
             box, area_px = view.box_xyxy, depth.camera.width * depth.camera.height
