@@ -78,6 +78,7 @@ class MappingEngine:
         self.recall.parameters = self.scores.parameters = parameters.recall
         self.pairs.parameters = parameters.pair_evidence
         self.splits.use(parameters.splitting, parameters.belief)
+        self.free_space.parameters = parameters.free_space
         self.transitions = Transitions(self.objects)
         fusion = DetectionFusion(
             self.transitions, self.recall, self.scores, self.config.crop_px, self.ablate, parameters

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from supermap_cli.mapping.absence import EmptyRun
+from supermap_cli.mapping.absence import AbsenceEvidence, EmptyRun
 
 CODES = np.arange(1000)
 
@@ -75,3 +75,23 @@ def test_other_voxels_begin_anew() -> None:
 def test_strays_say_nothing() -> None:
     run = run_of((NONE, voxels(0, 5)), (NONE, voxels(0, 100)))
     assert run.began_ns == 1_000_000_000
+
+
+def test_parts_seen_by_several_cameras_at_one_moment_are_one_view() -> None:
+    run = EmptyRun()
+    for stamp_ns, first in ((1, 0), (1, 70), (1, 140), (2, 210)):
+        run.add(CODES, voxels(first, first + 70), voxels(first, first + 70), stamp_ns)
+    assert run.views == 2
+    assert not run.shows_absence(1000)
+    run.add(CODES, voxels(0, 70), voxels(0, 70), 3)
+    assert run.shows_absence(1000)
+
+
+def test_empty_views_in_a_row_are_counted_by_moment() -> None:
+    evidence = AbsenceEvidence()
+    for stamp_ns in (5, 5, 6):
+        evidence.add_empty(stamp_ns)
+    assert (evidence.views, evidence.first_ns) == (2, 5)
+    evidence.add_occupied()
+    evidence.add_empty(6)
+    assert (evidence.views, evidence.first_ns) == (1, 6)

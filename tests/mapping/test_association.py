@@ -121,6 +121,19 @@ def test_its_own_track_fits_better_and_another_worse() -> None:
     assert fit(5) > fit(-1) > fit(6)
 
 
+def test_a_track_of_another_camera_says_nothing() -> None:
+    run = mapped(s.CHAIR)
+    chair = run.map[1]
+    scene = s.render((*s.ROOM, s.CHAIR), s.looking((0, 0, 1.2), (1.6, 0, 0.4)))
+    detection = replace(s.lifted(scene, 2), track_id=5)
+    view = s.view_of(run.engine, scene.keyframe).views[1]
+    untracked = affinity(detection, chair, view, camera_id="left")
+    chair.track_ids = {"right": 6}
+    assert affinity(detection, chair, view, camera_id="left") == untracked
+    chair.track_ids["left"] = 5
+    assert affinity(detection, chair, view, camera_id="left").log_ratio > untracked.log_ratio
+
+
 def test_each_object_is_given_away_once() -> None:
     run = mapped(s.CHAIR)
     scene = s.render((*s.ROOM, s.CHAIR), s.looking((0, 0, 1.2), (1.6, 0, 0.4)))

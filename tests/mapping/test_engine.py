@@ -164,6 +164,21 @@ def test_what_is_not_tracked_or_gone_is_not_expected() -> None:
     assert priors_of(run, s.CHAIR) == {}
 
 
+def test_each_camera_expects_the_objects_of_its_own_tracker() -> None:
+    run = s.Run()
+    run.walk(CHAIR_WORLD)
+    scene = s.render(CHAIR_WORLD, s.looking((0, 0, 1.2), (1.6, 0, 0.4)), run.at_s)
+    keyframes = {name: dataclasses.replace(scene.keyframe, camera_id=name) for name in ("left", "right", "rear")}
+    for name, track_id in (("left", 7), ("right", 7001)):
+        view = s.view_of(run.engine, keyframes[name])
+        s.integrate(run.engine, view, s.detect(scene, run.at_s), np.array([track_id]))
+    expected = {
+        name: [prior.track_id for prior in run.engine.update_from_map(s.view_of(run.engine, keyframe))]
+        for name, keyframe in keyframes.items()
+    }
+    assert expected == {"left": [7], "right": [7001], "rear": []}
+
+
 # -- ablations
 
 

@@ -39,6 +39,15 @@ def test_what_stands_still_is_not(places: list[tuple[float, float]], overlap: fl
     assert not follow(places, overlap=overlap, size_m=size_m).moving
 
 
+def test_two_cameras_that_see_two_sides_of_a_still_thing_do_not_make_it_move() -> None:
+    motion = MotionState(moving=True)
+    for moment in range(5):
+        for side in (-0.15, 0.15):
+            motion.add_detection(moment, np.array([0.0, side, 0.5]), 0.0, 0.3)
+    assert motion.stamps_ns == [1, 2, 3, 4]
+    assert not motion.moving
+
+
 def test_it_comes_to_rest_when_its_last_sightings_agree() -> None:
     walk = [(0.3 * i, 0.0) for i in range(5)]
     assert follow(walk).moving

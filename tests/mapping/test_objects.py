@@ -7,8 +7,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from supermap_cli.mapping.belief import Existence, LabelBelief
-from supermap_cli.mapping.objects import MapObject, ObjectMap, OpenState, coarse_edge_m, measure_shape, upright_box
+from supermap_cli.mapping.belief import BeliefParameters, Existence, LabelBelief, Viewpoint
+from supermap_cli.mapping.objects import (
+    MapObject,
+    ObjectMap,
+    ObjectParameters,
+    ObjectParameterSets,
+    OpenState,
+    VisitCount,
+    coarse_edge_m,
+    measure_shape,
+    upright_box,
+)
 from supermap_cli.mapping.voxel_map import VoxelMap
 from support import scenes as s
 
@@ -105,3 +115,21 @@ def test_two_sides_seen_of_a_thing_in_a_corner_give_its_own_heading(yaw: float) 
     box = upright_box(np.concatenate([front, side]) @ np.array([[c, z, 0], [-z, c, 0], [0, 0, 1]]), 0.02)
     np.testing.assert_allclose(box.size[:2], 0.62, atol=0.04)
     assert abs(np.sin(2 * (box.yaw - yaw))) < 0.08
+
+
+def test_a_keyframe_supports_an_object_once_and_two_cameras_at_one_moment_give_two_keyframes() -> None:
+    visit = VisitCount()
+    for stamp_ns, camera in ((1, "left"), (1, "left"), (1, "right"), (2, "left")):
+        visit.add_support(stamp_ns, camera)
+    assert (visit.supported, visit.in_view) == (3, 3)
+    assert (visit.first_support_ns, visit.last_support_ns) == (1, 2)
+
+
+def test_an_object_follows_the_parameters_of_the_map_it_is_in() -> None:
+    sets = ObjectParameterSets(objects=ObjectParameters(max_coarse_m=0.03), belief=BeliefParameters(max_existence=1.0))
+    objects, one = ObjectMap(parameters=sets), an_object(1, (0, 0, 0))
+    assert one.shape.coarse_m == pytest.approx(0.04)
+    objects.add(one)
+    assert one.shape.coarse_m == pytest.approx(0.03)
+    one.existence.add_detection(Viewpoint(0, np.zeros(3), np.ones(3)), 5.0)
+    assert one.existence.log_odds == 1.0

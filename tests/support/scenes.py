@@ -23,6 +23,7 @@ from supermap_cli.mapping.objects import MapObject
 from supermap_cli.types.detections import Detections, Hypothesis, RegionMask, cut_mask
 from supermap_cli.types.keyframe import Keyframe
 from supermap_cli.types.memory import KeyframeRecord, MapDelta
+from supermap_cli.types.sensing import MAIN_CAMERA
 
 CAMERA = PinholeCamera(160, 120, 110.0, 110.0, 79.5, 59.5)
 EPOCH_NS = 1_700_000_000_000_000_000
@@ -189,14 +190,23 @@ class Run:
     target: Point = (1.6, 0.0, 0.4)
     last_view: KeyframeView | None = None
 
-    def see(self, things: Sequence[Thing], eye: ArrayLike, target: ArrayLike | None = None) -> Scene:
-        """Map one keyframe."""
+    def see(
+        self,
+        things: Sequence[Thing],
+        eye: ArrayLike,
+        target: ArrayLike | None = None,
+        *,
+        camera_id: str = MAIN_CAMERA,
+        step_s: float = 1 / 3,
+    ) -> Scene:
+        """Map one keyframe; the next one comes `step_s` later."""
         scene = render(things, looking(eye, self.target if target is None else target), self.at_s)
+        scene = replace(scene, keyframe=replace(scene.keyframe, camera_id=camera_id))
         view = view_of(self.engine, scene.keyframe)
         integrate(self.engine, view, self.detector(scene, self.at_s))
         self.engine.free_space.add_record(self.traversal, small_record(scene.keyframe))
         self.last_view = view
-        self.at_s += 1 / 3
+        self.at_s += step_s
         return scene
 
     def walk(self, things: Sequence[Thing], looks: int = 6, *, target: ArrayLike | None = None) -> None:

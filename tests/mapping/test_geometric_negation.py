@@ -49,6 +49,15 @@ def test_two_looks_at_an_empty_place_are_not_enough(run: s.Run) -> None:
     assert run.take().temporal_edges == ()
 
 
+def test_three_cameras_at_one_moment_are_one_view_for_they_share_the_error_of_the_pose(run: s.Run) -> None:
+    for moment in range(3):
+        assert run.standing("chair"), moment
+        for camera, step_s in (("left", 0.0), ("front", 0.0), ("right", 1 / 3)):
+            run.see(s.ROOM, (0.0, 0.2 * moment, 1.2), camera_id=camera, step_s=step_s)
+    gone = edge(run.take().temporal_edges)
+    assert (gone.kind, gone.not_after_ns) == ("disappeared", s.ns(2))
+
+
 def test_a_thing_that_is_hidden_stays(run: s.Run) -> None:
     run.walk((*s.ROOM, SCREEN), 10)
     assert run.last_view is not None

@@ -1,0 +1,68 @@
+"""An object in view that was not detected: whether that counts, and how much."""
+
+from __future__ import annotations
+
+import pytest
+
+from supermap_cli.mapping.missed_detections import MissedObject
+from supermap_cli.types.detections import Detections, no_detections
+from support import scenes as s
+
+CHAIR_WORLD = (*s.ROOM, s.CHAIR)
+SCREEN = s.Thing("", (0.9, 0, 0.8), (0.05, 1.6, 1.8))
+EYE = s.looking((0, 0.3, 1.2), (1.6, 0, 0.4))
+
+
+@pytest.fixture
+def run() -> s.Run:
+    run = s.Run()
+    run.walk(CHAIR_WORLD)
+    return run
+
+
+def missed(run: s.Run, *things: s.Thing, found: Detections | None) -> tuple[MissedObject, ...]:
+    view = s.view_of(run.engine, s.render((*s.ROOM, *things), EYE, run.at_s).keyframe)
+    return run.engine.check_semantic_consistency(view, set(), found)
+
+
+def test_an_object_in_its_place_that_was_not_detected_is_missed(run: s.Run) -> None:
+    in_view = run.map[1].visit.in_view
+    (chair,) = missed(run, s.CHAIR, found=no_detections(s.ns(run.at_s)))
+    assert (chair.obj.number, chair.detectability.observable) == (1, True)
+    assert chair.expected_recall is not None
+    assert 0.0 < chair.expected_recall < 1.0
+    assert run.map[1].visit.in_view == in_view + 1
+
+
+def test_where_no_detector_looked_only_geometry_speaks(run: s.Run) -> None:
+    trials = dict(run.engine.recall.trials)
+    (chair,) = missed(run, s.CHAIR, found=None)
+    assert chair.expected_recall is None
+    assert run.engine.recall.trials == trials
+
+
+def test_what_is_hidden_could_not_be_found(run: s.Run) -> None:
+    in_view = run.map[1].visit.in_view
+    (chair,) = missed(run, s.CHAIR, SCREEN, found=no_detections(s.ns(run.at_s)))
+    assert (chair.detectability.observable, chair.expected_recall) == (False, None)
+    assert run.map[1].visit.in_view == in_view
+
+
+def test_a_miss_at_an_empty_place_says_nothing_on_its_own(run: s.Run) -> None:
+    (chair,) = missed(run, found=no_detections(s.ns(run.at_s)))
+    assert (chair.detectability.observable, chair.expected_recall) == (True, None)
+
+
+def test_a_person_who_has_walked_on_is_not_missed() -> None:
+    run = s.Run()
+    run.walk((*s.ROOM, s.PERSON))
+    assert run.standing("person")
+    assert missed(run, found=no_detections(s.ns(run.at_s))) == ()
+
+
+def test_what_is_sure_teaches_how_often_the_detector_misses(run: s.Run) -> None:
+    run.map[1].existence.log_odds = 8.0
+    before = run.engine.recall.expected("chair", 0.05, truncated=False)
+    for _ in range(5):
+        missed(run, s.CHAIR, found=no_detections(s.ns(run.at_s)))
+    assert run.engine.recall.expected("chair", 0.05, truncated=False) < before
