@@ -1,4 +1,4 @@
-"""Two memories of one place become one."""
+"""Merging two maps of one place."""
 
 from __future__ import annotations
 
@@ -61,14 +61,14 @@ def contents(path: Path) -> dict[str, list[tuple[object, ...]]]:
         return {name: sorted(connection.execute(f"SELECT * FROM {name}"), key=repr) for name in Base.metadata.tables}
 
 
-def told(summary: MergeSummary) -> dict[str, tuple[str, str]]:
+def matches_by_id(summary: MergeSummary) -> dict[str, tuple[str, str]]:
     """By the id there: the id here, of what was here before, and how it is known."""
     return {
         summary.other_ids[match.other]: (summary.ids.get(match.number, "new"), match.kind) for match in summary.matches
     }
 
 
-def lives(store: MapStore) -> dict[str, list[tuple[bool, list[float]]]]:
+def states_by_id(store: MapStore) -> dict[str, list[tuple[bool, list[float]]]]:
     """By id: whether each of its states ended, and where it was, to 5 cm."""
     ids = store.instance_ids()
     found: dict[str, list[tuple[bool, list[float]]]] = {}
@@ -102,7 +102,7 @@ def monday(tmp_path: Path) -> Path:
 def test_what_stands_in_its_place_keeps_its_id_and_its_state_goes_on(monday: Path, tmp_path: Path) -> None:
     tuesday = build(tmp_path / "tuesday.db", "tuesday", (s.TABLE, s.CUP, STOOL), DAY_S)
     summary = merge(monday, tuesday)
-    assert dict(told(summary).values()) == {
+    assert dict(matches_by_id(summary).values()) == {
         "dining-table-1": "in place",
         "cup-1": "in place",
         "stool-1": "in place",
@@ -124,11 +124,11 @@ def test_a_merge_tells_what_a_build_in_sequence_tells(monday: Path, tmp_path: Pa
     build(sequence, "tuesday", after, DAY_S)
     merge(monday, build(tmp_path / "tuesday.db", "tuesday", after, DAY_S))
     with open_store(str(monday), read_only=True) as joined, open_store(str(sequence), read_only=True) as built:
-        assert {id_: [gone for gone, _ in states] for id_, states in lives(joined).items()} == {
-            id_: [gone for gone, _ in states] for id_, states in lives(built).items()
+        assert {id_: [gone for gone, _ in states] for id_, states in states_by_id(joined).items()} == {
+            id_: [gone for gone, _ in states] for id_, states in states_by_id(built).items()
         }
-        for id_, states in lives(joined).items():
-            for (_, here), (_, there) in zip(states, lives(built)[id_], strict=True):
+        for id_, states in states_by_id(joined).items():
+            for (_, here), (_, there) in zip(states, states_by_id(built)[id_], strict=True):
                 np.testing.assert_allclose(here, there, atol=2)
         assert presences(joined) == presences(built)
     assert events(monday) >= {
@@ -165,9 +165,9 @@ def test_what_nobody_looked_at_is_not_gone(monday: Path, tmp_path: Path) -> None
 def test_what_had_gone_may_be_back_in_its_place(monday: Path, tmp_path: Path) -> None:
     build(monday, "noon", (s.TABLE, STOOL), 3600.0)
     summary = merge(monday, build(tmp_path / "tuesday.db", "tuesday", (s.TABLE, STOOL, s.CUP), DAY_S))
-    assert ("cup-1", "back in place") in told(summary).values()
+    assert ("cup-1", "back in place") in matches_by_id(summary).values()
     with open_store(str(monday), read_only=True) as store:
-        assert [gone for gone, _ in lives(store)["cup-1"]] == [True, False]
+        assert [gone for gone, _ in states_by_id(store)["cup-1"]] == [True, False]
     assert {("disappeared", "cup-1", "cup-1"), ("reappeared", "cup-1", "cup-1")} <= events(monday)
 
 
@@ -177,7 +177,7 @@ def test_a_place_seen_empty_before_the_thing_was_known_bounds_no_move(tmp_path: 
     path = build(tmp_path / "monday.db", "morning", (s.TABLE,))
     build(path, "noon", (s.TABLE, STOOL, hiding), 3600.0)
     summary = merge(path, build(tmp_path / "tuesday.db", "tuesday", (s.TABLE, STOOL.at(1.5, 1.0)), DAY_S))
-    assert ("stool-1", "moved") in told(summary).values()
+    assert ("stool-1", "moved") in matches_by_id(summary).values()
     with open_store(str(path), read_only=True) as store, store.reader() as reader:
         (moved,) = (edge for edge in reader.temporal_edges() if edge.kind == "moved")
         assert moved.not_before_ns is not None
@@ -188,7 +188,7 @@ def test_a_thing_pushed_aside_by_less_than_its_width_has_moved(tmp_path: Path) -
     armchair = s.Thing("armchair", (2.0, -0.2, 0.4), (0.7, 0.7, 0.8), (120, 40, 90))
     path = build(tmp_path / "monday.db", "monday", (armchair,))
     summary = merge(path, build(tmp_path / "tuesday.db", "tuesday", (armchair.at(2.0, 0.08),), DAY_S))
-    assert told(summary) == {"armchair-1": ("armchair-1", "moved")}
+    assert matches_by_id(summary) == {"armchair-1": ("armchair-1", "moved")}
     assert summary.matches[0].distance_m == pytest.approx(0.28, abs=0.08)
     assert events(path) == {("moved", "armchair-1", "armchair-1")}
 
@@ -233,7 +233,7 @@ def test_another_frame_is_turned_into_the_maps(monday: Path, tmp_path: Path, yaw
         TraversalBuild(recording, f.FakePlugins().load(), CONFIG, store).run(align=where)
         there = {record.label: record for record in store.load_instances()}
     summary = merge(monday, tuesday, f"1.5 -2 0 {yaw_deg}")
-    assert {how for _, how in told(summary).values()} == {"in place"}
+    assert {how for _, how in matches_by_id(summary).values()} == {"in place"}
     with open_store(str(monday), read_only=True) as store:
         for record in store.load_instances():
             moved = transform_points(T_map_other, there[record.label].centroid_map[None])[0]
@@ -273,7 +273,7 @@ def test_a_dry_run_writes_nothing_and_tells_the_same(monday: Path, tmp_path: Pat
     dry = merge(monday, tuesday, dry_run=True)
     assert contents(monday) == before
     wet = merge(monday, tuesday)
-    assert dry.joined == wet.joined
+    assert dry.matches == wet.matches
     assert contents(monday) != before
 
 
@@ -300,7 +300,7 @@ def test_the_same_recording_in_both_is_refused_unless_again(monday: Path, tmp_pa
     with pytest.raises(MemoryStoreError, match="the same recording is in both maps: 'monday' is 'monday'"):
         merge(monday, other)
     summary = merge(monday, other, again=True)
-    assert {how for _, how in told(summary).values()} == {"in place"}
+    assert {how for _, how in matches_by_id(summary).values()} == {"in place"}
 
 
 def test_a_map_is_not_merged_with_itself(monday: Path) -> None:

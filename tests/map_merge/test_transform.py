@@ -1,4 +1,4 @@
-"""From one memory's frame and time into another's."""
+"""The transform from one map's frame and time into another's."""
 
 from __future__ import annotations
 
