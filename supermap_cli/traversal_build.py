@@ -307,7 +307,7 @@ class TraversalBuild:
         return (self.recording.end_ns - self.recording.start_ns) / 1e9
 
     def _summary(self, traversal_id: int, placement: Placement, total_s: float) -> BuildSummary:
-        standing = [each for each in self.stages.engine.objects if each.confirmed and each.present and not each.doubted]
+        standing = [each for each in self.stages.engine.objects if each.confirmed and each.present and not each.demoted]
         for each in sorted(standing, key=lambda o: o.label):
             self.stages.tally.labels[each.label] = self.stages.tally.labels.get(each.label, 0) + 1
         name = next(each.name for each in self.store.traversals() if each.id == traversal_id)

@@ -1,6 +1,6 @@
 """Displacement: an object pushed aside, so that part of its old place is empty and part is taken by itself.
 
-What tells is that its known shape, laid where the detection is, agrees with the depth image, and where it stood does
+The evidence: its known shape, moved to where the detection is, agrees with the depth image, and where it stood it does
 not. No counterpart in the paper, where such an object is negated and built anew beside itself.
 """
 
@@ -28,7 +28,7 @@ class DisplacementParameters:
     max_shift_m: float = parameter(0.6, "m", "greatest shift: what went farther left its place altogether", TUNED)
     coarse_step_m: float = parameter(0.1, "m", "step of the grid of shifts tried first", TUNED, at_least=0.01)
     fine_step_m: float = parameter(0.03, "m", "step of the grid tried about the best of these", TUNED, at_least=0.005)
-    samples: int = parameter(250, "1", "points of a cloud that are laid aside", "bounds the time", at_least=1)
+    samples: int = parameter(250, "1", "points of a cloud that are compared", "bounds the time", at_least=1)
     vacated_share: float = parameter(
         0.15, "1", "share of the seen part of its old place that must be empty before a shift is looked for", TUNED
     )
@@ -51,8 +51,8 @@ class DisplacementParameters:
         0.6, "1", "of anything else, more of a detection than this on its cloud says that it has not", TUNED
     )
     min_distance_m: float = parameter(0.1, "m", "least distance of the detection from an empty place", TUNED)
-    min_told_share: float = parameter(
-        0.3, "1", "share of a cloud of which a view must tell for its word to count in full", TUNED, at_least=0.01
+    min_checked_share: float = parameter(
+        0.3, "1", "share of a cloud that a view must check for its agreement to count in full", TUNED, at_least=0.01
     )
 
 
@@ -113,7 +113,7 @@ def sure_gain(obj: MapObject, parameters: DisplacementParameters = DEFAULT) -> f
 def displaced_since_ns(obj: MapObject, stamp_ns: int, parameters: DisplacementParameters = DEFAULT) -> tuple[int, int]:
     """When an object that was pushed aside was seen last in its old place, and first in the new one.
 
-    Of one that was not found in its place in this visit the first views had not been enough to tell.
+    Of one that was not found in its place in this visit the first views had not been enough evidence.
     """
     first_ns, earlier_ns = obj.visit.first_support_ns, obj.visit.earlier_ns
     stood_before = earlier_ns is not None and obj.state.first_seen_ns <= earlier_ns
@@ -160,10 +160,10 @@ def agreement(
     shifts: FloatArray,
     parameters: DisplacementParameters = DEFAULT,
 ) -> FloatArray:
-    """How well an object laid aside by each of k shifts (k, 3) agrees with an image, (k,) in [-1, 2].
+    """How well an object moved by each of k shifts (k, 3) agrees with an image, (k,) in [-1, 2].
 
     It agrees by the share of the detection's points that lie on it, and by what of it is supported rather than
-    contradicted by the depth; where little of it can be told, the latter says little.
+    contradicted by the depth; where little of it can be checked, the latter counts for little.
     """
     points = detection.points_map[:: len(detection.points_map) // parameters.samples + 1]
     covered = obj.shape.near((points[None] - shifts[:, None]).reshape(-1, 3)).reshape(len(shifts), -1).mean(axis=1)
@@ -173,14 +173,14 @@ def agreement(
 def depth_agreement(
     depth: DepthView, obj: MapObject, shifts: FloatArray, parameters: DisplacementParameters = DEFAULT
 ) -> FloatArray:
-    """What of an object laid aside by k shifts (k, 3) is supported, less what is contradicted: (k,) in [-1, 1]."""
+    """What of an object moved by k shifts (k, 3) is supported, less what is contradicted: (k,) in [-1, 1]."""
     cloud = obj.shape.points[:: len(obj.shape.points) // parameters.samples + 1]
     shifted = (cloud[None] + shifts[:, None]).reshape(-1, 3)
-    told = check_visibility(depth, shifted, obj.voxels.voxel_m)
+    checked = check_visibility(depth, shifted, obj.voxels.voxel_m)
     supported, contradicted = (
-        voxels.reshape(len(shifts), -1).sum(axis=1) for voxels in (told.supported, told.contradicted)
+        voxels.reshape(len(shifts), -1).sum(axis=1) for voxels in (checked.supported, checked.contradicted)
     )
-    least = parameters.min_told_share * len(cloud)
+    least = parameters.min_checked_share * len(cloud)
     return np.asarray((supported - contradicted) / np.maximum(supported + contradicted, least))
 
 

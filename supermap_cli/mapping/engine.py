@@ -201,7 +201,7 @@ class MappingEngine:
     def end_traversal(self) -> None:
         """What moves by itself is believed to be nowhere from now on."""
         self.transitions.touched.clear()
-        self._update.lose_dynamic(None)
+        self._update.forget_dynamic(None)
         self._update.forget()
 
     def take_changes(self) -> MapDelta:

@@ -49,20 +49,20 @@ class MapUpdate:
 
     def update(self, stamp_ns: int, matched: set[int]) -> None:
         """After a keyframe that has `matched` these objects."""
-        self.lose_dynamic(stamp_ns)
+        self.forget_dynamic(stamp_ns)
         self._confirm()
         if "tracker" not in self.ablate:
             self._merge(matched, stamp_ns)
         self.forget()
 
-    def lose_dynamic(self, stamp_ns: int | None) -> None:
+    def forget_dynamic(self, stamp_ns: int | None) -> None:
         """What moves by itself is believed in only while it is seen: nobody saw it go, but nothing keeps it there.
 
-        `None`: nobody looks any more.
+        `None`: the traversal ends.
         """
         for obj in self.objects:
-            lost = stamp_ns is None or not is_recent(obj, stamp_ns, self.parameters.association)
-            if lost and obj.present and obj.is_dynamic:
+            unseen = stamp_ns is None or not is_recent(obj, stamp_ns, self.parameters.association)
+            if unseen and obj.present and obj.is_dynamic:
                 least = self.parameters.lifecycle.forget_log_odds
                 obj.existence.log_odds = min(obj.existence.log_odds, least)
 

@@ -30,7 +30,7 @@ class MissedDetectionParameters:
     empty_share: float = parameter(
         0.5,
         "1",
-        "share of what rays tell of an object's place: if they went through more, a miss says nothing on its own",
+        "share of the measured part of an object's place: if rays went through more, a miss says nothing",
         TUNED,
         at_most=1.0,
     )
@@ -119,7 +119,7 @@ def find_missed(
     for number, object_view in view.views.items():
         obj, found = objects[number], number in matched
         if not found and obj.is_dynamic and object_view.contradicted_share > parameters.empty_share:
-            continue  # it has walked on, and is not where it was for anybody to miss it
+            continue  # it has moved on and cannot be missed where it was
         unmeasured = _only_image_shows(object_view, view, parameters, absence_parameters)
         detectability = Detectability(
             object_view, view.keyframe.camera, unmeasured, absence_parameters, lifting_parameters
@@ -182,7 +182,7 @@ def _rays_went_through(detectability: Detectability) -> bool:
 
 
 def _record_recall(recall: RecallModel, obj: MapObject, detectability: Detectability, *, found: bool) -> None:
-    """A trial of the detector, if the object is surely there; where no ray can tell, later views say if it was."""
+    """A trial of the detector, if the object is surely there; where no ray reaches, later views say if it was."""
     if not (obj.confirmed and obj.present and obj.existence.log_odds > recall.parameters.sure_log_odds):
         return
     if detectability.unmeasured and not found:

@@ -236,7 +236,7 @@ class MapObject:
         self.status = replace(self.status, **{name: value for name, value in given.items() if value is not None})
 
     def mark_absent(self, gone_ns: int | None) -> None:
-        """It is gone, since then; the image's trackers need not look for it."""
+        """It is gone since then, and no camera tracks it any more."""
         self.status = replace(self.status, present=False, gone_ns=gone_ns)
         self.track_ids = {}
 
@@ -251,7 +251,7 @@ class MapObject:
         self.misses = MissEvidence(viewpoints=ViewpointHistory(parameters=self.parameters.belief))
 
     def voxels_changed(self) -> None:
-        """Measure the shape anew when it is asked for, and tell the map."""
+        """Measure the shape anew when it is next needed, and notify the map."""
         self._shape = None
         self._changed.add(self.number)
 

@@ -83,7 +83,7 @@ class RecallModel:
 
 
 SCORE_BINS = 10
-"""Bins of the histograms of scores in [0, 1]: as many as the prior's densities are told for."""
+"""Bins of the histograms of scores in [0, 1]: the prior's densities are evaluated at their centres."""
 
 _CENTERS = (np.arange(SCORE_BINS) + 0.5) / SCORE_BINS
 _REAL_PRIOR = _CENTERS**2 * (1 - _CENTERS)

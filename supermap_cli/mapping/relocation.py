@@ -72,10 +72,10 @@ def relocations(
     as a candidate. `standing` is what has stood in its place all along: an object in a place nobody had looked at may
     well be one more of its kind.
     """
-    lost, new, others = list(gone), list(found), list(standing)
-    if not lost or not new:
+    absent, new, others = list(gone), list(found), list(standing)
+    if not absent or not new:
         return []
-    scores = np.array([[resemblance(old, candidate, parameters) for candidate in new] for old in lost])
+    scores = np.array([[resemblance(old, candidate, parameters) for candidate in new] for old in absent])
     for column, candidate in enumerate(new):
         if candidate.state.empty_before_ns is None:
             alike = sum(look_alike(candidate, other, parameters) for other in others)
@@ -87,7 +87,7 @@ def relocations(
         rivals = np.concatenate([np.delete(scores[row], column), np.delete(scores[:, column], row), [0.0]])
         certain = (row, column) in assigned and scores[row, column] - rivals.max() > parameters.margin
         probability = 1 / (1 + np.exp(rivals - scores[row, column]).sum())
-        likely.append(Relocation(lost[row].number, new[column].number, float(probability), bool(certain)))
+        likely.append(Relocation(absent[row].number, new[column].number, float(probability), bool(certain)))
     settled = {number for pair in likely if pair.certain for number in (pair.gone, pair.found)}
     return [pair for pair in likely if pair.certain or settled.isdisjoint((pair.gone, pair.found))]
 
@@ -98,16 +98,16 @@ def by_presence(objects: ObjectMap) -> tuple[list[MapObject], list[MapObject], l
     """
     confirmed = [obj for obj in objects if obj.confirmed]
     gone = [obj for obj in confirmed if not obj.present and not obj.is_dynamic]
-    lost_ns = min((obj.last_seen_ns for obj in gone), default=0)
+    first_gone_ns = min((obj.last_seen_ns for obj in gone), default=0)
     present = [obj for obj in confirmed if obj.present]
-    found = [obj for obj in present if obj.state.index == 0 and obj.first_seen_ns > lost_ns]
-    return gone, found, [obj for obj in present if obj.first_seen_ns <= lost_ns]
+    found = [obj for obj in present if obj.state.index == 0 and obj.first_seen_ns > first_gone_ns]
+    return gone, found, [obj for obj in present if obj.first_seen_ns <= first_gone_ns]
 
 
 def resemblance(first: MapObject, second: MapObject, parameters: RelocationParameters = DEFAULT) -> float:
     """Log ratio for an object that is gone and one found elsewhere to be one: label, size, colour, and whether it came.
 
-    Sizes are compared without the thinnest side: how deep a thing is, a view from one side does not tell.
+    Sizes are compared without the thinnest side: how deep a thing is, a view from one side does not show.
     """
     if second.is_dynamic or second.first_seen_ns <= first.last_seen_ns:
         return -np.inf

@@ -32,7 +32,7 @@ def assign(
 
 
 def nearest(run: s.Run, thing: s.Thing) -> MapObject:
-    return min(run.map.values(), key=lambda each: s.distance_to(each, thing))
+    return min(run.map.values(), key=lambda obj: s.distance_to(obj, thing))
 
 
 def test_nothing_to_assign() -> None:

@@ -24,7 +24,7 @@ def test_a_half_seen_table_is_not_a_second_table() -> None:
     run = s.Run()
     for y in (1.0, -1.0):
         run.walk(world, 4, target=(1.6, y, 0.4))
-        assert [each.number for each in run.standing()] == [1]
+        assert [obj.number for obj in run.standing()] == [1]
     run.walk(world, 4)
     (table,) = run.standing("dining table")
     assert table.number == 1
@@ -38,13 +38,13 @@ def test_two_chairs_side_by_side_stay_two() -> None:
         run.walk((*s.ROOM, left, right), 8)
     assert len(run.standing("chair")) == 2
     for one in (left, right):
-        assert min(s.distance_to(each, one) for each in run.standing("chair")) < 0.25
+        assert min(s.distance_to(obj, one) for obj in run.standing("chair")) < 0.25
 
 
 def test_a_thing_on_a_table_stays_by_itself() -> None:
     run = s.Run()
     run.walk((*s.ROOM, s.TABLE, s.CUP), 8)
-    assert sorted(each.label for each in run.standing()) == ["cup", "dining table"]
+    assert sorted(obj.label for obj in run.standing()) == ["cup", "dining table"]
 
 
 def test_two_halves_that_turn_out_to_be_one_are_merged_and_it_is_said_so() -> None:
@@ -65,7 +65,7 @@ def test_two_halves_that_turn_out_to_be_one_are_merged_and_it_is_said_so() -> No
         1,
         0,
     )
-    assert [(each.number, each.merged_into) for each in delta.instances] == [(1, None), (2, 1)]
+    assert [(instance.number, instance.merged_into) for instance in delta.instances] == [(1, None), (2, 1)]
     assert list(run.map) == [1]
     assert run.map[1].shape.box.size.max() == pytest.approx(1.2, abs=0.25)
 
@@ -80,8 +80,8 @@ def test_what_belonged_to_a_tentative_duplicate_is_written_under_the_number_that
     run = s.Run(detector=twice)
     run.walk((*s.ROOM, s.CHAIR), 6)
     delta = run.take()
-    assert [each.number for each in delta.instances] == [1]
-    assert {each.object_number for each in delta.observations} == {1}
+    assert [instance.number for instance in delta.instances] == [1]
+    assert {observation.object_number for observation in delta.observations} == {1}
     assert delta.temporal_edges == ()
 
 
@@ -105,7 +105,7 @@ def test_a_chair_under_a_table_is_not_merged_into_it() -> None:
     run = s.Run()
     for y in np.linspace(-1.0, 1.0, 8):
         run.see((*s.ROOM, chair, top), (-0.6, float(y), 1.3))
-    assert sorted(each.label for each in run.standing()) == ["chair", "dining table"]
+    assert sorted(obj.label for obj in run.standing()) == ["chair", "dining table"]
 
 
 def test_a_place_was_not_empty_when_the_other_half_already_stood_there() -> None:

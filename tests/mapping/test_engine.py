@@ -26,8 +26,8 @@ def ablated(*components: Ablation) -> s.Run:
 def flat(value: object) -> Iterator[object]:
     """Everything a delta holds, as comparable atoms in order."""
     if dataclasses.is_dataclass(value):
-        for each in dataclasses.fields(value):
-            yield from flat(getattr(value, each.name))
+        for field in dataclasses.fields(value):
+            yield from flat(getattr(value, field.name))
     elif isinstance(value, np.ndarray):
         yield value.tobytes()
     elif isinstance(value, dict):
@@ -51,7 +51,7 @@ def a_day() -> list[MapDelta]:
 
 def test_the_same_input_gives_the_same_changes_in_the_same_order() -> None:
     one, other = a_day(), a_day()
-    assert any(each.temporal_edges for each in one)
+    assert any(delta.temporal_edges for delta in one)
     for first, second in zip(one, other, strict=True):
         assert list(flat(first)) == list(flat(second))
 
@@ -64,7 +64,7 @@ def test_the_order_of_detections_in_an_image_does_not_matter_to_where_things_are
     one, other = s.Run(), s.Run(detector=backwards)
     for run in (one, other):
         run.walk(FIRST, 5)
-    boxes = [sorted((each.label, *each.shape.box.center.tolist()) for each in run.standing()) for run in (one, other)]
+    boxes = [sorted((obj.label, *obj.shape.box.center.tolist()) for obj in run.standing()) for run in (one, other)]
     assert boxes[0] == boxes[1]
 
 
@@ -86,9 +86,9 @@ def test_how_often_the_changes_are_taken_makes_no_difference_to_them() -> None:
     whole = seldom.take()
     for field in ("observations", "temporal_edges"):
         assert [a for piece in pieces for a in flat(getattr(piece, field))] == list(flat(getattr(whole, field)))
-    latest = {each.number: each for piece in pieces for each in piece.instances}
-    for each in whole.instances:
-        assert list(flat(latest.pop(each.number))) == list(flat(each))
+    latest = {instance.number: instance for piece in pieces for instance in piece.instances}
+    for instance in whole.instances:
+        assert list(flat(latest.pop(instance.number))) == list(flat(instance))
     assert not latest
 
 
@@ -96,7 +96,7 @@ def test_the_states_of_one_instance_never_overlap() -> None:
     run, states = s.Run(), {}
     for things in (FIRST, THEN, s.ROOM, FIRST, THEN, s.ROOM):
         run.walk(things, 5)
-        states.update({(each.object_number, each.index): each for each in run.take().states})
+        states.update({(state.object_number, state.index): state for state in run.take().states})
     assert len(states) > 6
     for (number, index), state in states.items():
         assert state.first_seen_ns <= state.last_seen_ns
@@ -131,7 +131,7 @@ def test_an_image_no_detector_looked_at_speaks_by_its_geometry_alone() -> None:
 
 def priors_of(run: s.Run, *things: s.Thing) -> dict[int, tuple[np.ndarray, bool]]:
     look = s.view_of(run.engine, s.render((*s.ROOM, *things), s.looking((0, 0.3, 1.2), (1.6, 0, 0.4))).keyframe)
-    return {each.track_id: (each.box_xyxy, each.hidden) for each in run.engine.update_from_map(look)}
+    return {prior.track_id: (prior.box_xyxy, prior.hidden) for prior in run.engine.update_from_map(look)}
 
 
 def tracked_chair(run: s.Run) -> s.Run:
@@ -243,4 +243,4 @@ def test_without_semantic_fusion_silence_says_nothing() -> None:
 def test_with_a_component_switched_off_a_still_world_is_mapped_all_the_same(component: Ablation) -> None:
     run = ablated(component)
     run.walk((*s.ROOM, s.TABLE, s.CUP))
-    assert sorted(each.label for each in run.standing()) == ["cup", "dining table"]
+    assert sorted(obj.label for obj in run.standing()) == ["cup", "dining table"]

@@ -35,10 +35,10 @@ def chair() -> MapObject:
     return run.map[1]
 
 
-def view_of(each: MapObject, *things: s.Thing) -> ObjectView:
+def view_of(obj: MapObject, *things: s.Thing) -> ObjectView:
     run = s.Run()
-    run.engine.objects.add(each)
-    return s.view_of(run.engine, s.render(things, EYE).keyframe).views[each.number]
+    run.engine.objects.add(obj)
+    return s.view_of(run.engine, s.render(things, EYE).keyframe).views[obj.number]
 
 
 def upper_half(scene: s.Scene) -> s.Scene:

@@ -38,7 +38,7 @@ def test_a_thing_taken_away_becomes_absent_within_the_bounds_of_what_was_seen(ru
     assert (gone.not_before_ns, gone.not_after_ns) == (last_seen_ns, empty_ns)
     (state,) = delta.states
     assert (state.last_seen_ns, state.gone_ns) == (last_seen_ns, empty_ns)
-    assert [(each.number, each.presence) for each in delta.instances] == [(1, "absent")]
+    assert [(instance.number, instance.presence) for instance in delta.instances] == [(1, "absent")]
 
 
 def test_two_looks_at_an_empty_place_are_not_enough(run: s.Run) -> None:
@@ -182,13 +182,13 @@ def test_a_thing_believed_in_no_more_is_doubted_not_gone_until_it_is_found_again
     for angle in np.linspace(-1, 1, 8):
         run.see(CHAIR_WORLD, (1.6 - 1.6 * np.cos(angle), 1.6 * np.sin(angle), 1.2))
     delta = run.take()
-    assert [each.presence for each in delta.instances] == ["doubted"]
+    assert [instance.presence for instance in delta.instances] == ["doubted"]
     assert delta.temporal_edges == ()
     assert run.standing() == []
     run.detector = s.detect
     for angle in np.linspace(-1.2, 1.2, 8):
         run.see(CHAIR_WORLD, (1.6 - 1.4 * np.cos(angle), 1.4 * np.sin(angle), 1.3))
-    assert [each.presence for each in run.take().instances] == ["present"]
+    assert [instance.presence for instance in run.take().instances] == ["present"]
 
 
 @pytest.mark.parametrize("step_m", [0.12, 0.3, 0.45])
@@ -197,11 +197,11 @@ def test_a_person_who_walks_through_leaves_nothing_standing(step_m: float) -> No
     for y in np.arange(-1.8, 1.8, step_m):
         run.see((*s.ROOM, s.PERSON.at(2.0, float(y))), (0, 0, 1.2))
     assert len(run.map) <= 1
-    assert all(each.shape.box.size[:2].max() < 1.0 for each in run.map.values())
+    assert all(obj.shape.box.size[:2].max() < 1.0 for obj in run.map.values())
     for _ in range(12):
         run.see(s.ROOM, (0, 0, 1.2))
     assert run.standing() == []
-    assert "present" not in [each.presence for each in run.take().instances]
+    assert "present" not in [instance.presence for instance in run.take().instances]
 
 
 def test_a_person_who_was_last_seen_long_ago_has_left_though_nobody_looked() -> None:
@@ -220,7 +220,7 @@ def test_a_person_in_the_last_image_is_not_left_standing_when_the_traversal_ends
     assert run.standing("person")
     run.engine.end_traversal()
     assert run.standing("person") == []
-    assert "present" not in [each.presence for each in run.take().instances]
+    assert "present" not in [instance.presence for instance in run.take().instances]
 
 
 def test_a_chair_in_the_last_image_is() -> None:

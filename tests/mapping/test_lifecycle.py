@@ -28,8 +28,8 @@ def test_a_thing_enters_the_map_on_its_third_sighting_with_all_that_was_seen_of_
     delta = run.take()
     (chair,) = delta.instances
     assert (chair.number, chair.label, chair.presence, chair.observations) == (1, "chair", "present", 3)
-    assert [each.stamp_ns for each in delta.observations] == [s.ns(0), s.ns(1 / 3), s.ns(2 / 3)]
-    assert {each.object_number for each in delta.observations} == {1}
+    assert [observation.stamp_ns for observation in delta.observations] == [s.ns(0), s.ns(1 / 3), s.ns(2 / 3)]
+    assert {observation.object_number for observation in delta.observations} == {1}
     (state,) = delta.states
     assert (state.index, state.first_seen_ns, state.last_seen_ns, state.gone_ns) == (0, s.ns(0), s.ns(2 / 3), None)
     assert state.confidence > 0.85
@@ -75,8 +75,8 @@ def test_one_false_alarm_never_enters_the_map() -> None:
 
     run = s.Run(detector=alarmed_once)
     run.walk(CHAIR_WORLD, 12)
-    assert [each.label for each in run.map.values()] == ["chair"]
-    assert [each.label for each in run.take().instances] == ["chair"]
+    assert [obj.label for obj in run.map.values()] == ["chair"]
+    assert [instance.label for instance in run.take().instances] == ["chair"]
 
 
 def test_an_alarm_that_keeps_coming_back_among_misses_does_not_enter_either() -> None:
@@ -121,10 +121,10 @@ def test_a_detection_without_depth_is_none() -> None:
 def test_two_things_get_numbers_of_their_own_that_stay() -> None:
     run = s.Run()
     run.walk((*s.ROOM, s.CHAIR.at(1.6, 0.5), s.BOX.at(1.6, -0.5)))
-    numbers = {each.label: each.number for each in run.standing()}
+    numbers = {obj.label: obj.number for obj in run.standing()}
     run.walk((*s.ROOM, s.BOX.at(1.6, -0.5), s.CHAIR.at(1.6, 0.5)))
     assert sorted(numbers) == ["box", "chair"]
-    assert {each.label: each.number for each in run.standing()} == numbers
+    assert {obj.label: obj.number for obj in run.standing()} == numbers
 
 
 def test_crops_are_kept_only_of_clearly_better_looks() -> None:
@@ -133,7 +133,7 @@ def test_crops_are_kept_only_of_clearly_better_looks() -> None:
     for _ in range(5):
         run.see(CHAIR_WORLD, (-0.5, 0.01, 1.2))
     run.see(CHAIR_WORLD, (0.5, 0, 1.2))
-    crops = [each.crop_jpeg is not None for each in run.take().observations]
+    crops = [observation.crop_jpeg is not None for observation in run.take().observations]
     assert crops == [True, False, False, False, False, False, True]
 
 
@@ -142,7 +142,8 @@ def test_every_observation_says_what_spoke_for_and_against_it() -> None:
     run.walk(CHAIR_WORLD)
     first, *later = run.take().observations
     assert first.evidence_for == first.evidence_against == 0
-    assert all(each.evidence_for > 100 and each.evidence_against < 0.1 * each.evidence_for for each in later)
+    assert min(observation.evidence_for for observation in later) > 100
+    assert all(observation.evidence_against < 0.1 * observation.evidence_for for observation in later)
     assert first.hypotheses[0].label == "chair"
     np.testing.assert_allclose(first.centroid_map, s.CHAIR.center, atol=0.3)
 

@@ -91,7 +91,7 @@ def walk_past(run: s.Run, missed: tuple[int, ...] = (), others: Sequence[s.Thing
     for k in range(9):
         run.detector = partial(s.detect, blind_to=("person",)) if k in missed else s.detect
         run.see((*s.ROOM, s.PERSON.at(2.2, 1.6 - 0.4 * k), *others), (0, 0, 1.2), (2.2, 0, 0.8))
-        numbers |= {each.number for each in run.map.values() if each.label == "person"}
+        numbers |= {obj.number for obj in run.map.values() if obj.label == "person"}
     return numbers
 
 
@@ -110,7 +110,7 @@ def test_two_who_pass_one_another_keep_their_identities() -> None:
     for k in range(9):
         y = 1.6 - 0.4 * k
         run.see((*s.ROOM, s.PERSON.at(1.8, y), s.PERSON.at(2.6, -y)), (0, 0, 1.2), (2.2, 0, 0.8))
-    last = {each.number: each.motion.course for each in run.standing("person")}
+    last = {obj.number: obj.motion.course for obj in run.standing("person")}
     assert set(last) == {1, 2}
     first_x = {seen.object_number: seen.centroid_map[0] for seen in reversed(run.take().observations)}
     for number, course in last.items():

@@ -105,7 +105,7 @@ def test_objects_within_reach_are_those_whose_bounds_are() -> None:
     assert objects.within(np.zeros(3), 10.0) == []
     for number, x in ((1, 1.0), (2, 2.0), (3, 4.0)):
         objects.add(an_object(number, (x, 0, 0)))
-    assert [each.number for each in objects.within(np.zeros(3), 1.95)] == [1, 2]
+    assert [obj.number for obj in objects.within(np.zeros(3), 1.95)] == [1, 2]
 
 
 @pytest.mark.parametrize("yaw", [0.0, 0.35, -0.7])

@@ -17,7 +17,7 @@ def arc(run: s.Run, *things: s.Thing, looks: int = 8, target: s.Point = (1.6, 0,
 
 
 def of_kind(delta: MapDelta, kind: str) -> list[TemporalEdge]:
-    return [each for each in delta.temporal_edges if each.kind == kind]
+    return [edge for edge in delta.temporal_edges if edge.kind == kind]
 
 
 @pytest.mark.parametrize("thing", [s.CHAIR, s.CUP.at(1.4, 0), s.BOX], ids=["chair", "cup", "box"])
@@ -32,8 +32,8 @@ def test_a_thing_that_stands_elsewhere_has_moved_and_keeps_its_number(thing: s.T
     (moved,) = of_kind(delta, "moved")
     assert (moved.from_number, moved.from_state, moved.to_number, moved.to_state) == (number, 0, number, 1)
     assert moved.distance_m == pytest.approx(distance_m, abs=0.2)
-    assert [each.number for each in run.standing(thing.label)] == [number]
-    states = {each.index: each for each in delta.states if each.object_number == number}
+    assert [obj.number for obj in run.standing(thing.label)] == [number]
+    states = {state.index: state for state in delta.states if state.object_number == number}
     assert states[0].gone_ns is not None
     assert states[0].last_seen_ns < states[1].first_seen_ns
     assert np.linalg.norm(states[1].centroid_map - states[0].centroid_map) == pytest.approx(distance_m, abs=0.15)
@@ -67,7 +67,7 @@ def test_a_thing_gone_from_one_place_and_found_in_another_later_is_the_same() ->
     assert moved.not_before_ns is not None
     assert gone.not_before_ns == moved.not_before_ns < moved.not_after_ns
     assert moved.distance_m == pytest.approx(1.0, abs=0.15)
-    assert {each.object_number for each in delta.observations} == {1}
+    assert {observation.object_number for observation in delta.observations} == {1}
     assert list(run.map) == [1]
 
 
@@ -77,8 +77,8 @@ def test_a_thing_found_elsewhere_before_its_old_place_is_seen_empty_is_the_same(
     arc(run, s.CHAIR.at(1.6, 2.0), target=(1.6, 2.6, 0.4))
     assert len(run.standing("chair")) == 2
     delta = arc(run, s.CHAIR.at(1.6, 2.0), target=(1.6, -0.8, 0.4))
-    assert [each.kind for each in delta.temporal_edges if each.kind == "moved"] == ["moved"]
-    assert [each.number for each in run.standing("chair")] == [1]
+    assert [edge.kind for edge in delta.temporal_edges if edge.kind == "moved"] == ["moved"]
+    assert [obj.number for obj in run.standing("chair")] == [1]
 
 
 def test_with_two_alike_it_is_not_guessed_which_one_it_is() -> None:
@@ -88,8 +88,8 @@ def test_with_two_alike_it_is_not_guessed_which_one_it_is() -> None:
     left, right = s.CHAIR.at(2.2, 0.4), s.CHAIR.at(2.2, -0.4)
     delta = arc(run, left, right)
     assert of_kind(delta, "moved") == []
-    assert [(each.from_number, each.to_number) for each in of_kind(delta, "candidate")] == [(1, 2), (1, 3)]
-    assert all(0.3 < each.probability < 0.6 for each in of_kind(delta, "candidate"))
+    assert [(edge.from_number, edge.to_number) for edge in of_kind(delta, "candidate")] == [(1, 2), (1, 3)]
+    assert all(0.3 < edge.probability < 0.6 for edge in of_kind(delta, "candidate"))
     assert sorted(run.map) == [1, 2, 3]
     assert not run.map[1].present
 
@@ -101,8 +101,8 @@ def test_what_was_not_guessed_is_not_guessed_later_because_one_of_two_alike_has_
     left, right = s.CHAIR.at(2.2, 0.4), s.CHAIR.at(2.2, -0.4)
     arc(run, left, right)
     delta = arc(run, left)
-    assert [(each.kind, each.from_number) for each in delta.temporal_edges] == [("disappeared", 3)]
-    assert [each.number for each in run.standing("chair")] == [2]
+    assert [(edge.kind, edge.from_number) for edge in delta.temporal_edges] == [("disappeared", 3)]
+    assert [obj.number for obj in run.standing("chair")] == [2]
 
 
 def test_with_two_gone_it_is_not_guessed_which_one_was_found() -> None:
@@ -111,8 +111,8 @@ def test_with_two_gone_it_is_not_guessed_which_one_was_found() -> None:
     arc(run)
     delta = arc(run, s.CHAIR.at(2.3, 0))
     assert of_kind(delta, "moved") == []
-    assert [(each.from_number, each.to_number) for each in of_kind(delta, "candidate")] == [(1, 3), (2, 3)]
-    assert [each.number for each in run.standing("chair")] == [3]
+    assert [(edge.from_number, edge.to_number) for edge in of_kind(delta, "candidate")] == [(1, 3), (2, 3)]
+    assert [obj.number for obj in run.standing("chair")] == [3]
 
 
 @pytest.mark.parametrize(
@@ -130,7 +130,7 @@ def test_a_thing_that_looks_otherwise_is_another(other: s.Thing) -> None:
     arc(run)
     delta = arc(run, other)
     assert of_kind(delta, "moved") == []
-    assert [each.to_number for each in of_kind(delta, "appeared")] == [2]
+    assert [edge.to_number for edge in of_kind(delta, "appeared")] == [2]
     assert not run.map[1].present
 
 
@@ -146,7 +146,7 @@ def test_two_things_seen_in_one_image_are_two_though_one_goes_right_then() -> No
     delta = run.take()
     assert of_kind(delta, "moved") == []
     assert not run.map[1].present
-    assert [each.number for each in run.standing("chair")] == [2]
+    assert [obj.number for obj in run.standing("chair")] == [2]
 
 
 def test_a_person_found_elsewhere_is_not_the_one_who_left() -> None:
@@ -156,7 +156,7 @@ def test_a_person_found_elsewhere_is_not_the_one_who_left() -> None:
     run.pause(10)
     delta = arc(run, s.PERSON.at(2.4, 0.8))
     assert of_kind(delta, "moved") == []
-    assert [each.number for each in run.standing("person")] == [2]
+    assert [obj.number for obj in run.standing("person")] == [2]
 
 
 @pytest.mark.parametrize("others", [0, 2])

@@ -17,7 +17,7 @@ CHAIR_WORLD = (*s.ROOM, s.CHAIR)
 
 
 def records(run: s.Run) -> list[InstanceRecord]:
-    return [instance_record(each) for each in run.map.values()]
+    return [instance_record(obj) for obj in run.map.values()]
 
 
 def go_on(run: s.Run) -> s.Run:
@@ -87,7 +87,7 @@ def test_a_thing_seen_again_in_a_later_traversal_is_the_same_and_keeps_its_state
     later = go_on(run)
     later.walk(CHAIR_WORLD)
     delta = later.take()
-    assert [(each.number, each.observations) for each in delta.instances] == [(1, 12)]
+    assert [(instance.number, instance.observations) for instance in delta.instances] == [(1, 12)]
     (state,) = delta.states
     assert (state.index, state.first_seen_ns) == (0, s.ns(0))
     assert state.last_seen_ns > s.ns(3600)
@@ -122,8 +122,8 @@ def test_a_thing_moved_between_two_traversals_is_the_same() -> None:
     later = go_on(run)
     for y in np.linspace(-1, 1, 8):
         later.see((*s.ROOM, s.CHAIR.at(2.2, 0.7)), (-0.3, float(y), 1.2))
-    moved = [each for each in later.take().temporal_edges if each.kind == "moved"]
-    assert [(each.from_number, each.to_number) for each in moved] == [(1, 1)]
+    moved = [edge for edge in later.take().temporal_edges if edge.kind == "moved"]
+    assert [(edge.from_number, edge.to_number) for edge in moved] == [(1, 1)]
 
 
 def test_a_candidate_is_named_once_and_not_in_every_later_traversal() -> None:
@@ -131,11 +131,11 @@ def test_a_candidate_is_named_once_and_not_in_every_later_traversal() -> None:
     run = s.Run()
     gone(run)
     run.walk((*s.ROOM, *alike))
-    assert [each.kind for each in run.take().temporal_edges].count("candidate") == 2
+    assert [edge.kind for edge in run.take().temporal_edges].count("candidate") == 2
     later = go_on(run)
     later.walk((*s.ROOM, *alike, s.BOX.at(1.4, 0)))
     assert sorted(later.map) == [1, 2, 3, 4]
-    assert "candidate" not in [each.kind for each in later.take().temporal_edges]
+    assert "candidate" not in [edge.kind for edge in later.take().temporal_edges]
 
 
 def test_a_thing_pushed_aside_between_two_traversals_moved_between_them() -> None:
@@ -151,10 +151,10 @@ def test_a_thing_pushed_aside_between_two_traversals_moved_between_them() -> Non
     for y in np.linspace(-1.2, 1.2, 8):
         later.see((*s.ROOM, pushed), (0.0, float(1.5 * y), 1.3))
     delta = later.take()
-    (moved,) = [each for each in delta.temporal_edges if each.kind == "moved"]
+    (moved,) = [edge for edge in delta.temporal_edges if edge.kind == "moved"]
     assert (moved.from_number, moved.to_number) == (1, 1)
     assert moved.not_before_ns == last_ns
-    states = {each.index: each for each in delta.states if each.object_number == 1}
+    states = {state.index: state for state in delta.states if state.object_number == 1}
     assert states[0].last_seen_ns == last_ns
     assert states[1].first_seen_ns == moved.not_after_ns > s.ns(3600)
 
@@ -169,19 +169,19 @@ def test_what_stood_elsewhere_in_the_earlier_traversal_already_is_another() -> N
     assert len(run.standing("chair")) == 2
     later = go_on(run)
     later.walk((*s.ROOM, other))
-    kinds = [each.kind for each in later.take().temporal_edges]
+    kinds = [edge.kind for edge in later.take().temporal_edges]
     assert "moved" not in kinds
     assert "disappeared" in kinds
-    assert [each.number for each in later.standing("chair")] == [2]
+    assert [obj.number for obj in later.standing("chair")] == [2]
 
 
 def test_each_traversal_keeps_a_picture_of_its_own() -> None:
     run = s.Run()
     seen(run)
-    assert any(each.crop_jpeg is not None for each in run.take().observations)
+    assert any(observation.crop_jpeg is not None for observation in run.take().observations)
     later = go_on(run)
     later.walk(CHAIR_WORLD)
-    assert any(each.crop_jpeg is not None for each in later.take().observations)
+    assert any(observation.crop_jpeg is not None for observation in later.take().observations)
 
 
 def test_new_things_get_new_numbers() -> None:
@@ -189,4 +189,4 @@ def test_new_things_get_new_numbers() -> None:
     seen(run)
     later = go_on(run)
     later.walk((*CHAIR_WORLD, s.BOX.at(1.6, 0.8)))
-    assert {each.label: each.number for each in later.standing()} == {"chair": 1, "box": 2}
+    assert {obj.label: obj.number for obj in later.standing()} == {"chair": 1, "box": 2}

@@ -45,11 +45,11 @@ def come_near(run: s.Run) -> None:
 
 def test_two_chairs_seen_as_one_from_afar_are_two_from_near_by() -> None:
     run = seen_as_one_from_afar()
-    assert [each.number for each in run.standing("chair")] == [1]
+    assert [obj.number for obj in run.standing("chair")] == [1]
     come_near(run)
     assert len(run.standing("chair")) == 2
     for chair in (LEFT, RIGHT):
-        one = min(run.standing("chair"), key=lambda each: s.distance_to(each, chair))
+        one = min(run.standing("chair"), key=lambda obj: s.distance_to(obj, chair))
         assert s.distance_to(one, chair) < 0.15
         assert one.shape.box.size[:2].max() < 0.55
 
@@ -60,22 +60,23 @@ def test_it_is_said_that_they_were_one_and_not_that_one_appeared() -> None:
     come_near(run)
     delta = run.take()
     (split,) = delta.temporal_edges
-    new = next(each.number for each in run.standing("chair") if each.number != 1)
+    new = next(obj.number for obj in run.standing("chair") if obj.number != 1)
     assert (split.kind, split.from_number, split.from_state, split.to_number, split.to_state) == ("split", 1, 0, new, 0)
-    state = next(each for each in delta.states if each.object_number == new)
+    state = next(state for state in delta.states if state.object_number == new)
     assert state.first_seen_ns == split.not_after_ns
     assert state.empty_before_ns is None
-    assert any(each.object_number == new and each.stamp_ns == state.first_seen_ns for each in delta.observations)
+    first = next(observation for observation in delta.observations if observation.object_number == new)
+    assert first.stamp_ns == state.first_seen_ns
 
 
 def test_they_stay_two() -> None:
     run = seen_as_one_from_afar()
     for _ in range(2):
         come_near(run)
-    numbers = [each.number for each in run.standing("chair")]
+    numbers = [obj.number for obj in run.standing("chair")]
     run.take()
     come_near(run)
-    assert [each.number for each in run.standing("chair")] == numbers
+    assert [obj.number for obj in run.standing("chair")] == numbers
     assert run.take().temporal_edges == ()
 
 
@@ -84,7 +85,7 @@ def test_a_table_that_the_detector_cuts_in_two_now_and_then_stays_one() -> None:
     for k in range(48):
         run.detector = halved if k % 6 == 5 else s.detect
         run.see(TABLE, (0.0, k % 8 / 7 - 0.5, 1.2))
-    assert [each.number for each in run.standing()] == [1]
+    assert [obj.number for obj in run.standing()] == [1]
     assert run.take().temporal_edges == ()
 
 
@@ -94,7 +95,7 @@ def test_a_detector_that_errs_for_a_while_from_one_place_splits_nothing() -> Non
     run.detector = halved
     for _ in range(6):
         run.see(TABLE, (0, 0.5, 1.2))
-    assert [each.number for each in run.standing()] == [1]
+    assert [obj.number for obj in run.standing()] == [1]
 
 
 def test_images_that_cut_a_thing_now_so_and_now_so_do_not_agree() -> None:

@@ -127,7 +127,7 @@ def detections_of(
     """Detections with these masks and, for each, its labels with scores, best first."""
     regions: list[RegionMask] = [region for mask in masks if (region := cut_mask(mask)) is not None]
     boxes = [(r.u0, r.v0, r.u0 + r.pixels.shape[1] - 1, r.v0 + r.pixels.shape[0] - 1) for r in regions]
-    labels = tuple(tuple(Hypothesis(*each) for each in one) for one in hypotheses)
+    labels = tuple(tuple(Hypothesis(*pair) for pair in one) for one in hypotheses)
     scores = np.array([one[0].score for one in labels], np.float32)
     return Detections(ns(at_s), np.array(boxes, np.float32).reshape(-1, 4), scores, labels, tuple(regions))
 
@@ -223,14 +223,14 @@ class Run:
     @property
     def map(self) -> dict[int, MapObject]:
         """What is in the map."""
-        return {each.number: each for each in self.engine.objects if each.confirmed}
+        return {obj.number: obj for obj in self.engine.objects if obj.confirmed}
 
     def standing(self, label: str | None = None) -> list[MapObject]:
         """What is in the map and stands there now."""
-        here = [each for each in self.map.values() if each.present and not each.demoted]
-        return here if label is None else [each for each in here if each.label == label]
+        here = [obj for obj in self.map.values() if obj.present and not obj.demoted]
+        return here if label is None else [obj for obj in here if obj.label == label]
 
 
-def distance_to(each: MapObject, thing: Thing) -> float:
+def distance_to(obj: MapObject, thing: Thing) -> float:
     """Between the centres of a mapped object's box and the true one, metres."""
-    return float(np.linalg.norm(each.shape.box.center - thing.center))
+    return float(np.linalg.norm(obj.shape.box.center - thing.center))
