@@ -29,7 +29,8 @@ from supermap_cli.mapping.mask_core import MaskCoreParameters
 from supermap_cli.mapping.mask_overlap import MaskOverlapParameters
 from supermap_cli.mapping.missed_detections import MissedDetectionParameters
 from supermap_cli.mapping.motion import MotionParameters
-from supermap_cli.mapping.objects import ObjectParameters, ObjectParameterSets
+from supermap_cli.mapping.object_shape import ObjectShapeParameters
+from supermap_cli.mapping.objects import ObjectParameterSets
 from supermap_cli.mapping.pair_evidence import PairEvidenceParameters
 from supermap_cli.mapping.place_search import PlaceSearchParameters
 from supermap_cli.mapping.recall import RecallParameters
@@ -65,7 +66,7 @@ class MappingParameters:
     lidar_lifting: LidarLiftingParameters = field(default_factory=LidarLiftingParameters)
     below_lidar_fov: BelowLidarFovParameters = field(default_factory=BelowLidarFovParameters)
     voxel_map: VoxelMapParameters = field(default_factory=VoxelMapParameters)
-    objects: ObjectParameters = field(default_factory=ObjectParameters)
+    object_shape: ObjectShapeParameters = field(default_factory=ObjectShapeParameters)
     class_sizes: ClassSizeParameters = field(default_factory=ClassSizeParameters)
     belief: BeliefParameters = field(default_factory=BeliefParameters)
     association: AssociationParameters = field(default_factory=AssociationParameters)
@@ -109,4 +110,4 @@ class MappingParameters:
 
     def object_sets(self) -> ObjectParameterSets:
         """What an object holds."""
-        return ObjectParameterSets(self.objects, self.belief, self.class_sizes, self.motion, self.voxel_map)
+        return ObjectParameterSets(self.object_shape, self.belief, self.class_sizes, self.motion, self.voxel_map)

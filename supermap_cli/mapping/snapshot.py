@@ -19,12 +19,12 @@ from supermap_cli.mapping.engine import MappingEngine
 from supermap_cli.mapping.free_space import FreeSpaceMemory
 from supermap_cli.mapping.map_update import IdentityLinks
 from supermap_cli.mapping.motion import Course, MotionState
+from supermap_cli.mapping.object_shape import ObjectShape
 from supermap_cli.mapping.objects import (
     DisplacementEvidence,
     MapObject,
     MissEvidence,
     ObjectMap,
-    ObjectShape,
     ObjectStatus,
     OpenState,
     VisitCount,

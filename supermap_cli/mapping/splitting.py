@@ -17,7 +17,8 @@ from supermap_cli.mapping import belief, pair_evidence
 from supermap_cli.mapping.belief import BeliefParameters, Existence, Viewpoint, ViewpointHistory
 from supermap_cli.mapping.lifting import LiftedDetection
 from supermap_cli.mapping.mask_overlap import overlap_share
-from supermap_cli.mapping.objects import MapObject, ObjectMap, ObjectShape, ObjectStatus, OpenState
+from supermap_cli.mapping.object_shape import ObjectShape
+from supermap_cli.mapping.objects import MapObject, ObjectMap, ObjectStatus, OpenState
 from supermap_cli.mapping.pair_evidence import PairEvidenceParameters, boxes_apart
 from supermap_cli.types.parameters import TUNED, parameter
 

@@ -1,86 +1,24 @@
-"""An object's shape, and the objects of a map."""
+"""The objects of a map, and how often they were looked at."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from supermap_cli.mapping.belief import BeliefParameters, Existence, LabelBelief, Viewpoint
-from supermap_cli.mapping.objects import (
-    MapObject,
-    ObjectMap,
-    ObjectParameters,
-    ObjectParameterSets,
-    OpenState,
-    VisitCount,
-    coarse_edge_m,
-    measure_shape,
-    upright_box,
-)
+from supermap_cli.mapping.object_shape import ObjectShapeParameters
+from supermap_cli.mapping.objects import MapObject, ObjectMap, ObjectParameterSets, OpenState, VisitCount
 from supermap_cli.mapping.voxel_map import VoxelMap
 from support import scenes as s
 
 
-def filled(size: tuple[float, float, float], yaw: float = 0.0, center: s.Point = (0, 0, 0)) -> np.ndarray:
-    """Points on a 1 cm grid that fill a box."""
-    axes = [np.arange(-length / 2 + 0.005, length / 2, 0.01) for length in size]
-    points = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 3)
-    c, z = np.cos(yaw), np.sin(yaw)
-    turned: np.ndarray = points @ np.array([[c, z, 0], [-z, c, 0], [0, 0, 1]]) + center
-    return turned
-
-
-def voxels_of(points: np.ndarray) -> VoxelMap:
+def an_object(number: int, center: s.Point) -> MapObject:
+    """A cube with sides of 20 cm, in voxels of 1 cm."""
+    ticks = np.arange(-0.095, 0.1, 0.01)
+    points = np.stack(np.meshgrid(ticks, ticks, ticks), axis=-1).reshape(-1, 3) + center
     voxels = VoxelMap(0.01)
     voxels.add_points(points, np.zeros((len(points), 3), np.uint8), 0.85)
-    return voxels
-
-
-def an_object(number: int, center: s.Point) -> MapObject:
-    voxels = voxels_of(filled((0.2, 0.2, 0.2), 0, center))
     return MapObject(number, voxels, LabelBelief(), Existence(0.0), OpenState(0, 0), 0, 0)
-
-
-@settings(max_examples=30)
-@given(st.floats(-1.5, 1.5))
-def test_the_box_fits_a_turned_thing(yaw: float) -> None:
-    box = upright_box(filled((0.6, 0.3, 0.2), yaw, (1, 2, 3)), 0.01)
-    np.testing.assert_allclose(box.center, [1, 2, 3], atol=0.02)
-    np.testing.assert_allclose(box.size, [0.6, 0.3, 0.2], atol=0.04)
-    assert abs(np.sin(box.yaw - yaw)) < 0.1
-
-
-def test_the_longer_side_comes_first_and_the_heading_is_one_of_a_half_turn() -> None:
-    box = upright_box(filled((0.2, 0.8, 0.2)), 0.01)
-    assert box.size[0] > box.size[1]
-    assert abs(box.yaw) == pytest.approx(np.pi / 2, abs=0.02)
-    assert -np.pi / 2 <= box.yaw < np.pi / 2
-
-
-def test_a_single_voxel_has_a_box() -> None:
-    shape = measure_shape(voxels_of(np.array([[0.005, 0.005, 0.005]])))
-    np.testing.assert_allclose(shape.box.size, 0.01)
-    np.testing.assert_allclose(shape.centroid, 0.005)
-    assert shape.extent_m == pytest.approx(0.01)
-
-
-def test_few_stray_voxels_do_not_stretch_the_box() -> None:
-    points = np.concatenate([filled((0.2, 0.2, 0.2)), [[2.0, 0, 0], [0, -2, 0]]])
-    assert measure_shape(voxels_of(points)).box.size.max() < 0.25
-
-
-def test_points_near_a_shape_are_those_in_or_beside_its_voxels() -> None:
-    shape = measure_shape(voxels_of(filled((0.2, 0.2, 0.2))))
-    near = shape.near(np.array([[0, 0, 0], [0.11, 0, 0], [0.3, 0, 0]]))
-    assert near.tolist() == [True, True, False]
-    assert shape.share_near(np.zeros((0, 3))) == 0.0
-
-
-@pytest.mark.parametrize(("extent_m", "edge_m"), [(0.01, 0.02), (0.2, 0.04), (3.0, 0.05)])
-def test_clouds_are_compared_on_the_scale_of_the_thing(extent_m: float, edge_m: float) -> None:
-    assert coarse_edge_m(extent_m) == pytest.approx(edge_m)
 
 
 def test_a_shape_is_measured_anew_only_when_the_voxels_changed() -> None:
@@ -108,15 +46,6 @@ def test_objects_within_reach_are_those_whose_bounds_are() -> None:
     assert [obj.number for obj in objects.within(np.zeros(3), 1.95)] == [1, 2]
 
 
-@pytest.mark.parametrize("yaw", [0.0, 0.35, -0.7])
-def test_two_sides_seen_of_a_thing_in_a_corner_give_its_own_heading(yaw: float) -> None:
-    front, side = filled((0.6, 0.02, 1.2), 0, (0, -0.3, 0)), filled((0.02, 0.6, 1.2), 0, (0.3, 0, 0))
-    c, z = np.cos(yaw), np.sin(yaw)
-    box = upright_box(np.concatenate([front, side]) @ np.array([[c, z, 0], [-z, c, 0], [0, 0, 1]]), 0.02)
-    np.testing.assert_allclose(box.size[:2], 0.62, atol=0.04)
-    assert abs(np.sin(2 * (box.yaw - yaw))) < 0.08
-
-
 def test_a_keyframe_supports_an_object_once_and_two_cameras_at_one_moment_give_two_keyframes() -> None:
     visit = VisitCount()
     for stamp_ns, camera in ((1, "left"), (1, "left"), (1, "right"), (2, "left")):
@@ -126,7 +55,9 @@ def test_a_keyframe_supports_an_object_once_and_two_cameras_at_one_moment_give_t
 
 
 def test_an_object_follows_the_parameters_of_the_map_it_is_in() -> None:
-    sets = ObjectParameterSets(objects=ObjectParameters(max_coarse_m=0.03), belief=BeliefParameters(max_existence=1.0))
+    sets = ObjectParameterSets(
+        object_shape=ObjectShapeParameters(max_coarse_m=0.03), belief=BeliefParameters(max_existence=1.0)
+    )
     objects, one = ObjectMap(parameters=sets), an_object(1, (0, 0, 0))
     assert one.shape.coarse_m == pytest.approx(0.04)
     objects.add(one)
