@@ -50,7 +50,7 @@ def compare(reader: MapReader, at_ns: int, since_ns: int | None, wanted: frozens
     for presence in ("present", "unknown", "absent"):
         of = [each.number for each in lives if (it := known[each.number]) and it.presence == presence]
         assert sum(count for (other, _), count in counts.items() if other == presence) == len(of)
-        assert [as_of.first(presence, limit) for limit in (0, 2, 99)] == [of[:0], of[:2], of]
+        assert [as_of.last_seen(presence, limit) for limit in (0, 2, 99)] == [of[:0], of[:2], of]
     held = {each.number: held_at(each.states, at_ns) for each in lives}
     fits = [each for each in lives if (it := held[each.number]) and (wanted is None or label_in(each, it) in wanted)]
     unsure = [
@@ -58,14 +58,14 @@ def compare(reader: MapReader, at_ns: int, since_ns: int | None, wanted: frozens
         for each in lives
         if (it := known[each.number]) and it.presence == "unknown" and (wanted is None or is_called(each, wanted))
     ]
-    tally = as_of.tally(wanted)
-    assert (tally.fits, tally.unsure) == (len(fits), len(unsure))
-    assert tally.sure == sum(each not in unsure for each in fits)
-    assert tally.besides == sum(each not in fits for each in unsure)
+    tally = as_of.counts_of(wanted)
+    assert (tally.matching, tally.unknown) == (len(fits), len(unsure))
+    assert tally.certain == sum(each not in unsure for each in fits)
+    assert tally.unknown_others == sum(each not in fits for each in unsure)
     numbers = sorted(each.number for each in unsure)
-    assert as_of.unsure(wanted, 3) == numbers[:3]
+    assert as_of.unknown(wanted, 3) == numbers[:3]
     ids = [each.id for each in unsure if each.number == numbers[0]]
-    assert as_of.unsure(wanted, 3, ids) == numbers[1:4]
+    assert as_of.unknown(wanted, 3, ids) == numbers[1:4]
 
 
 @settings(max_examples=examples(15), deadline=None)
