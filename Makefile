@@ -57,7 +57,7 @@ test: lint
 	@echo "== pytest"
 	@$(BIN)/python -m pytest -n $(WORKERS)
 
-ON_POSTGRESQL := $(addprefix tests/,memory query schema exporting test_pipeline.py test_stopped_builds.py \
+ON_POSTGRESQL := $(addprefix tests/,memory query schema exporting drivers/test_traversal_build.py drivers/test_stopped_builds.py \
   $(addprefix commands/test_,db.py db_sql.py build.py diff.py history.py query.py show.py))
 
 test-postgresql: $(INSTALLED)

@@ -49,7 +49,13 @@ class BackendConfig(Section):
 class KeyframeConfig(Section):
     """Which images are mapped."""
 
-    rate_hz: float = Field(default=3.0, gt=0, le=100, description="images mapped each second of the recording")
+    rate_hz: float = Field(default=3.0, gt=0, le=100, description="images of each camera mapped each second")
+    total_rate_hz: float = Field(
+        default=12.0, gt=0, le=600, description="images of all cameras of a rig mapped each second, at most"
+    )
+    placing_s: float = Field(
+        default=3.0, ge=0, description="a live traversal is placed in the map after so many seconds of it"
+    )
     thumbnail_px: int = Field(default=160, ge=0, description="width of the stored thumbnails, 0 = none")
     depth_step: int = Field(default=8, ge=1, description="pixels between the depths stored with a keyframe")
     batch: int = Field(default=10, ge=1, description="keyframes written in one transaction")

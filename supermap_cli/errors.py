@@ -55,6 +55,10 @@ class DetectorError(PluginError):
     """Weights are missing, or a model's tensors are not understood."""
 
 
+class SessionError(SupermapError):
+    """What was pushed into a mapping session does not fit what was pushed before."""
+
+
 class AlignmentError(SupermapError):
     """A traversal cannot be placed in the map with confidence."""
 

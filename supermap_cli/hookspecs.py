@@ -25,7 +25,8 @@ if TYPE_CHECKING:
 
     import typer
 
-    from supermap_cli.types.memory import KeyframeRecord, MapDelta
+    from supermap_cli.protocols import Observer
+    from supermap_cli.types.session import SessionContext
 
 hookspec = pluggy.HookspecMarker("supermap")
 hookimpl = pluggy.HookimplMarker("supermap")
@@ -41,8 +42,9 @@ class RecordingRequest(BaseModel):
     """What `open_recording` gets besides the path: what the user named by hand, and the window of time.
 
     `topics` maps a role ("color", "depth", "camera_info", "depth_camera_info", "lidar", "imu", "odometry",
-    "detections", "masks") to a topic; `frames` maps "base" or "odom" to a frame's name; `camera` may force a camera
-    model ("equirectangular"). `start_s` and `end_s` count from the recording's first message.
+    "detections", "masks", and those of one camera as "color.front") to a topic; `frames` maps "base" or "odom" to a
+    frame's name; `camera` may force a camera model ("equirectangular"). `start_s` and `end_s` count from the
+    recording's first message.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -135,8 +137,8 @@ def prepare_connection(connection: sqlite3.Connection) -> None:
 
 
 @hookspec
-def keyframe_mapped(keyframe: KeyframeRecord, changes: MapDelta) -> None:
-    """Called after a keyframe's changes were committed: for viewers."""
+def observe_session(context: SessionContext) -> Observer | None:
+    """Return an observer of the traversal that begins: for viewers, publishers, logs. `None` where it is not wanted."""
 
 
 __all__ = [

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, fields
 
+from supermap_cli.config import BuildConfig
 from supermap_cli.graph.parameters import GraphParameters
 from supermap_cli.mapping.parameters import MappingParameters
 from supermap_cli.types.parameters import ParameterRow, described, overridden, unknown_parameter
@@ -37,3 +38,14 @@ class MethodParameters:
 
 def _files(group: type[MappingParameters] | type[GraphParameters]) -> tuple[str, ...]:
     return tuple(own.name for own in fields(group))
+
+
+def stored_config(config: BuildConfig) -> dict[str, object]:
+    """The configuration as a traversal stores it: with every parameter of the method, overridden or not.
+
+    Raises `ConfigError` for a parameter that the method does not have.
+    """
+    parameters: dict[str, dict[str, object]] = {}
+    for row in MethodParameters.from_overrides(config.parameters).describe():
+        parameters.setdefault(row.file, {})[row.name] = list(row.value) if isinstance(row.value, tuple) else row.value
+    return {**config.model_dump(mode="json"), "parameters": parameters}

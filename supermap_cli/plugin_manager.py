@@ -19,11 +19,13 @@ from supermap_cli.protocols import (
     Detector,
     ImageEncoder,
     LanguageModel,
+    Observer,
     Odometry,
     Segmenter,
     TextEncoder,
     Tracker,
 )
+from supermap_cli.types.session import SessionContext
 
 GROUP = "supermap"
 """Entry-point group, and name of the pluggy project."""
@@ -150,7 +152,7 @@ class Registry(Generic[T]):
 class Plugins:
     """All plugins of a run.
 
-    `hook` calls the hooks that are no registration, e.g. `plugins.hook.keyframe_mapped(keyframe=..., changes=...)`.
+    `hook` calls the hooks that are no registration, e.g. `plugins.hook.observe_session(context=...)`.
     """
 
     def __init__(
@@ -190,6 +192,24 @@ class Plugins:
             for option in values:
                 if option not in fields:
                     raise _unknown_option(name, option, fields)
+
+
+def make_observers(plugins: Plugins, context: SessionContext) -> tuple[list[tuple[str, Observer]], list[str]]:
+    """The observers of the plugins that want to follow a session, each with its plugin's name; and why others could not
+    be made, one line each.
+    """
+    observers: list[tuple[str, Observer]] = []
+    warnings = []
+    for plugin in plugins.working:
+        if "observe_session" not in plugin.hooks:
+            continue
+        try:
+            made = plugin.hook.observe_session(context=context)
+        except Exception as error:  # an observer's fault must not cost the map
+            warnings.append(f"plugin {plugin.name} was left out: {type(error).__name__}: {error}")
+        else:
+            observers += [(plugin.name, observer) for observer in made if observer is not None]
+    return observers, warnings
 
 
 def load_plugins(extra: Iterable[object] = ()) -> Plugins:

@@ -6,9 +6,12 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Protocol, runtime_checkable
 
-from supermap_cli.geometry.arrays import Float32Array, IntArray, UInt8Array
+from supermap_cli.geometry.arrays import Float32Array, FloatArray, IntArray, UInt8Array
 from supermap_cli.types.detections import Detections, RegionMask, TrackPrior, Tracks
+from supermap_cli.types.keyframe import Keyframe
+from supermap_cli.types.memory import KeyframeRecord, MapDelta
 from supermap_cli.types.sensing import CameraFrame, ImuSample, StampedPose, Sweep
+from supermap_cli.types.session import SessionContext, SessionSummary
 
 SensorMessage = CameraFrame | Sweep | ImuSample | StampedPose | Detections
 """What a source gives, each with its `stamp_ns` in sensor time."""
@@ -114,22 +117,81 @@ class Recording(Source, Protocol):
 
 
 class Odometry(Protocol):
-    """A source of motion."""
+    """Makes poses of what sensors say, which is pushed in the order of sensor time.
 
-    def poses(self) -> Iterator[StampedPose]:
-        """`T_odom_base` in the order of time; raises `OdometryError` when there is no usable motion."""
+    Every `register_*` returns a pose that has become known by it, `T_odom_base` with a covariance where there is one,
+    each later than the last; `None` where it tells none. Raises `OdometryError` when the motion is lost.
+    """
+
+    @property
+    def inputs(self) -> frozenset[str]:
+        """Which of "poses", "imu", "lidar", "color" are to be pushed."""
+        ...
+
+    @property
+    def warnings(self) -> Sequence[str]:
+        """What is doubtful in the motion so far, one line each; they are printed and stored with the traversal."""
+        ...
+
+    def add_imu(self, sample: ImuSample) -> None:
+        """An IMU sample, in the IMU's frame; `T_base_imu` has the lever arm."""
+        ...
+
+    def register_pose(self, pose: StampedPose) -> StampedPose | None:
+        """A pose that the robot's own odometry gives."""
+        ...
+
+    def register_sweep(self, sweep: Sweep) -> StampedPose | None:
+        """A LiDAR sweep."""
+        ...
+
+    def register_frame(self, frame: CameraFrame) -> StampedPose | None:
+        """A camera frame."""
+        ...
+
+    def finish(self) -> None:
+        """Nothing comes any more. Raises `OdometryError` when there was no usable motion at all."""
         ...
 
 
 class Detector(Protocol):
     """Finds objects in an image."""
 
-    def image_stamps_ns(self) -> IntArray | None:
-        """The only images it can speak of (recorded detections), or `None` if it can look at any."""
+    def image_stamps_ns(self, camera_id: str) -> IntArray | None:
+        """The only images of a camera that it can speak of (recorded detections), or `None` if it can look at any."""
         ...
 
     def detect(self, frame: CameraFrame) -> Detections | None:
         """All detections of the image down to a low score; `None` if it says nothing of this image."""
+        ...
+
+
+@runtime_checkable
+class BatchDetector(Protocol):
+    """What a detector adds that looks at several images at once."""
+
+    @property
+    def batch_size(self) -> int:
+        """How many images it is best asked about at a time."""
+        ...
+
+    def detect_batch(self, frames: Sequence[CameraFrame]) -> Sequence[Detections | None]:
+        """The detections of each image, as `detect` gives them."""
+        ...
+
+
+@runtime_checkable
+class DeferredDetector(Protocol):
+    """What a detector adds that answers later, such as one on another machine."""
+
+    def submit(self, frame: CameraFrame) -> None:
+        """Ask about an image; does not wait for the answer."""
+        ...
+
+    def results(self, timeout_s: float) -> Sequence[tuple[CameraFrame, Detections | None]]:
+        """What has been answered since the last call, each with its image, in any order. Waits for the first answer,
+        at most `timeout_s`.
+        """
         ...
 
 
@@ -187,9 +249,45 @@ class ImageEncoder(Protocol):
         ...
 
 
+class Observer(Protocol):
+    """Follows a mapping session: a viewer, a publisher, a log.
+
+    It is called in a thread of its own and never slows the mapping: one that is slow misses frames and perceptions,
+    which are counted and said, but no change of the map. One that raises is left out with a warning.
+    """
+
+    def started(self, context: SessionContext) -> None:
+        """A traversal begins."""
+        ...
+
+    def frame(self, frame: CameraFrame, T_map_base: FloatArray, sweep: Sweep | None) -> None:
+        """A frame has its place in the map, `T_map_base` (4, 4); `sweep` is the LiDAR's nearest in time, if any."""
+        ...
+
+    def perceived(
+        self, keyframe: Keyframe, detections: Detections, masks: Sequence[RegionMask | None], tracks: Tracks
+    ) -> None:
+        """What was found in a keyframe, with a mask and a track for each detection."""
+        ...
+
+    def mapped(self, keyframe: KeyframeRecord | None, delta: MapDelta) -> None:
+        """A keyframe was mapped: what it changed, once for each keyframe; at last what the end of the traversal
+        changed, with `None`.
+        """
+        ...
+
+    def committed(self, batch: MapDelta) -> None:
+        """A batch of keyframes with all their changes stands in the database."""
+        ...
+
+    def ended(self, summary: SessionSummary) -> None:
+        """The traversal is complete, or stopped."""
+        ...
+
+
 class LanguageModel(Protocol):
     """Answers a prompt."""
 
-    def complete(self, prompt: str) -> str:
-        """The model's answer."""
+    def complete(self, prompt: str, images: Sequence[UInt8Array] = ()) -> str:
+        """The model's answer to a text and images (h, w, 3) uint8 RGB."""
         ...

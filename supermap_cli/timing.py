@@ -39,7 +39,7 @@ class StageClock:
     def timings(self) -> tuple[StageTiming, ...]:
         """What was measured."""
         rows = []
-        for stage, durations in self.durations_s.items():
+        for stage, durations in list(self.durations_s.items()):  # another thread may add stages
             ms = np.array(durations) * 1000
             rows.append(
                 StageTiming(stage, float(ms.sum() / 1000), len(ms), float(ms.mean()), float(np.percentile(ms, 95)))

@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from supermap_cli.drivers.traversal_build import TraversalBuild
 from supermap_cli.errors import RecordingError
 from supermap_cli.geometry.cameras import PinholeCamera
 from supermap_cli.memory import open_store
 from supermap_cli.memory.checking import check
-from supermap_cli.traversal_build import TraversalBuild
 from supermap_cli.types.detections import Detections
 from supermap_cli.types.sensing import CameraFrame
 from support import fakes as f

@@ -15,17 +15,6 @@ SOURCES = ("supermap_cli", "plugins", "schema")
 
 TABLE_ROWS = {"Checkpoint", "Keyframe", "Observation", "SpatialEdge", "TemporalEdge", "Visit"}
 """Classes of `supermap_schema.models`: the rows of a table have the name of the value that they store."""
-BEING_RENAMED = {
-    *("Candidate", "Look", "Passage", "Relocation", "Rig", "Shift", "Source", "Surface", "Tally", "Vocabulary"),
-    *("Witness", "_Layout"),
-}
-"""Names that still have two meanings. Nothing may be added; what is renamed is taken out."""
-
-ATTRIBUTES_BORN_LATE: dict[str, set[str]] = {
-    "FramePipeline": {"drift", "engine", "graph", "traversal_number"},
-    "MapMerge": {"witness"},
-}
-"""Class -> attributes that are still set first outside `__init__`. Nothing may be added."""
 
 
 @dataclass(frozen=True)
@@ -109,15 +98,13 @@ def assigned_to_self(method: ast.FunctionDef) -> Iterator[tuple[str, int]]:
 
 
 def test_one_class_name_has_one_meaning() -> None:
-    unexpected = {
-        name: where for name, where in shared_names().items() if name not in TABLE_ROWS and name not in BEING_RENAMED
-    }
+    unexpected = {name: where for name, where in shared_names().items() if name not in TABLE_ROWS}
     told = "\n".join(f"  {name}: {', '.join(where)}" for name, where in sorted(unexpected.items()))
     assert not unexpected, f"classes with one name and two meanings; rename one of each:\n{told}"
 
 
 def test_the_excepted_class_names_are_still_needed() -> None:
-    needless = (TABLE_ROWS | BEING_RENAMED) - shared_names().keys()
+    needless = TABLE_ROWS - shared_names().keys()
     assert not needless, f"these names have one class by now; take them out of the exceptions: {sorted(needless)}"
 
 
@@ -133,21 +120,9 @@ def test_no_attribute_is_born_after_init() -> None:
         f"{name}.{attribute}": where
         for name, attributes in late_attributes().items()
         for attribute, where in attributes.items()
-        if attribute not in ATTRIBUTES_BORN_LATE.get(name, set())
     }
     told = "\n".join(f"  {attribute}, {where}" for attribute, where in sorted(late.items()))
     assert not late, f"attributes that do not exist until a method has run; set them in __init__:\n{told}"
-
-
-def test_the_excepted_attributes_are_still_born_late() -> None:
-    late = late_attributes()
-    needless = {
-        f"{name}.{attribute}"
-        for name, attributes in ATTRIBUTES_BORN_LATE.items()
-        for attribute in attributes
-        if attribute not in late.get(name, {})
-    }
-    assert not needless, f"these are set in __init__ by now; take them out of the exceptions: {sorted(needless)}"
 
 
 MADE_UP = """

@@ -10,13 +10,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from supermap_cli.drivers.traversal_build import TraversalBuild
 from supermap_cli.memory import open_store
 from supermap_cli.memory.checking import check
 from supermap_cli.query.clock import clock_of
 from supermap_cli.query.diff import Diff, ObjectChange, diff
 from supermap_cli.query.history_text import history_sentences
 from supermap_cli.query.object_history import ObjectHistory, object_history
-from supermap_cli.traversal_build import TraversalBuild
 from supermap_cli.types.detections import Detections
 from supermap_cli.types.sensing import CameraFrame
 from support import fakes as f

@@ -1,83 +1,114 @@
-"""A recording's LiDAR sweeps become poses of the base."""
+"""LiDAR sweeps become poses of the base."""
 
 from __future__ import annotations
-
-from collections.abc import Iterator
 
 import numpy as np
 
 from supermap_cli.errors import OdometryError
-from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.geometry.se3 import inverse
 from supermap_cli.protocols import Recording
-from supermap_cli.types.sensing import StampedPose, Sweep
+from supermap_cli.types.sensing import CameraFrame, ImuSample, StampedPose, Sweep
 from supermap_kiss_icp import KissIcpOptions
 from supermap_kiss_icp.registration import LEAST_POINTS, LEAST_VOXELS, Registered, Scan, ScanRegistration, clean_scan
 
-_LOST_SLACK_M = 1.0
-_LOST_ACCELERATION = 20.0
-_LOST_TURN_RAD = np.radians(60)
-_MOST_LOST_IN_A_ROW = 3
+LOST_SLACK_M, LOST_ACCELERATION, LOST_TURN_RAD = 1.0, 20.0, np.radians(60)
+"""m, m/s^2, rad; a pose farther from a steady motion than these allow is not the robot's: 2 g is more than wheels, legs
+and hands give.
+"""
+
+MOST_LOST_IN_A_ROW = 3
+"""Scans; after so many such poses the registration is lost."""
+
+MOST_POOR = 20
+"""Unusable sweeps from which on it counts that they are the majority."""
+
+LEAST_FAILED, MOST_FAILED = 5, 0.1
+"""Sweeps that cannot be registered, and their share of the others, from which on the odometry is none (estimate)."""
 
 
 class KissIcpOdometry:
     """LiDAR odometry. The odom frame is the base at the first usable scan; a pose holds at its scan's last point.
 
     The voxel is a fifteenth of the first scan's extent (90 % of its points are nearer), between 0.2 and 1 m: small
-    rooms need small voxels to be exact, large places large ones to be fast. `warnings` grows while poses are read.
+    rooms need small voxels to be exact, large places large ones to be fast. `warnings` grows with the sweeps.
     """
 
     def __init__(self, recording: Recording, options: KissIcpOptions) -> None:
-        self._recording = recording
+        self._where = str(recording.path)
         self._options = options
         self.warnings: list[str] = []
+        self._registration: ScanRegistration | None = None
+        self._usable = 0
+        self._poor = 0
+        self._placed = 0
+        self._failed = 0
+        self._lost_in_a_row = 0
+        self._last_scan_ns: int | None = None
+        self._last_placed_ns = 0
 
-    def poses(self) -> Iterator[StampedPose]:
-        """`T_odom_base`. Raises `OdometryError` without usable sweeps, and when the registration is lost."""
-        registration: ScanRegistration | None = None
-        placed = failed = lost_in_a_row = 0
-        last_ns = 0
-        for scan, T_base_lidar in self._scans():
-            registration = registration or self._registration_for(scan)
-            registered = registration.register(scan)
-            if registered is None:
-                failed += 1
-                self._check_failures(failed, placed, scan)
-                continue
-            lost_in_a_row = lost_in_a_row + 1 if _is_lost(registered, (scan.stamp_ns - last_ns) / 1e9) else 0
-            if lost_in_a_row:
-                self._report_lost(lost_in_a_row, registered, scan)
-            placed += 1
-            last_ns = scan.stamp_ns
-            yield StampedPose(scan.stamp_ns, T_base_lidar @ registered.T_first_lidar @ inverse(T_base_lidar))
-        if placed < 2:
+    @property
+    def inputs(self) -> frozenset[str]:
+        """LiDAR sweeps."""
+        return frozenset({"lidar"})
+
+    def register_sweep(self, sweep: Sweep) -> StampedPose | None:
+        """`T_odom_base` at the scan's last point; `None` for a scan that cannot be used or registered.
+
+        Raises `OdometryError` when most sweeps are unusable, and when the registration is lost.
+        """
+        scan = self._clean(sweep)
+        if scan is None or (self._last_scan_ns is not None and scan.stamp_ns <= self._last_scan_ns):
+            self._count_poor()
+            return None
+        self._usable += 1
+        self._last_scan_ns = scan.stamp_ns
+        self._registration = self._registration or self._registration_for(scan)
+        registered = self._registration.register(scan)
+        if registered is None:
+            self._failed += 1
+            self._check_failures(scan)
+            return None
+        elapsed_s = (scan.stamp_ns - self._last_placed_ns) / 1e9
+        self._lost_in_a_row = self._lost_in_a_row + 1 if _is_lost(registered, elapsed_s) else 0
+        if self._lost_in_a_row:
+            self._report_lost(registered, scan)
+        self._placed += 1
+        self._last_placed_ns = scan.stamp_ns
+        return StampedPose(scan.stamp_ns, sweep.T_base_lidar @ registered.T_first_lidar @ inverse(sweep.T_base_lidar))
+
+    def add_imu(self, sample: ImuSample) -> None:
+        """Not used: KISS-ICP is LiDAR alone."""
+
+    def register_pose(self, pose: StampedPose) -> StampedPose | None:  # noqa: ARG002 - not used
+        """Not used."""
+        return None
+
+    def register_frame(self, frame: CameraFrame) -> StampedPose | None:  # noqa: ARG002 - not used
+        """Not used."""
+        return None
+
+    def finish(self) -> None:
+        """Raises `OdometryError` without usable sweeps."""
+        if self._poor and self._usable:
+            self.warnings.append(
+                f"{self._poor} of {self._poor + self._usable} LiDAR sweeps were empty, repeated or too near, and left "
+                "out"
+            )
+        if self._placed < 2:
             raise OdometryError(
                 f"no LiDAR motion: fewer than two sweeps have {LEAST_POINTS} usable points in {LEAST_VOXELS} voxels",
-                where=str(self._recording.path),
+                where=self._where,
                 cure="name the point cloud's topic with --topic lidar=/x, and check min_range_m and max_range_m",
             )
 
-    def _scans(self) -> Iterator[tuple[Scan, FloatArray]]:
-        """Usable scans, forward in time, each with its `T_base_lidar`; more than half unusable is an error."""
-        poor, usable = 0, 0
-        last_ns: int | None = None
-        for sweep in self._recording.sweeps():
-            scan = self._clean(sweep)
-            if scan is None or (last_ns is not None and scan.stamp_ns <= last_ns):
-                poor += 1
-                if poor > 20 and poor > usable:
-                    raise OdometryError(
-                        f"{poor} of {poor + usable} LiDAR sweeps are empty, repeated or too near",
-                        where=str(self._recording.path),
-                        cure="check the LiDAR topic with `supermap inspect`, and min_range_m and max_range_m",
-                    )
-                continue
-            usable += 1
-            last_ns = scan.stamp_ns
-            yield scan, sweep.T_base_lidar
-        if poor and usable:
-            self.warnings.append(
-                f"{poor} of {poor + usable} LiDAR sweeps were empty, repeated or too near, and left out"
+    def _count_poor(self) -> None:
+        """More than half unusable is an error."""
+        self._poor += 1
+        if self._poor > MOST_POOR and self._poor > self._usable:
+            raise OdometryError(
+                f"{self._poor} of {self._poor + self._usable} LiDAR sweeps are empty, repeated or too near",
+                where=self._where,
+                cure="check the LiDAR topic with `supermap inspect`, and min_range_m and max_range_m",
             )
 
     def _clean(self, sweep: Sweep) -> Scan | None:
@@ -97,29 +128,29 @@ class KissIcpOdometry:
             threads=self._options.threads,
         )
 
-    def _check_failures(self, failed: int, placed: int, scan: Scan) -> None:
-        if failed > 5 and failed > 0.1 * placed:
+    def _check_failures(self, scan: Scan) -> None:
+        if self._failed > LEAST_FAILED and self._failed > MOST_FAILED * self._placed:
             raise OdometryError(
-                f"{failed} of {placed + failed} LiDAR sweeps cannot be registered, the last at {scan.stamp_ns} ns",
-                where=str(self._recording.path),
+                f"{self._failed} of {self._placed + self._failed} LiDAR sweeps cannot be registered, the last at "
+                f"{scan.stamp_ns} ns",
+                where=self._where,
                 cure="use recorded odometry (--odometry recorded), or a smaller voxel_m",
             )
 
-    def _report_lost(self, in_a_row: int, registered: Registered, scan: Scan) -> None:
-        where = str(self._recording.path)
-        if in_a_row >= _MOST_LOST_IN_A_ROW:
+    def _report_lost(self, registered: Registered, scan: Scan) -> None:
+        if self._lost_in_a_row >= MOST_LOST_IN_A_ROW:
             raise OdometryError(
                 f"the LiDAR odometry lost its way at {scan.stamp_ns} ns",
-                where=where,
+                where=self._where,
                 cure="use recorded odometry (--odometry recorded), a smaller voxel_m, or cut the recording with --end",
             )
         self.warnings.append(
             f"the LiDAR odometry jumps by {registered.surprise_m:.2f} m and "
-            f"{np.degrees(registered.surprise_rad):.0f} degrees at {scan.stamp_ns} ns ({where})"
+            f"{np.degrees(registered.surprise_rad):.0f} degrees at {scan.stamp_ns} ns ({self._where})"
         )
 
 
 def _is_lost(registered: Registered, elapsed_s: float) -> bool:
     """Whether a pose lies farther from a steady motion than a robot can accelerate."""
-    limit_m = _LOST_SLACK_M + 0.5 * _LOST_ACCELERATION * elapsed_s**2
-    return registered.surprise_m > limit_m or registered.surprise_rad > _LOST_TURN_RAD
+    limit_m = LOST_SLACK_M + 0.5 * LOST_ACCELERATION * elapsed_s**2
+    return registered.surprise_m > limit_m or registered.surprise_rad > LOST_TURN_RAD

@@ -54,7 +54,7 @@ class OnnxDetector:
         self._layout: Layout = layout
         self._names = class_names(options.labels, metadata, layout.classes, path)
 
-    def image_stamps_ns(self) -> None:
+    def image_stamps_ns(self, camera_id: str) -> None:
         """`None`: it can process any image."""
 
     def detect(self, frame: CameraFrame) -> Detections:

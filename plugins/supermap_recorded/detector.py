@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass, field
 
 from supermap_cli.errors import DetectorError
 from supermap_cli.geometry.arrays import IntArray
@@ -11,11 +12,22 @@ from supermap_cli.types.detections import Detections
 from supermap_cli.types.sensing import CameraFrame
 
 
-class RecordedDetector:
-    """A detector whose answers stand in the recording (design: `vision_msgs/msg/Detection2DArray`).
+@dataclass
+class _RecordedStream:
+    """The recorded detections of one camera, read along with its images."""
 
-    Images are asked for in the order of time, so the recorded stream is read along with them and one array is held; an
-    image before the last one asked for starts the stream anew.
+    stamps_ns: IntArray
+    known_ns: frozenset[int]
+    remaining: Iterator[Detections] = field(default_factory=lambda: iter(()))
+    ahead: Detections | None = None
+    asked_ns: int | None = None
+
+
+class RecordedDetector:
+    """A detector whose answers stand in the recording (`vision_msgs/msg/Detection2DArray`).
+
+    The images of a camera are asked for in the order of time, so its recorded stream is read along with them and one
+    array is held; an image before the last one asked for starts the stream anew.
     """
 
     def __init__(self, recording: Recording, score_floor: float = 0.0) -> None:
@@ -27,26 +39,29 @@ class RecordedDetector:
             )
         self._recording = recording
         self._score_floor = score_floor
-        self._stamps_ns = recording.detection_stamps_ns()
-        self._known_stamps_ns = frozenset(self._stamps_ns.tolist())
-        self._stream: Iterator[Detections] = iter(())
-        self._ahead: Detections | None = None
-        self._asked_ns: int | None = None
+        self._streams: dict[str, _RecordedStream] = {}
 
-    def image_stamps_ns(self) -> IntArray:
+    def image_stamps_ns(self, camera_id: str) -> IntArray:
         """The stamps of the images that detections were recorded for."""
-        return self._stamps_ns
+        return self._stream(camera_id).stamps_ns
 
     def detect(self, frame: CameraFrame) -> Detections | None:
         """What was recorded for exactly this image; `None` where nothing was, not even that there is nothing."""
-        if frame.stamp_ns not in self._known_stamps_ns:
+        stream = self._stream(frame.camera_id)
+        if frame.stamp_ns not in stream.known_ns:
             return None
-        if self._asked_ns is None or frame.stamp_ns < self._asked_ns:
-            self._stream = self._recording.detections()
-            self._ahead = next(self._stream, None)
-        self._asked_ns = frame.stamp_ns
-        while self._ahead is not None and self._ahead.stamp_ns < frame.stamp_ns:
-            self._ahead = next(self._stream, None)
-        if self._ahead is None or self._ahead.stamp_ns != frame.stamp_ns:
+        if stream.asked_ns is None or frame.stamp_ns < stream.asked_ns:
+            stream.remaining = self._recording.detections(frame.camera_id)
+            stream.ahead = next(stream.remaining, None)
+        stream.asked_ns = frame.stamp_ns
+        while stream.ahead is not None and stream.ahead.stamp_ns < frame.stamp_ns:
+            stream.ahead = next(stream.remaining, None)
+        if stream.ahead is None or stream.ahead.stamp_ns != frame.stamp_ns:
             return None
-        return self._ahead.take(self._ahead.scores >= self._score_floor)
+        return stream.ahead.take(stream.ahead.scores >= self._score_floor)
+
+    def _stream(self, camera_id: str) -> _RecordedStream:
+        if camera_id not in self._streams:
+            stamps_ns = self._recording.detection_stamps_ns(camera_id)
+            self._streams[camera_id] = _RecordedStream(stamps_ns, frozenset(stamps_ns.tolist()))
+        return self._streams[camera_id]

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 
 from supermap_cli.errors import OdometryError
+from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.protocols import Recording
-from supermap_cli.types.sensing import StampedPose
+from supermap_cli.types.sensing import CameraFrame, ImuSample, StampedPose, Sweep
 
-# A base does not leave its constant-velocity prediction by more than this slack and this acceleration allow.
-_JUMP_SLACK_M = 0.5
-_JUMP_ACCELERATION = 20.0
-_MOST_JUMPS = 0.1
+JUMP_SLACK_M, LARGEST_ACCELERATION = 0.5, 20.0
+"""m and m/s^2; a base that leaves its constant-velocity prediction by more than these allow has jumped: 2 g is more
+than wheels, legs and hands give.
+"""
+
+LEAST_JUMPS, MOST_JUMPS = 5, 0.1
+"""A trajectory with more jumps than this, and in a larger share of its steps, is none (estimate)."""
 
 
 class RecordedOdometry:
@@ -24,37 +26,56 @@ class RecordedOdometry:
     """
 
     def __init__(self, recording: Recording) -> None:
-        self._recording = recording
+        self._where = str(recording.path)
         self.warnings: list[str] = []
+        self._last: StampedPose | None = None
+        self._velocity: FloatArray = np.zeros(3)
+        self._steps = 0
+        self._jumps = 0
 
-    def poses(self) -> Iterator[StampedPose]:
-        """`T_odom_base`, strictly forward in time; repeated stamps are left out.
+    @property
+    def inputs(self) -> frozenset[str]:
+        """Recorded poses."""
+        return frozenset({"poses"})
 
-        Raises `OdometryError` when there is no pose, when time goes back, or when a tenth of all steps are jumps.
+    def register_pose(self, pose: StampedPose) -> StampedPose | None:
+        """The pose itself, strictly forward in time; repeated stamps are left out.
+
+        Raises `OdometryError` when time goes back, or when a tenth of all steps are jumps.
         """
-        previous: StampedPose | None = None
-        velocity = np.zeros(3)
-        steps = jumps = 0
-        for pose in self._recording.poses():
-            if previous is not None:
-                elapsed_s = (pose.stamp_ns - previous.stamp_ns) / 1e9
-                if elapsed_s == 0:
-                    continue
-                self._check_order(elapsed_s, pose)
-                step = pose.T_odom_base[:3, 3] - previous.T_odom_base[:3, 3]
-                surprise_m = float(np.linalg.norm(step - velocity * elapsed_s))
-                steps += 1
-                if steps > 1 and surprise_m > _JUMP_SLACK_M + 0.5 * _JUMP_ACCELERATION * elapsed_s**2:
-                    jumps += 1
-                    self._report_jump(jumps, steps, surprise_m, pose)
-                else:
-                    velocity = step / elapsed_s
-            previous = pose
-            yield pose
-        if previous is None:
+        if self._last is not None:
+            elapsed_s = (pose.stamp_ns - self._last.stamp_ns) / 1e9
+            if elapsed_s == 0:
+                return None
+            self._check_order(elapsed_s, pose)
+            step = pose.T_odom_base[:3, 3] - self._last.T_odom_base[:3, 3]
+            deviation_m = float(np.linalg.norm(step - self._velocity * elapsed_s))
+            self._steps += 1
+            if self._steps > 1 and deviation_m > JUMP_SLACK_M + 0.5 * LARGEST_ACCELERATION * elapsed_s**2:
+                self._jumps += 1
+                self._report_jump(deviation_m, pose)
+            else:
+                self._velocity = step / elapsed_s
+        self._last = pose
+        return pose
+
+    def add_imu(self, sample: ImuSample) -> None:
+        """Not used."""
+
+    def register_sweep(self, sweep: Sweep) -> StampedPose | None:  # noqa: ARG002 - not used
+        """Not used."""
+        return None
+
+    def register_frame(self, frame: CameraFrame) -> StampedPose | None:  # noqa: ARG002 - not used
+        """Not used."""
+        return None
+
+    def finish(self) -> None:
+        """Raises `OdometryError` when there was no pose."""
+        if self._last is None:
             raise OdometryError(
                 "no usable pose in the recording",
-                where=str(self._recording.path),
+                where=self._where,
                 cure="name the odometry topic with --topic odometry=/x, or use --odometry kiss-icp if there is a LiDAR",
             )
 
@@ -62,19 +83,18 @@ class RecordedOdometry:
         if elapsed_s < 0:
             raise OdometryError(
                 f"the recorded poses go back in time by {-elapsed_s:.3f} s at {pose.stamp_ns} ns",
-                where=str(self._recording.path),
+                where=self._where,
                 cure="cut the recording there with --start and --end, or name another topic with --topic odometry=/x",
             )
 
-    def _report_jump(self, jumps: int, steps: int, surprise_m: float, pose: StampedPose) -> None:
-        where = str(self._recording.path)
-        if jumps > 5 and jumps > _MOST_JUMPS * steps:
+    def _report_jump(self, deviation_m: float, pose: StampedPose) -> None:
+        if self._jumps > LEAST_JUMPS and self._jumps > MOST_JUMPS * self._steps:
             raise OdometryError(
-                f"the recorded poses jump again and again ({jumps} of {steps} steps)",
-                where=where,
+                f"the recorded poses jump again and again ({self._jumps} of {self._steps} steps)",
+                where=self._where,
                 cure="name another odometry topic with --topic odometry=/x, or use --odometry kiss-icp",
             )
         self.warnings.append(
-            f"the recorded pose jumps by {surprise_m:.2f} m at {pose.stamp_ns} ns ({where}): things seen before and "
-            "after may be mapped twice"
+            f"the recorded pose jumps by {deviation_m:.2f} m at {pose.stamp_ns} ns ({self._where}): things seen "
+            "before and after may be mapped twice"
         )

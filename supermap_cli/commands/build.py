@@ -37,12 +37,13 @@ from supermap_cli.errors import BuildStoppedError, ConfigError
 
 if TYPE_CHECKING:
     from supermap_cli.config import BuildConfig
+    from supermap_cli.drivers.build_summary import BuildSummary
+    from supermap_cli.drivers.stopped_builds import Unfinished
+    from supermap_cli.drivers.traversal_build import Progress, TraversalBuild
     from supermap_cli.hookspecs import RecordingRequest
     from supermap_cli.memory.store import MapStore
-    from supermap_cli.pipeline import Progress
     from supermap_cli.plugin_manager import Plugins
     from supermap_cli.protocols import Recording
-    from supermap_cli.traversal_build import BuildSummary, TraversalBuild, Unfinished
 
 EXAMPLES = """
 Examples:
@@ -54,6 +55,8 @@ Examples:
     supermap build run.bag --detector onnx --option onnx.model=yolox_nano.onnx
 
     supermap build run.mcap --topic color=/cam/image_raw --topic depth=/cam/depth --start 10 --end 60
+
+    supermap build run.mcap --topic color.front=/front/image_raw --topic color.left=/left/image_raw
 
     supermap build run.mcap --resume
 """
@@ -93,10 +96,10 @@ def build(  # noqa: PLR0917 - a command line has many options
     ] = None,
     resume: Annotated[
         bool,
-        typer.Option("--resume", help="Go on where a stopped build ended; what is in the map already is passed over."),
+        typer.Option("--resume", help="Resume a stopped build; what is in the map already is passed over."),
     ] = False,
     restart: Annotated[
-        bool, typer.Option("--restart", help="Take out what a stopped build wrote, and begin anew.")
+        bool, typer.Option("--restart", help="Remove what a stopped build wrote, and start again.")
     ] = False,
     again: Annotated[
         bool, typer.Option("--again", help="Build a recording that is in the map already once more.")
@@ -157,9 +160,9 @@ def build_all(
 ) -> Iterator[BuildSummary]:
     """Build one recording after the other into one database."""
     from supermap_cli.allocation import keep_freed_memory  # noqa: PLC0415 - heavy imports only when a build starts
+    from supermap_cli.drivers.traversal_build import TraversalBuild  # noqa: PLC0415
     from supermap_cli.memory.opening import open_store  # noqa: PLC0415
     from supermap_cli.plugin_manager import load_plugins  # noqa: PLC0415
-    from supermap_cli.traversal_build import TraversalBuild  # noqa: PLC0415
 
     if threading.current_thread() is threading.main_thread():
         signal.signal(signal.SIGTERM, signal.default_int_handler)  # stopped politely, it leaves the map as it was
@@ -191,8 +194,12 @@ def _complete(store: MapStore, recording: Recording) -> str | None:
     fingerprint = recording.fingerprint()
     if (unfinished := store.unfinished()) is not None and unfinished.fingerprint == fingerprint:
         return None
-    known = (each for each in store.traversals() if each.fingerprint == fingerprint and each.status == "complete")
-    return next((each.name for each in known), None)
+    known = (
+        traversal
+        for traversal in store.traversals()
+        if traversal.fingerprint == fingerprint and traversal.status == "complete"
+    )
+    return next((traversal.name for traversal in known), None)
 
 
 @contextmanager
@@ -217,7 +224,7 @@ def _told_at_the_end(summaries: list[BuildSummary], *, as_json: bool) -> Iterato
         yield
     finally:
         if as_json and summaries:
-            print_json({"traversals": [summary_json(each) for each in summaries]})
+            print_json({"traversals": [summary_json(summary) for summary in summaries]})
 
 
 def override(
@@ -329,7 +336,7 @@ def print_summary(summary: BuildSummary, db: str) -> None:
     from rich.table import Table  # noqa: PLC0415
 
     console = out()
-    total_s, stages_s = summary.total_s, sum(each.total_s for each in summary.timings)
+    total_s, stages_s = summary.total_s, sum(timing.total_s for timing in summary.timings)
     if summary.resumed_s is not None:
         console.print(f"{summary.traversal}: went on at {summary.resumed_s:.1f} s", markup=False)
     console.print(
@@ -339,25 +346,30 @@ def print_summary(summary: BuildSummary, db: str) -> None:
     )
     console.print("  " + ", ".join(f"{kind} {backend}" for kind, backend in summary.backends.items()), markup=False)
     console.print(f"  {summary.placement.method}", markup=False)
-    counts = ", ".join(f"{n} {label}" for label, n in summary.tally.labels.items())
+    counts = ", ".join(f"{n} {label}" for label, n in summary.statistics.labels.items())
     console.print(
-        f"  {summary.tally.detections} detections, {summary.tally.observations} observations of "
+        f"  {summary.statistics.detections} detections, {summary.statistics.observations} observations of "
         f"{summary.instances} objects in the map now: {counts}",
         markup=False,
     )
     table = Table(box=None, pad_edge=False, padding=(0, 2))
     for heading in ("stage", "total s", "share", "runs", "mean ms", "p95 ms"):
         table.add_column(heading, justify="left" if heading == "stage" else "right")
-    for each in summary.timings:
-        share = f"{100 * each.total_s / max(stages_s, 1e-9):.0f} %"
+    for timing in summary.timings:
+        share = f"{100 * timing.total_s / max(stages_s, 1e-9):.0f} %"
         table.add_row(
-            each.stage, f"{each.total_s:.2f}", share, str(each.runs), f"{each.mean_ms:.1f}", f"{each.p95_ms:.1f}"
+            timing.stage,
+            f"{timing.total_s:.2f}",
+            share,
+            str(timing.runs),
+            f"{timing.mean_ms:.1f}",
+            f"{timing.p95_ms:.1f}",
         )
     console.print(table)
 
 
 def _keyframes(summary: BuildSummary) -> str:
-    mapped, perceived = summary.tally.keyframes, summary.tally.perceived
+    mapped, perceived = summary.statistics.keyframes, summary.statistics.perceived
     return f"{mapped} keyframes" + (f" ({perceived} of them perceived)" if perceived < mapped else "")
 
 
@@ -365,12 +377,12 @@ def summary_json(summary: BuildSummary) -> dict[str, object]:
     """What a build did, for programs."""
     return {
         "traversal": summary.traversal,
-        "keyframes": summary.tally.keyframes,
-        "perceived": summary.tally.perceived,
-        "detections": summary.tally.detections,
-        "observations": summary.tally.observations,
+        "keyframes": summary.statistics.keyframes,
+        "perceived": summary.statistics.perceived,
+        "detections": summary.statistics.detections,
+        "observations": summary.statistics.observations,
         "objects": summary.instances,
-        "labels": summary.tally.labels,
+        "labels": summary.statistics.labels,
         "recorded_s": summary.recorded_s,
         "resumed_s": summary.resumed_s,
         "total_s": summary.total_s,
@@ -380,12 +392,12 @@ def summary_json(summary: BuildSummary) -> dict[str, object]:
         "warnings": list(summary.warnings),
         "timings": [
             {
-                "stage": each.stage,
-                "total_s": each.total_s,
-                "runs": each.runs,
-                "mean_ms": each.mean_ms,
-                "p95_ms": each.p95_ms,
+                "stage": timing.stage,
+                "total_s": timing.total_s,
+                "runs": timing.runs,
+                "mean_ms": timing.mean_ms,
+                "p95_ms": timing.p95_ms,
             }
-            for each in summary.timings
+            for timing in summary.timings
         ],
     }

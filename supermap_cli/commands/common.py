@@ -93,7 +93,7 @@ TrackerOption = Annotated[str | None, typer.Option(help="The tracker plugin.")]
 BackendOption = Annotated[
     list[str] | None, typer.Option(metavar="BACKEND.NAME=VALUE", help="An option of a plugin; may be repeated.")
 ]
-RateOption = Annotated[float | None, typer.Option(help="Images mapped a second. [default: 3]")]
+RateOption = Annotated[float | None, typer.Option(help="Images of each camera mapped per second. [default: 3]")]
 AlignOption = Annotated[
     str, typer.Option(metavar="auto|none|'X Y Z YAW'", help="How a further traversal is placed in the map.")
 ]

@@ -108,7 +108,7 @@ def _print_overview(shown: Overview, clock: Clock) -> None:
 
 def print_traversals(traversals: tuple[TraversalView, ...], clock: Clock) -> None:
     """The table of traversals, with a column for shifted clocks where there are any."""
-    from supermap_cli.building.time_order import duration_text  # noqa: PLC0415 - keeps start-up light
+    from supermap_cli.memory.time_order import duration_text  # noqa: PLC0415 - keeps start-up light
 
     shifted = any(traversal.clock_shift_ns for traversal in traversals)
     columns = (

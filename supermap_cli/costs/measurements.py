@@ -7,11 +7,13 @@ import time
 from collections.abc import Iterator
 
 from supermap_cli.allocation import keep_freed_memory
-from supermap_cli.building.backends import choose_backends
-from supermap_cli.building.keyframe_choice import choose_keyframes
 from supermap_cli.costs.job import BuildRun, CostJob, DecodeRun, Run, StagesRun
 from supermap_cli.costs.map_growth import fill_map
 from supermap_cli.costs.peak_memory import peak_memory_mb
+from supermap_cli.drivers.backends import choose_backends
+from supermap_cli.drivers.build_summary import BuildSummary
+from supermap_cli.drivers.keyframe_choice import choose_frames
+from supermap_cli.drivers.traversal_build import TraversalBuild
 from supermap_cli.hookspecs import RecordingRequest
 from supermap_cli.memory.opening import open_store
 from supermap_cli.memory.store import MapStore
@@ -19,7 +21,6 @@ from supermap_cli.plugin_manager import Plugins, load_plugins
 from supermap_cli.protocols import Recording
 from supermap_cli.recordings import open_bag_recording
 from supermap_cli.timing import StageClock
-from supermap_cli.traversal_build import BuildSummary, TraversalBuild
 
 
 def measure(job: CostJob) -> Run:
@@ -47,8 +48,8 @@ def build(job: CostJob, plugins: Plugins) -> BuildRun:
     total_s = time.perf_counter() - began
     usage = resource.getrusage(resource.RUSAGE_SELF)
     return BuildRun(
-        keyframes=sum(summary.tally.keyframes for summary in summaries),
-        detections=sum(summary.tally.detections for summary in summaries),
+        keyframes=sum(summary.statistics.keyframes for summary in summaries),
+        detections=sum(summary.statistics.detections for summary in summaries),
         objects=summaries[-1].instances,
         recorded_s=sum(summary.recorded_s for summary in summaries),
         total_s=total_s,
@@ -89,20 +90,22 @@ def decode(job: CostJob, plugins: Plugins) -> DecodeRun:
     keyframes, total_s = 0, 0.0
     for recording in _open_recordings(job, plugins, job.request):
         detector = choose_backends(recording, plugins, job.config).detector
-        recorded_ns, rates = detector.image_stamps_ns(), (job.config.keyframes.rate_hz, job.config.perception.rate_hz)
-        due = choose_keyframes(recording.frame_stamps_ns(), recorded_ns, *rates)
-        next(recording.frames({min(due.mapped, default=0)}.__contains__), None)  # calibrates the cameras
+        chosen = choose_frames(recording, detector, job.config)
+        for camera_id, due in chosen.items():
+            next(recording.frames({min(due.mapped, default=0)}.__contains__, camera_id), None)  # calibrates the camera
         began = time.perf_counter()
-        for frame in recording.frames(due.mapped.__contains__):
-            keyframes += 1
-            if recorded_ns is not None and frame.stamp_ns in due.perceived:
-                detector.detect(frame)
+        for camera_id, due in chosen.items():
+            recorded = detector.image_stamps_ns(camera_id) is not None
+            for frame in recording.frames(due.mapped.__contains__, camera_id):
+                keyframes += 1
+                if recorded and frame.stamp_ns in due.perceived:
+                    detector.detect(frame)
         total_s += time.perf_counter() - began
     return DecodeRun(keyframes, total_s, peak_memory_mb())
 
 
 def _stages_run(summaries: list[BuildSummary], clock: StageClock) -> StagesRun:
-    keyframes = sum(summary.tally.keyframes for summary in summaries)
+    keyframes = sum(summary.statistics.keyframes for summary in summaries)
     return StagesRun(keyframes, summaries[-1].instances, clock.timings())
 
 

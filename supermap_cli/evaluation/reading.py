@@ -58,11 +58,14 @@ def read_estimate(reader: MapReader, truth: GroundTruth) -> EstimatedMap:
     """
     alignment = align_to_truth(reader, truth)
     to_world = WorldTransform(alignment.T_world_map, _spans_in_recorded_order(reader))
+    keyframes_ns, cameras = _keyframes(reader)
+    known_cameras = {camera for traversal in truth.traversals for camera in traversal.camera_ids}
     return EstimatedMap(
         objects=tuple(_object(reader, instance, to_world) for instance in reader.believed),
         changes=_changes(reader, to_world),
         answers=tuple(_answer(reader, question.text) for question in truth.questions),
-        keyframes_ns=_keyframes_ns(reader),
+        keyframes_ns=keyframes_ns,
+        keyframe_cameras=cameras if set(cameras) <= known_cameras else (),
         T_world_map=alignment.T_world_map,
         alignment_rmse_m=alignment.rmse_m,
         doubted=tuple(
@@ -193,6 +196,11 @@ def _answer(reader: MapReader, text: str) -> EstimatedAnswer:
     return EstimatedAnswer(text, tuple(instance.id for instance in found.instances))
 
 
-def _keyframes_ns(reader: MapReader) -> IntArray:
-    stamps_ns = [reader.poses(traversal.id)[0] - traversal.clock_shift_ns for traversal in reader.traversals]
-    return np.sort(np.concatenate([*stamps_ns, np.zeros(0, np.int64)]))
+def _keyframes(reader: MapReader) -> tuple[IntArray, tuple[str, ...]]:
+    """(n,) stamps of all keyframes, ascending, each in the time of its recording, and their cameras."""
+    found = [
+        (stamp_ns - traversal.clock_shift_ns, camera_id)
+        for traversal in reader.traversals
+        for stamp_ns, camera_id in reader.keyframe_cameras(traversal.id)
+    ]
+    return np.array([stamp_ns for stamp_ns, _ in sorted(found)], np.int64), tuple(camera for _, camera in sorted(found))

@@ -106,7 +106,10 @@ def _keyframes(source: ExportSource) -> Iterator[Cells]:
     for row in streaming.stream_keyframes(source.reader, *source.selection.keyframes):
         x, y, z = (line[3] for line in json.loads(row.T_map_base)[:3])
         traversal = source.traversal_names[row.traversal_id]
-        yield (row.id, traversal, row.stamp_ns, x, y, z, row.detected, row.T_map_base, row.T_map_camera, row.camera)
+        yield (
+            *(row.id, traversal, row.stamp_ns, row.camera_id, x, y, z, row.detected),
+            *(row.T_map_base, row.T_map_camera, row.camera),
+        )
 
 
 def _instances(source: ExportSource) -> Iterator[Cells]:
@@ -212,7 +215,7 @@ TRAVERSALS = Table(
 KEYFRAMES = Table(
     "keyframes",
     _columns(
-        *("keyframe:integer", "traversal", "stamp_ns", "x:real", "y:real", "z:real", "detected:integer"),
+        *("keyframe:integer", "traversal", "stamp_ns", "camera_id", "x:real", "y:real", "z:real", "detected:integer"),
         *("T_map_base", "T_map_camera", "camera"),
     ),
     _keyframes,

@@ -6,8 +6,6 @@ from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from supermap_cli.building.placing import Placement
-from supermap_cli.building.time_order import TimeShift, shift_to_follow
 from supermap_cli.errors import MemoryStoreError
 from supermap_cli.map_merge.depth_consistency import DepthConsistency, ViewCounts
 from supermap_cli.map_merge.displacement import displacement_hypothesis
@@ -22,7 +20,9 @@ from supermap_cli.mapping.restoring import restore_objects
 from supermap_cli.memory.map_import import MapImport
 from supermap_cli.memory.names import unique_name
 from supermap_cli.memory.store import MapStore
+from supermap_cli.memory.time_order import TimeShift, shift_to_follow
 from supermap_cli.memory.values import StoredTraversal
+from supermap_cli.stages.map_registration import Placement
 from supermap_cli.types.memory import KeyframeRecord, MapDelta, SpatialEdge, StateRecord, TemporalEdge, Visit
 
 Progress = Callable[[int, int], None]

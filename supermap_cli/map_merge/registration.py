@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from supermap_cli.building.placing import Placement, describe_alignment
 from supermap_cli.errors import AlignmentError
 from supermap_cli.geometry.se3 import inverse
-from supermap_cli.mapping.alignment import align, placed_by_hand
+from supermap_cli.mapping.alignment import align, parse_placement
 from supermap_cli.mapping.structure import CoarseDepth, stored_depth
 from supermap_cli.memory.store import MapStore
+from supermap_cli.stages.map_registration import Placement, describe_alignment
 
 SAMPLED_KEYFRAMES = 40
 """Stored depth images used of each map, evenly spread; tuned on merges of simulated offices."""
@@ -23,7 +23,7 @@ def register_map(store: MapStore, other: MapStore, mode: str) -> Placement:
     if mode == "none":
         return Placement(np.eye(4), "taken to have one frame")
     if mode != "auto":
-        return Placement(placed_by_hand(mode, np.eye(4)), f"given: {mode}")
+        return Placement(parse_placement(mode, np.eye(4)), f"given: {mode}")
     odom, other_odom = (map_.traversals()[end].T_map_odom for map_, end in ((store, -1), (other, 0)))
     try:
         found = align(_spread_views(store), _spread_views(other), np.eye(4), [odom @ inverse(other_odom)])

@@ -16,7 +16,7 @@ from supermap_cli.mapping.restoring import restore_object
 from supermap_cli.types.memory import InstanceRecord, KeyframeRecord, StateRecord, TemporalEdge, Visit
 
 _AZIMUTHS, _AZIMUTH_DEG = 24, 15
-"""Azimuth cells of a full turn and the width of one, as in `belief.Vantage.cell`."""
+"""Azimuth cells of a full turn and the width of one, as in `belief.Viewpoint.cell`."""
 
 
 @dataclass(frozen=True)

@@ -129,7 +129,7 @@ def align(
     return continued or _registered(reference, sample, T_level_odom, sets.place_search)
 
 
-def placed_by_hand(text: str, T_level_odom: FloatArray) -> FloatArray:
+def parse_placement(text: str, T_level_odom: FloatArray) -> FloatArray:
     """`T_map_odom` from "x y z yaw_deg": where the levelled odom frame's origin lies in the map, and its heading there.
 
     Raises `AlignmentError` for anything but four finite numbers.

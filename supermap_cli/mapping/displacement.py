@@ -6,17 +6,19 @@ not. No counterpart in the paper, where such an object is negated and built anew
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from supermap_cli.geometry.arrays import FloatArray
-from supermap_cli.mapping import absence
+from supermap_cli.mapping import absence, visibility
 from supermap_cli.mapping.absence import AbsenceParameters
 from supermap_cli.mapping.depth import DepthView
 from supermap_cli.mapping.lifting import LiftedDetection
 from supermap_cli.mapping.objects import MapObject
-from supermap_cli.mapping.visibility import ObjectView, check_visibility
+from supermap_cli.mapping.visibility import ObjectView, VisibilityParameters, check_visibility
 from supermap_cli.types.parameters import TUNED, parameter
 
 
@@ -137,11 +139,12 @@ def find_displacement(
     if view.contradicted_share < parameters.vacated_share:
         return None
     coarse_m, fine_m = parameters.coarse_step_m, parameters.fine_step_m
-    shift = _best_shift(depth, obj, detection, level_grid(coarse_m, parameters.max_shift_m), parameters)
-    shift = _best_shift(depth, obj, detection, shift + level_grid(fine_m, coarse_m), parameters)
+    agreements = partial(agreement, depth, obj, detection, parameters=parameters, visibility_parameters=view.parameters)
+    shift = _best_shift(agreements, level_grid(coarse_m, parameters.max_shift_m))
+    shift = _best_shift(agreements, shift + level_grid(fine_m, coarse_m))
     if np.linalg.norm(shift) < parameters.min_shift_m:
         return None
-    there, here = agreement(depth, obj, detection, np.array([shift, np.zeros(3)]), parameters)
+    there, here = agreements(np.array([shift, np.zeros(3)]))
     gain = float(there - here)
     return Displacement(obj.shape.centroid + shift, shift, gain) if gain > parameters.min_gain else None
 
@@ -158,7 +161,9 @@ def agreement(
     obj: MapObject,
     detection: LiftedDetection,
     shifts: FloatArray,
+    *,
     parameters: DisplacementParameters = DEFAULT,
+    visibility_parameters: VisibilityParameters = visibility.DEFAULT,
 ) -> FloatArray:
     """How well an object moved by each of k shifts (k, 3) agrees with an image, (k,) in [-1, 2].
 
@@ -167,16 +172,22 @@ def agreement(
     """
     points = detection.points_map[:: len(detection.points_map) // parameters.samples + 1]
     covered = obj.shape.near((points[None] - shifts[:, None]).reshape(-1, 3)).reshape(len(shifts), -1).mean(axis=1)
-    return np.asarray(covered + depth_agreement(depth, obj, shifts, parameters))
+    in_depth = depth_agreement(depth, obj, shifts, parameters=parameters, visibility_parameters=visibility_parameters)
+    return np.asarray(covered + in_depth)
 
 
 def depth_agreement(
-    depth: DepthView, obj: MapObject, shifts: FloatArray, parameters: DisplacementParameters = DEFAULT
+    depth: DepthView,
+    obj: MapObject,
+    shifts: FloatArray,
+    *,
+    parameters: DisplacementParameters = DEFAULT,
+    visibility_parameters: VisibilityParameters = visibility.DEFAULT,
 ) -> FloatArray:
     """What of an object moved by k shifts (k, 3) is supported, less what is contradicted: (k,) in [-1, 1]."""
     cloud = obj.shape.points[:: len(obj.shape.points) // parameters.samples + 1]
     shifted = (cloud[None] + shifts[:, None]).reshape(-1, 3)
-    checked = check_visibility(depth, shifted, obj.voxels.voxel_m)
+    checked = check_visibility(depth, shifted, obj.voxels.voxel_m, visibility_parameters)
     supported, contradicted = (
         voxels.reshape(len(shifts), -1).sum(axis=1) for voxels in (checked.supported, checked.contradicted)
     )
@@ -184,16 +195,10 @@ def depth_agreement(
     return np.asarray((supported - contradicted) / np.maximum(supported + contradicted, least))
 
 
-def _best_shift(
-    depth: DepthView,
-    obj: MapObject,
-    detection: LiftedDetection,
-    shifts: FloatArray,
-    parameters: DisplacementParameters,
-) -> FloatArray:
+def _best_shift(agreements: Callable[[FloatArray], FloatArray], shifts: FloatArray) -> FloatArray:
     """The one (3,) of some shifts (k, 3) with which the object agrees best; of equals the least."""
     shifts = shifts[np.argsort(np.linalg.norm(shifts, axis=1), kind="stable")]
-    return np.asarray(shifts[int(np.argmax(agreement(depth, obj, detection, shifts, parameters)))])
+    return np.asarray(shifts[int(np.argmax(agreements(shifts)))])
 
 
 def _has_left_place(

@@ -79,6 +79,7 @@ class MappingEngine:
         self.pairs.parameters = parameters.pair_evidence
         self.splits.use(parameters.splitting, parameters.belief)
         self.free_space.parameters = parameters.free_space
+        self.free_space.visibility_parameters = parameters.visibility
         self.transitions = Transitions(self.objects)
         fusion = DetectionFusion(
             self.transitions, self.recall, self.scores, self.config.crop_px, self.ablate, parameters
@@ -186,9 +187,12 @@ class MappingEngine:
             if not obj.present:
                 continue
             if "geometric-consistency" not in self.ablate:
+                contradicted = obj.visit.contradicted
                 gone_ns = negate_by_geometry(
                     obj, miss.detectability.view, view.stamp_ns, parameters.absence, parameters.fusion
                 )
+                if obj.visit.contradicted != contradicted:
+                    self.transitions.changes.dirty.add(obj.number)
             if gone_ns is None and "semantic-fusion" not in self.ablate:
                 gone_ns = negate_by_miss(miss, view.viewpoint_of(obj), self.recall, parameters.missed_detections)
             if gone_ns is not None:

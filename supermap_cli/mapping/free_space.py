@@ -16,7 +16,8 @@ from supermap_cli.errors import MemoryStoreError
 from supermap_cli.geometry.arrays import Float32Array, FloatArray, UInt16Array
 from supermap_cli.geometry.cameras import Camera, camera_from_json
 from supermap_cli.geometry.se3 import inverse, transform_points
-from supermap_cli.mapping.visibility import tolerance_m
+from supermap_cli.mapping import visibility
+from supermap_cli.mapping.visibility import VisibilityParameters, tolerance_m
 from supermap_cli.types.keyframe import Keyframe
 from supermap_cli.types.memory import KeyframeRecord
 from supermap_cli.types.parameters import TUNED, parameter
@@ -77,7 +78,13 @@ class SmallView:
     nearest_m: Float32Array
     step_px: int
 
-    def share_empty(self, points_map: FloatArray, voxel_m: float, parameters: FreeSpaceParameters = DEFAULT) -> float:
+    def share_empty(
+        self,
+        points_map: FloatArray,
+        voxel_m: float,
+        parameters: FreeSpaceParameters = DEFAULT,
+        visibility_parameters: VisibilityParameters = visibility.DEFAULT,
+    ) -> float:
         """Share of (n, 3) points that rays went through; 0 where fewer than half of the points are in view."""
         points_camera = transform_points(inverse(self.T_map_camera), points_map)
         pixels, seen = self.camera.project(points_camera)
@@ -87,7 +94,8 @@ class SmallView:
         h, w = self.nearest_m.shape
         nearest = self.nearest_m[v.clip(0, h - 1), u.clip(0, w - 1)]
         depth = self.camera.depth_of(points_camera[seen])
-        empty = np.isfinite(nearest) & (depth > 0) & (depth < nearest - tolerance_m(depth, voxel_m))
+        tau = tolerance_m(depth, voxel_m, parameters=visibility_parameters)
+        empty = np.isfinite(nearest) & (depth > 0) & (depth < nearest - tau)
         return float(empty.sum()) / len(points_map)
 
 
@@ -110,6 +118,7 @@ class FreeSpaceMemory:
     """
 
     parameters: FreeSpaceParameters = DEFAULT
+    visibility_parameters: VisibilityParameters = visibility.DEFAULT
     views: dict[tuple[int, ...], list[SmallView]] = field(default_factory=dict)
 
     def add(self, traversal: int, view: SmallView) -> None:
@@ -143,7 +152,8 @@ class FreeSpaceMemory:
             sample, [view for kept in self.views.values() for view in kept if view.stamp_ns < before_ns]
         )
         for view in sorted(earlier, key=lambda view: -view.stamp_ns):
-            if view.share_empty(sample, voxel_m, self.parameters) > self.parameters.min_empty_share:
+            share = view.share_empty(sample, voxel_m, self.parameters, self.visibility_parameters)
+            if share > self.parameters.min_empty_share:
                 return view.stamp_ns
         return None
 

@@ -6,7 +6,7 @@ The world frame W of the paper's eq. 3, which is level there because SuperOdomet
 from __future__ import annotations
 
 from array import array
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -36,7 +36,7 @@ class LevellingParameters:
     up_cone_deg: float = parameter(
         50.0, "deg", "angle between a normal and the sensor's up axis up to which a surface may be level", TUNED
     )
-    min_area_m2: float = parameter(0.3, "m2", "area of level surfaces, or of a floor, at least", TUNED)
+    min_area_m2: float = parameter(0.3, "m2", "area of level surfaces, or of a floor, at least", TUNED, at_least=0.01)
     level_imu_deg: float = parameter(3.0, "deg", "tilt by gravity up to which odom is level already", TUNED)
     level_structure_deg: float = parameter(2.0, "deg", "tilt by surfaces up to which odom is level already", TUNED)
     same_floor_m: float = parameter(0.05, "m", "height of the floor up to which odom's height is kept", TUNED)
@@ -125,16 +125,14 @@ class LowReturns:
         self._points_odom: list[FloatArray] = []
         self._up_odom = _UP
 
-    def watched(self, sweeps: Iterable[Sweep]) -> Iterator[Sweep]:
-        """The same sweeps, looked at as they go by."""
-        for sweep in sweeps:
-            T_odom_base = self._trajectory.at(sweep.stamp_ns)
-            if T_odom_base is not None:
-                T_odom_lidar = T_odom_base @ sweep.T_base_lidar
-                self._up_odom = T_odom_lidar[:3, 2]
-                low = sweep.points_lidar[sweep.points_lidar[:, 2] < -self._parameters.below_lidar_m]
-                self._points_odom.append(transform_points(T_odom_lidar, low))
-            yield sweep
+    def add(self, sweep: Sweep) -> None:
+        """A further sweep."""
+        T_odom_base = self._trajectory.at(sweep.stamp_ns)
+        if T_odom_base is not None:
+            T_odom_lidar = T_odom_base @ sweep.T_base_lidar
+            self._up_odom = T_odom_lidar[:3, 2]
+            low = sweep.points_lidar[sweep.points_lidar[:, 2] < -self._parameters.below_lidar_m]
+            self._points_odom.append(transform_points(T_odom_lidar, low))
 
     def views(self) -> list[LevelView]:
         """The level surfaces among them, as one view; none without a LiDAR, or where it sees nothing there."""

@@ -32,7 +32,9 @@ from supermap_cli.types.parameters import TUNED, parameter
 class LidarLiftingParameters:
     """How many returns tell where a thing is, and when its foot tells it better."""
 
-    max_points: int = parameter(2000, "1", "points of one mask; more are thinned out evenly", "bounds the time")
+    max_points: int = parameter(
+        2000, "1", "points of one mask; more are thinned out evenly", "bounds the time", at_least=1
+    )
     min_points: int = parameter(12, "1", "points below which there is no evidence of a shape", TUNED)
     min_returns: int = parameter(5, "1", "returns that tell where a thing is", TUNED)
     min_below_share: float = parameter(

@@ -42,6 +42,7 @@ class LiftingParameters:
         "1",
         "pixels of one mask; more are thinned out evenly, for voxels get no fuller from them",
         "bounds the time",
+        at_least=1,
     )
     min_points: int = parameter(12, "1", "pixels below which there is no evidence of a shape", TUNED)
     low_percentile: float = parameter(

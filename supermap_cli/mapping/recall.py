@@ -43,7 +43,7 @@ class RecallParameters:
         -0.3, "1", "least log ratio of a detection: a hesitant one says less against an object than a miss does", TUNED
     )
     max_detection: float = parameter(2.5, "1", "greatest log ratio of a detection: none is proof", TUNED)
-    prior_scores: float = parameter(100.0, "1", "detections that the prior on the scores is worth", TUNED)
+    prior_scores: float = parameter(100.0, "1", "detections that the prior on the scores is worth", TUNED, at_least=1)
 
 
 DEFAULT = RecallParameters()

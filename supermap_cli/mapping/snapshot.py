@@ -12,11 +12,14 @@ from typing import Any
 
 from supermap_cli.config import Ablation, MappingConfig
 from supermap_cli.geometry.boxes import Box3D
+from supermap_cli.mapping import drift as drift_module
+from supermap_cli.mapping import icp
 from supermap_cli.mapping.absence import AbsenceEvidence, EmptyRun
 from supermap_cli.mapping.belief import Existence, LabelBelief, OutcomeRun, ViewpointCell, ViewpointHistory
-from supermap_cli.mapping.drift import DriftCorrection, DriftMark
+from supermap_cli.mapping.drift import DriftCorrection, DriftMark, DriftParameters
 from supermap_cli.mapping.engine import MappingEngine
 from supermap_cli.mapping.free_space import FreeSpaceMemory
+from supermap_cli.mapping.icp import IcpParameters
 from supermap_cli.mapping.map_update import IdentityLinks
 from supermap_cli.mapping.motion import Course, MotionState
 from supermap_cli.mapping.object_shape import ObjectShape
@@ -108,7 +111,9 @@ def drift_snapshot(drift: DriftCorrection, mark: DriftMark) -> bytes:
     return pack(kept, CLASSES)
 
 
-def restore_drift(snapshot: bytes) -> DriftCorrection:
+def restore_drift(
+    snapshot: bytes, parameters: DriftParameters = drift_module.DEFAULT, icp_parameters: IcpParameters = icp.DEFAULT
+) -> DriftCorrection:
     """The drift correction as it was. Raises `packing.PackingError` for bytes that are no snapshot."""
     kept = unpack(snapshot, CLASSES)
-    return DriftCorrection.at_mark(kept["mark"], kept["points"], kept["normals"])
+    return DriftCorrection.at_mark(kept["mark"], kept["points"], kept["normals"], parameters, icp_parameters)

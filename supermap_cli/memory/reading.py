@@ -278,6 +278,15 @@ class MapReader:
         poses = [json.loads(T_map_base) for T_map_base in found.values()]
         return np.array(list(found), np.int64), np.array(poses, np.float64).reshape(-1, 4, 4)
 
+    def keyframe_cameras(self, traversal_id: int) -> list[tuple[int, str]]:
+        """The stamp and camera of each keyframe of a traversal, in the order of stamps."""
+        statement = (
+            select(models.Keyframe.stamp_ns, models.Keyframe.camera_id)
+            .where(models.Keyframe.traversal_id == traversal_id)
+            .order_by(models.Keyframe.stamp_ns, models.Keyframe.id)
+        )
+        return [(row.stamp_ns, row.camera_id) for row in self.connection.execute(statement)]
+
     # The whole map
 
     def counts(self) -> dict[str, int]:

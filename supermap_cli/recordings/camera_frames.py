@@ -180,13 +180,17 @@ class CameraFrames:
             if frame is not None:
                 count += 1
                 yield frame
-        if pairs and not count:
+        if pairs and not count and self._is_at_the_start(pairs):
             raise RecordingError(
                 f"none of {len(pairs)} camera frames can be used ({builder.last_fault})",
                 where=self._place(self._color),
                 cure="record again, or name another topic with "
                 f"--topic {self._role('color')}=/... or {self._role('depth')}=/...",
             )
+
+    def _is_at_the_start(self, pairs: Sequence[tuple[int, int | None]]) -> bool:
+        """Whether chosen pairs begin in the first half: what is left for a build that goes on may hold no sound one."""
+        return pairs[0][0] <= self._pairs[len(self._pairs) // 2][0]
 
     def _raw_pairs(self, pairs: Sequence[tuple[int, int | None]]) -> Iterator[tuple[RawMessage, RawMessage | None]]:
         """The messages of each pair, in the order of the pairs, holding back what arrived before its partner."""

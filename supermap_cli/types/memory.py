@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -188,3 +188,28 @@ class MapDelta:
     visits: tuple[Visit, ...] = ()
     spatial_edges: tuple[SpatialEdge, ...] = ()
     temporal_edges: tuple[TemporalEdge, ...] = ()
+
+
+def coalesce(deltas: Iterable[MapDelta]) -> MapDelta:
+    """What several deltas, one after the other, changed all together: of a row written twice the last one counts."""
+    merged = list(deltas)
+    instances = {instance.number: instance for delta in merged for instance in delta.instances}
+    retired = {
+        instance.number: None for delta in merged for instance in delta.instances if instance.merged_into is not None
+    }
+    states = {(state.object_number, state.index): state for delta in merged for state in delta.states}
+    visits = {visit.object_number: visit for delta in merged for visit in delta.visits}
+    edges = {
+        (edge.subject, edge.relation, edge.object, edge.since_ns): edge
+        for delta in merged
+        for edge in delta.spatial_edges
+    }
+    return MapDelta(
+        keyframes=tuple(keyframe for delta in merged for keyframe in delta.keyframes),
+        observations=tuple(observation for delta in merged for observation in delta.observations),
+        instances=tuple(instances[number] for number in (*sorted(instances.keys() - retired.keys()), *retired)),
+        states=tuple(states[key] for key in sorted(states)),
+        visits=tuple(visits[number] for number in sorted(visits.keys() - retired.keys())),
+        spatial_edges=tuple(edges.values()),
+        temporal_edges=tuple(edge for delta in merged for edge in delta.temporal_edges),
+    )

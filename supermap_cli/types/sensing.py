@@ -94,10 +94,15 @@ class ImuSample:
 
 @dataclass(frozen=True)
 class StampedPose:
-    """`T_odom_base` (4, 4) float64 at a sensor time."""
+    """`T_odom_base` (4, 4) float64 at a sensor time, with its covariance (6, 6) where it is known: x, y, z in metres,
+    rotations about these axes in radians, as in ROS's `geometry_msgs/PoseWithCovariance`.
+    """
 
     stamp_ns: int
     T_odom_base: FloatArray
+    covariance: FloatArray | None = None
 
     def __post_init__(self) -> None:
         check_transform("T_odom_base", self.T_odom_base)
+        if self.covariance is not None:
+            check_shape("covariance", self.covariance, (6, 6))

@@ -201,15 +201,15 @@ def test_what_is_no_recording_is_one_line_and_exit_code_1(
     assert sorted(tmp_path.iterdir()) == before
 
 
-def test_a_viewer_that_fails_costs_a_warning_and_not_the_map(plugins: f.FakePlugins) -> None:
-    plugins.on_keyframe = lambda keyframe, changes: 1 / 0  # type: ignore[assignment]
+def test_an_observer_that_fails_costs_a_warning_and_not_the_map(plugins: f.FakePlugins) -> None:
+    plugins.observer = f.ObserverLog(failing=True)
     result = supermap("build", "monday.fake")
     assert result.exit_code == 0
     assert "ZeroDivisionError" in result.stderr
 
 
 def test_a_bug_is_not_hidden(plugins: f.FakePlugins, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("supermap_cli.pipeline.choose_keyframes", lambda *_: 1 / 0)
+    monkeypatch.setattr("supermap_cli.drivers.bag.choose_frames", lambda *_: 1 / 0)
     monkeypatch.setattr(sys, "argv", ["supermap", "build", "monday.fake"])
     with pytest.raises(ZeroDivisionError):
         entry.main()

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from supermap_cli.drivers.traversal_build import TraversalBuild
 from supermap_cli.errors import MemoryStoreError
 from supermap_cli.memory import open_store
-from supermap_cli.traversal_build import TraversalBuild
 from support import fakes as f
 from support import scenes as s
 from support.cli import document, supermap

@@ -40,9 +40,9 @@ def test_the_ends_hold_for_a_moment_only(time_s: float, known: bool) -> None:
     assert (trajectory.at(round(time_s * SECOND)) is not None) == known
 
 
-def test_a_gap_has_no_pose_but_its_edges_do() -> None:
-    trajectory = Trajectory([pose_at(0), pose_at(1), pose_at(4), pose_at(5)], max_gap_s=1.5)
-    _, valid = trajectory.at_many((np.array([0.5, 1, 1.1, 3.9, 4, 4.5]) * SECOND).astype(np.int64))
+def test_a_gap_has_no_pose_but_its_edges_hold_for_a_moment() -> None:
+    trajectory = Trajectory([pose_at(0), pose_at(1), pose_at(4), pose_at(5)], max_gap_s=1.5, hold_s=0.1)
+    _, valid = trajectory.at_many((np.array([0.5, 1.05, 1.2, 3.8, 3.95, 4.5]) * SECOND).astype(np.int64))
     assert valid.tolist() == [True, True, False, False, True, True]
 
 
@@ -84,3 +84,24 @@ def test_interpolation_agrees_with_scipy(times_s: list[float], seed: int) -> Non
     for axis in range(3):
         wanted = np.interp(stamps_ns / SECOND, np.arange(10.0), positions[:, axis])
         np.testing.assert_allclose(transforms[:, axis, 3], wanted, atol=1e-9)
+
+
+def test_pushed_poses_are_those_that_are_pulled() -> None:
+    pulled = Trajectory([pose_at(time_s) for time_s in range(5)])
+    pushed = Trajectory()
+    for pose in pulled.poses():
+        pushed.append(pose)
+    stamps_ns = (np.linspace(0, 4, 50) * SECOND).astype(np.int64)
+    np.testing.assert_array_equal(pushed.at_many(stamps_ns)[0], pulled.at_many(stamps_ns)[0])
+    assert pushed.newest_ns == 4 * SECOND
+
+
+def test_what_is_forgotten_does_not_change_what_comes_later() -> None:
+    kept, forgetting = Trajectory(), Trajectory()
+    for i in range(2000):
+        for trajectory in (kept, forgetting):
+            trajectory.append(pose_at(i / 100))
+        forgetting.forget_before(round((i / 100 - 2) * SECOND))
+    assert len(forgetting) < 600 < len(kept)
+    stamps_ns = (np.linspace(18, 19.99, 40) * SECOND).astype(np.int64)
+    np.testing.assert_array_equal(forgetting.at_many(stamps_ns)[0], kept.at_many(stamps_ns)[0])

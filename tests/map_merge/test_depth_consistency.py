@@ -23,7 +23,7 @@ def test_a_thing_that_stands_is_in_view_and_is_believed_less_if_no_detector_find
     assert known.present
     assert consistency.views[1, 1].in_view >= 6
     assert consistency.views[1, 1].contradicted == 0
-    assert known.existence < 4.0
+    assert known.existence.log_odds < 4.0
 
 
 def test_a_thing_behind_another_is_neither_there_nor_gone() -> None:
@@ -31,7 +31,7 @@ def test_a_thing_behind_another_is_neither_there_nor_gone() -> None:
     screen = s.Thing("box", (1.2, 0, 1.0), (0.1, 4.0, 2.0))
     consistency = compare(known, (screen,))
     assert known.present
-    assert known.existence == 4.0
+    assert known.existence.log_odds == 4.0
     assert (1, 1) not in consistency.views
 
 

@@ -28,7 +28,7 @@ def test_another_thing_in_that_place_is_not_it() -> None:
 
 def test_what_had_gone_is_only_met_by_what_nothing_standing_explains() -> None:
     gone, stands = map_object(1, s.CHAIR), map_object(2, s.CHAIR.at(1.6, 0.05))
-    gone.present = False
+    gone.mark_absent(None)
     pairs = match_in_place([gone, stands], [map_object(-1, s.CHAIR)])
     assert [known.number for known, _ in pairs] == [2]
     assert [known.number for known, _ in match_in_place([gone], [map_object(-1, s.CHAIR)])] == [1]

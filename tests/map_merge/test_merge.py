@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from supermap_cli.drivers.traversal_build import TraversalBuild
 from supermap_cli.errors import AlignmentError, MemoryStoreError
 from supermap_cli.geometry.se3 import make_transform, transform_points
 from supermap_cli.map_merge.merge import MapMerge, MergeSummary
 from supermap_cli.memory import MapStore, open_store
 from supermap_cli.memory import map_import as map_import_module
 from supermap_cli.memory.checking import check
-from supermap_cli.traversal_build import TraversalBuild
 from supermap_schema.models import Base
 from support import databases
 from support import fakes as f

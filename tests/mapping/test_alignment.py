@@ -13,7 +13,7 @@ from supermap_cli.geometry.cameras import PinholeCamera
 from supermap_cli.geometry.se3 import inverse, make_transform, rotation_angle_rad
 from supermap_cli.geometry.trajectory import Trajectory
 from supermap_cli.hookspecs import RecordingRequest
-from supermap_cli.mapping.alignment import align, placed_by_hand
+from supermap_cli.mapping.alignment import align, parse_placement
 from supermap_cli.mapping.icp import Surface
 from supermap_cli.mapping.levelling import level, level_view
 from supermap_cli.mapping.place_search import Candidate, distinct
@@ -150,13 +150,13 @@ def test_the_real_kitchen_s_second_half_is_found_from_another_odom(seed: int) ->
 
 
 def test_a_placement_by_hand_is_a_turn_and_a_shift() -> None:
-    np.testing.assert_allclose(placed_by_hand("1 -2, 0.5 90", np.eye(4)), turned_about_z(1, -2, 0.5, np.pi / 2))
+    np.testing.assert_allclose(parse_placement("1 -2, 0.5 90", np.eye(4)), turned_about_z(1, -2, 0.5, np.pi / 2))
 
 
 @pytest.mark.parametrize("text", ["", "1 2 3", "1 2 3 north", "1 2 3 nan"])
 def test_a_placement_that_is_none_is_refused(text: str) -> None:
     with pytest.raises(AlignmentError, match="x y z yaw_deg"):
-        placed_by_hand(text, np.eye(4))
+        parse_placement(text, np.eye(4))
 
 
 def test_icp_with_a_level_start_stays_level() -> None:

@@ -12,6 +12,7 @@ import pytest
 from supermap_cli.errors import DetectorError
 from supermap_cli.geometry.arrays import IntArray
 from supermap_cli.types.detections import Detections, Hypothesis
+from supermap_cli.types.sensing import MAIN_CAMERA
 from supermap_recorded.detector import RecordedDetector
 from support.frames import frame
 
@@ -36,10 +37,10 @@ class FakeRecording:
     path: Path = Path("run.mcap")
     passes: list[int] = field(default_factory=list)
 
-    def detection_stamps_ns(self) -> IntArray:
+    def detection_stamps_ns(self, camera_id: str) -> IntArray:
         return np.array([array.stamp_ns for array in self.arrays], np.int64)
 
-    def detections(self) -> Iterator[Detections]:
+    def detections(self, camera_id: str) -> Iterator[Detections]:
         self.passes.append(1)
         return iter(self.arrays)
 
@@ -59,7 +60,7 @@ def test_each_image_gets_its_own_detections_in_one_pass() -> None:
     answers = [recorded_detector.detect(frame(stamp_ns=stamp)) for stamp in (1, 2, 3, 5)]
     assert [None if answer is None else len(answer) for answer in answers] == [1, None, 0, 2]
     assert len(recording.passes) == 1
-    assert recorded_detector.image_stamps_ns().tolist() == [1, 3, 5]
+    assert recorded_detector.image_stamps_ns(MAIN_CAMERA).tolist() == [1, 3, 5]
 
 
 def test_images_may_be_skipped_repeated_and_asked_for_anew() -> None:

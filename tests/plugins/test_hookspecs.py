@@ -25,10 +25,7 @@ CALLS: dict[str, tuple[Callable[..., object], dict[str, object]]] = {
     "spatial_predicates": (lambda: (), {}),
     "register_commands": (lambda app: (app,), {"app": typer.Typer()}),
     "prepare_connection": (lambda connection: (connection,), {"connection": sqlite3.connect(":memory:")}),
-    "keyframe_mapped": (
-        lambda keyframe, changes: (keyframe, changes),
-        {"keyframe": "a keyframe", "changes": "its changes"},
-    ),
+    "observe_session": (lambda context: (context,), {"context": "a traversal"}),
 }
 """Hooks that register nothing: an implementation that answers with its arguments, and arguments."""
 

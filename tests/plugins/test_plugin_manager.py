@@ -191,7 +191,11 @@ def test_an_option_argument_of_another_form_is_refused(argument: str) -> None:
 
 
 def test_hooks_that_register_nothing_are_called_directly() -> None:
-    seen: list[tuple[object, object]] = []
-    loaded: Plugins = load_plugins([plugin(keyframe_mapped=lambda keyframe, changes: seen.append((keyframe, changes)))])
-    loaded.hook.keyframe_mapped(keyframe="a keyframe", changes="its changes")
-    assert seen == [("a keyframe", "its changes")]
+    seen: list[object] = []
+
+    def observe_session(context: object) -> None:
+        seen.append(context)
+
+    loaded: Plugins = load_plugins([plugin(observe_session=observe_session)])
+    loaded.hook.observe_session(context="a traversal")
+    assert seen == ["a traversal"]

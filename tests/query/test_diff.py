@@ -253,7 +253,7 @@ def test_a_diff_does_not_depend_on_the_batch_size(reader: MapReader, monkeypatch
     sides = ((None, None), ("60 s", "09:18:20"), ("monday", "09:18:20"))
     whole = [diff(reader, *pair) for pair in sides]
     monkeypatch.setattr("supermap_cli.query.diff.batches", lambda numbers: batches(numbers, 1))
-    monkeypatch.setattr("supermap_cli.memory.said.batches", lambda numbers: batches(numbers, 1))
+    monkeypatch.setattr("supermap_cli.memory.labelled_observations.batches", lambda numbers: batches(numbers, 1))
     assert [diff(reader, *pair) for pair in sides] == whole
 
 

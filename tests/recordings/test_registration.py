@@ -1,4 +1,4 @@
-"""Depth from another camera, and from a LiDAR, on the colour camera's pixels."""
+"""Depth from another camera on the colour camera's pixels."""
 
 import numpy as np
 import pytest
@@ -7,9 +7,7 @@ from supermap_cli.geometry.cameras import EquirectangularCamera, PinholeCamera
 from supermap_cli.geometry.se3 import make_transform
 from supermap_cli.hookspecs import RecordingRequest
 from supermap_cli.recordings import open_bag_recording
-from supermap_cli.recordings.lidar_depth import SweepDepth, close_gaps, deskew_sweep, draw_returns
 from supermap_cli.recordings.registration import SameCentre, ZBuffer, splat_nearest
-from supermap_cli.types.sensing import Sweep
 from support import bags
 
 COLOR = PinholeCamera(64, 48, 60.0, 60.0, 31.5, 23.5)
@@ -65,80 +63,3 @@ def test_depth_in_its_own_frame_is_registered_when_read(tmp_path):
     frame_ = next(open_bag_recording(tmp_path / "run.mcap", RecordingRequest()).frames())
     assert np.allclose(frame_.depth_m[frame_.depth_m > 0], 2.0, atol=1e-4)
     assert (frame_.depth_m > 0).mean() > 0.9
-
-
-def driving(stamp_ns):
-    """1 m/s along x, and turning at 0.5 rad/s."""
-    seconds = (stamp_ns - bags.START_NS) / 1e9
-    c, s = np.cos(seconds / 2), np.sin(seconds / 2)
-    return make_transform([[c, -s, 0], [s, c, 0], [0, 0, 1]], [seconds, 0, 0])
-
-
-def poses_at(pose):
-    """A way that reaches everywhere, by its pose at a stamp."""
-    return lambda stamps_ns: (np.array([pose(int(stamp)) for stamp in stamps_ns]), np.ones(len(stamps_ns), bool))
-
-
-def nowhere(stamps_ns):
-    return np.tile(np.eye(4), (len(stamps_ns), 1, 1)), np.zeros(len(stamps_ns), bool)
-
-
-def sweep_of(points_world, stamps_ns, T_base_lidar):
-    from supermap_cli.geometry.se3 import inverse, transform_points
-
-    points = [
-        transform_points(inverse(driving(int(stamp)) @ T_base_lidar), point[None])[0]
-        for point, stamp in zip(points_world, stamps_ns, strict=True)
-    ]
-    return Sweep(int(stamps_ns[0]), "lidar", np.array(points), np.asarray(stamps_ns), T_base_lidar)
-
-
-def test_deskewing_puts_every_point_where_it_was():
-    world = np.random.default_rng(0).uniform(-10, 10, (500, 3))
-    stamps = bags.START_NS + np.linspace(0, 1e8, 500).astype(np.int64)
-    sweep = sweep_of(world, stamps, make_transform(np.eye(3), [0.2, 0, 0.5]))
-    at = bags.START_NS + 50_000_000
-    found = deskew_sweep(sweep, poses_at(driving), at)
-    T = driving(at)
-    expected = (world - T[:3, 3]) @ T[:3, :3]
-    assert np.abs(found - expected).max() < 2e-4
-
-
-def test_without_a_trajectory_there_is_no_deskewed_sweep():
-    sweep = Sweep(0, "lidar", np.ones((3, 3)), np.zeros(3, np.int64), np.eye(4))
-    assert deskew_sweep(sweep, nowhere, 0) is None
-
-
-def test_a_sweep_becomes_a_depth_image_that_holds_together(tmp_path):
-    path = bags.write_recording(tmp_path / "run.mcap", frames=8, without={"depth"}, lidar=True)
-    recording = open_bag_recording(path, RecordingRequest())
-
-    def straight(stamp_ns):
-        return make_transform(np.eye(3), [(stamp_ns - bags.START_NS) / 1e9, 0, 0])
-
-    depths = SweepDepth(recording.sweeps(), poses_at(straight), 0.15)
-    for index, frame in enumerate(recording.frames()):
-        depth = depths.depth_for(frame.stamp_ns, frame.camera, frame.T_base_camera)
-        assert depth.dtype == np.float32
-        assert np.allclose(depth[depth > 0], bags.WALL_M + 0.4 - index / 10, atol=2e-3)
-        assert (depth > 0).mean() > 0.95
-
-
-def test_beyond_the_trajectory_a_lidar_gives_no_depth(tmp_path):
-    path = bags.write_recording(tmp_path / "run.mcap", frames=2, without={"depth"}, lidar=True)
-    depths = SweepDepth(open_bag_recording(path, RecordingRequest()).sweeps(), nowhere)
-    assert not depths.depth_for(bags.START_NS, COLOR, bags.T_BASE_OPTICAL).any()
-
-
-def test_rings_of_one_surface_are_closed_but_not_over_an_edge():
-    depth = np.zeros((40, 3), np.float32)
-    depth[[0, 10, 20], :] = [[2.0], [2.08], [5.0]]
-    closed = close_gaps(depth, 12)
-    assert closed[5, 0] == pytest.approx(2.04, abs=2e-3)
-    assert not closed[11:20].any()
-    assert not closed[21:].any()
-    assert not close_gaps(depth, 5)[1:10].any()
-
-
-def test_no_sweeps_draw_nothing():
-    assert not draw_returns(COLOR, np.zeros((0, 3))).any()

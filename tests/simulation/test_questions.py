@@ -131,7 +131,7 @@ def test_a_witness_of_a_moved_thing_wants_its_old_place_seen_empty() -> None:
 @pytest.mark.parametrize("label", LABELS)
 def test_words_mean_to_the_truth_what_they_mean_to_the_program(label: str) -> None:
     meant = {other for other in LABELS if means(label, other)}
-    assert parse(f"{SPOKEN.get(label, label)} earlier").things.noun == SPOKEN.get(label, label)
+    assert parse(f"{SPOKEN.get(label, label)} earlier").phrase.noun == SPOKEN.get(label, label)
     assert match_labels(SPOKEN.get(label, label), LABELS).labels == meant
     assert match_labels(plural(label), LABELS).labels == meant
     assert load_vocabulary().normalise(plural(label)) == load_vocabulary().normalise(SPOKEN.get(label, plural(label)))

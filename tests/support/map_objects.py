@@ -8,15 +8,16 @@ from supermap_cli.geometry.cameras import camera_to_json
 from supermap_cli.geometry.voxels import pack_keys, voxel_keys
 from supermap_cli.map_merge.depth_consistency import DepthConsistency
 from supermap_cli.map_merge.displacement import DisplacementHypothesis
-from supermap_cli.mapping.belief import LabelBelief
+from supermap_cli.mapping.belief import Existence, LabelBelief
 from supermap_cli.mapping.free_space import encode_small_depth
-from supermap_cli.mapping.objects import MapObject, ObjectMap, OpenState
+from supermap_cli.mapping.objects import MapObject, ObjectMap, ObjectStatus, OpenState
 from supermap_cli.mapping.voxel_map import VoxelMap
 from supermap_cli.types.detections import Hypothesis
 from supermap_cli.types.memory import KeyframeRecord
 from support import scenes as s
 
 TABLE = s.Thing("table", (2.0, 0, 0.4), (0.8, 1.6, 0.8), (150, 100, 60))
+STORED = ObjectStatus(confirmed=True, stored=True)
 
 
 def map_object(number: int, of: s.Thing, low: float = 0.0, high: float = 1.0) -> MapObject:
@@ -32,7 +33,7 @@ def map_object(number: int, of: s.Thing, low: float = 0.0, high: float = 1.0) ->
     labels = LabelBelief()
     labels.update((Hypothesis(of.label, 0.9),), 2.0)
     voxels = VoxelMap(0.02, codes, ones * 2, ones * 3, ones * 0, np.tile(np.float32(of.rgb), (len(codes), 1)))
-    return MapObject(number, voxels, labels, s.ns(0), s.ns(5), 4.0, OpenState(0, s.ns(0)), confirmed=True, entered=True)
+    return MapObject(number, voxels, labels, Existence(4.0), OpenState(0, s.ns(0)), s.ns(0), s.ns(5), status=STORED)
 
 
 def record(things: tuple[s.Thing, ...], eye: s.Point, at_s: float) -> KeyframeRecord:

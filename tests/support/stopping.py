@@ -117,7 +117,7 @@ def _run(arguments: Sequence[str], folder: str, prepare: Callable[[Any], None] |
 
 _CONTEXT = multiprocessing.get_context("forkserver")
 _CONTEXT.set_forkserver_preload(
-    ["supermap_cli.traversal_build", "supermap_cli.recordings", "scipy.optimize", "scipy.spatial"]
+    ["supermap_cli.drivers.traversal_build", "supermap_cli.recordings", "scipy.optimize", "scipy.spatial"]
 )
 
 

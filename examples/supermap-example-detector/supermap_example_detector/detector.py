@@ -19,7 +19,7 @@ class RedDetector:
     def __init__(self, options: RedOptions) -> None:
         self._options = options
 
-    def image_stamps_ns(self) -> None:
+    def image_stamps_ns(self, camera_id: str) -> None:
         """It can look at any image."""
 
     def detect(self, frame: CameraFrame) -> Detections:

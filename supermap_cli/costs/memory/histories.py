@@ -26,7 +26,7 @@ MOVE_DISTANCE_M = 0.8
 
 
 @dataclass
-class ObjectHistory:
+class SyntheticHistory:
     """All that the memory stores of one instance.
 
     `seen` are the visits that observed it, `written_by` the traversal of each state, `merged_into` the number of the
@@ -43,9 +43,9 @@ class ObjectHistory:
     merged_into: int | None = None
 
 
-def simulate_history(obj: SyntheticObject, visits: Sequence[RoomVisit], rng: np.random.Generator) -> ObjectHistory:
+def simulate_history(obj: SyntheticObject, visits: Sequence[RoomVisit], rng: np.random.Generator) -> SyntheticHistory:
     """Draw an object's history over all visits to its room; numbers of traversals stand for their ids."""
-    history = ObjectHistory(obj)
+    history = SyntheticHistory(obj)
     draws = rng.random((len(visits), 2))
     first_ns, empty_ns, absent = visits[0].first_ns, None, False
     for visit, (movement, removal) in zip(visits, draws, strict=True):
@@ -75,7 +75,7 @@ def simulate_history(obj: SyntheticObject, visits: Sequence[RoomVisit], rng: np.
     return history
 
 
-def merge(history: ObjectHistory, into: ObjectHistory) -> None:
+def merge(history: SyntheticHistory, into: SyntheticHistory) -> None:
     """Make one instance a part of another, which was taken for an object of its own in its first visit."""
     history.seen = history.seen[:1]
     history.visits = history.visits[:1]
@@ -88,14 +88,14 @@ def merge(history: ObjectHistory, into: ObjectHistory) -> None:
     history.events.append((history.seen[0].traversal.number, edge))
 
 
-def link_candidates(history: ObjectHistory, other: ObjectHistory) -> None:
+def link_candidates(history: SyntheticHistory, other: SyntheticHistory) -> None:
     """Store that two instances of a class may be the same object."""
     traversal, stamp_ns = other.seen[0].traversal.number, other.states[0].first_seen_ns
     ends = (history.obj.number, len(history.states) - 1, other.obj.number, 0)
     history.events.append((traversal, TemporalEdge("candidate", *ends, None, stamp_ns, CANDIDATE_PROBABILITY)))
 
 
-def _append_state(history: ObjectHistory, first_ns: int, empty_ns: int | None, gone_ns: int | None) -> None:
+def _append_state(history: SyntheticHistory, first_ns: int, empty_ns: int | None, gone_ns: int | None) -> None:
     """Append the state that ends here; it was last seen in the last visit that observed it."""
     box = history.obj.box
     state = StateRecord(
@@ -114,7 +114,7 @@ def _append_state(history: ObjectHistory, first_ns: int, empty_ns: int | None, g
     history.written_by.append(next(visit.traversal.number for visit in history.seen if visit.last_ns >= first_ns))
 
 
-def _append_visit(history: ObjectHistory, visit: RoomVisit, *, seen: bool) -> None:
+def _append_visit(history: SyntheticHistory, visit: RoomVisit, *, seen: bool) -> None:
     keyframes = (visit.last_ns - visit.first_ns) // KEYFRAME_PERIOD_NS + 1
     first, last = (visit.first_ns, visit.last_ns) if seen else (None, None)
     record = Visit(history.obj.number, keyframes if seen else 0, keyframes, 0 if seen else keyframes, first, last)
@@ -122,7 +122,7 @@ def _append_visit(history: ObjectHistory, visit: RoomVisit, *, seen: bool) -> No
 
 
 def _append_event(
-    history: ObjectHistory, kind: str, visit: RoomVisit, steps: tuple[int, int], distance_m: float | None = None
+    history: SyntheticHistory, kind: str, visit: RoomVisit, steps: tuple[int, int], distance_m: float | None = None
 ) -> None:
     """Append a temporal edge from the state just closed, or between it and the one `steps` after it."""
     at, number = len(history.states) - 1, history.obj.number
@@ -131,7 +131,7 @@ def _append_event(
     history.events.append((visit.traversal.number, TemporalEdge(kind, *ends, *bounds, CHANGE_PROBABILITY, distance_m)))  # type: ignore[arg-type]
 
 
-def _append_reappearances(history: ObjectHistory) -> None:
+def _append_reappearances(history: SyntheticHistory) -> None:
     """Append a reappearance for every state whose place had been seen empty before."""
     number = history.obj.number
     for before, after, traversal in zip(history.states, history.states[1:], history.written_by[1:], strict=False):

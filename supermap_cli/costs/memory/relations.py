@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from supermap_cli.costs.memory.histories import ObjectHistory
+from supermap_cli.costs.memory.histories import SyntheticHistory
 from supermap_cli.query.relations import box_distance_m, holds
 from supermap_cli.types.memory import SpatialEdge, StateRecord
 
@@ -18,7 +18,7 @@ SUPPORTED_CLASSES = {"monitor", "keyboard", "cup", "lamp", "vase", "globe", "lap
 """Classes that stand on other objects."""
 
 
-def edges_of_room(histories: Sequence[ObjectHistory]) -> Iterator[tuple[SpatialEdge, int]]:
+def edges_of_room(histories: Sequence[SyntheticHistory]) -> Iterator[tuple[SpatialEdge, int]]:
     """(edge, traversal that wrote it) between the newest states of a room's objects."""
     current = [(history, history.states[-1]) for history in histories if history.states]
     for index, (first, state) in enumerate(current):
@@ -30,7 +30,7 @@ def edges_of_room(histories: Sequence[ObjectHistory]) -> Iterator[tuple[SpatialE
 
 
 def _edges(
-    first: ObjectHistory, state: StateRecord, second: ObjectHistory, second_state: StateRecord
+    first: SyntheticHistory, state: StateRecord, second: SyntheticHistory, second_state: StateRecord
 ) -> Iterator[tuple[SpatialEdge, int]]:
     since_ns = max(state.first_seen_ns, second_state.first_seen_ns)
     ends = [gone for gone in (state.gone_ns, second_state.gone_ns) if gone is not None]

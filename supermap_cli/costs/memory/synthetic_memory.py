@@ -14,7 +14,7 @@ from supermap_cli.costs.memory.histories import (
     CANDIDATE_SHARE,
     DOUBTED_SHARE,
     MERGED_SHARE,
-    ObjectHistory,
+    SyntheticHistory,
     link_candidates,
     merge,
     simulate_history,
@@ -78,7 +78,7 @@ def make_memory(path: Path, objects: int, traversals: int, seed: int, progress: 
     histories = [simulate_history(obj, visits[obj.room], rng) for obj in furnish(objects, rng) if obj.room in visits]
     _add_merges_and_doubts(histories, rng)
     progress(f"{len(histories)} instances live through {traversals} traversals")
-    seen_in: dict[int, list[ObjectHistory]] = defaultdict(list)
+    seen_in: dict[int, list[SyntheticHistory]] = defaultdict(list)
     for history in histories:
         for visit in history.seen:
             seen_in[visit.traversal.number].append(history)
@@ -96,7 +96,7 @@ def make_memory(path: Path, objects: int, traversals: int, seed: int, progress: 
     return WrittenCounts(len(histories), observations, keyframes, traversals)
 
 
-def _add_merges_and_doubts(histories: Sequence[ObjectHistory], rng: np.random.Generator) -> None:
+def _add_merges_and_doubts(histories: Sequence[SyntheticHistory], rng: np.random.Generator) -> None:
     """Mark shares of the instances as merged, doubted and identity candidates."""
     draws = rng.random(len(histories))
     for at, (history, other) in enumerate(pairwise(histories)):
@@ -110,7 +110,7 @@ def _add_merges_and_doubts(histories: Sequence[ObjectHistory], rng: np.random.Ge
             link_candidates(history, other)
 
 
-def _write_histories(writer: BulkWriter, histories: Sequence[ObjectHistory], rng: np.random.Generator) -> None:
+def _write_histories(writer: BulkWriter, histories: Sequence[SyntheticHistory], rng: np.random.Generator) -> None:
     counters: dict[str, int] = defaultdict(int)
 
     def next_text_id(label: str) -> str:
@@ -133,7 +133,7 @@ def _write_histories(writer: BulkWriter, histories: Sequence[ObjectHistory], rng
         writer.add("visit", (rows.visit_values(visit, at) for history in part for at, visit in history.visits))
     for history in histories:
         writer.add("temporal_edge", (rows.temporal_edge_values(edge, at) for at, edge in history.events))
-    rooms: dict[int, list[ObjectHistory]] = defaultdict(list)
+    rooms: dict[int, list[SyntheticHistory]] = defaultdict(list)
     for history in histories:
         if history.merged_into is None:
             rooms[history.obj.room].append(history)
@@ -150,7 +150,7 @@ def _traversal(traversal: SyntheticTraversal, seen: int) -> dict[str, object]:
     return rows.traversal_values(start, traversal.number, traversal.name) | known | counts
 
 
-def _observation_counts(histories: Sequence[ObjectHistory]) -> dict[int, int]:
+def _observation_counts(histories: Sequence[SyntheticHistory]) -> dict[int, int]:
     """Instance number -> observations, those of merged parts included."""
     counts = {history.obj.number: len(history.seen) * KEYFRAMES_PER_ROOM for history in histories}
     for history in histories:
@@ -160,7 +160,7 @@ def _observation_counts(histories: Sequence[ObjectHistory]) -> dict[int, int]:
 
 
 def _instance(
-    history: ObjectHistory, text_id: str, observations: int, clouds: Sequence[VoxelCloud]
+    history: SyntheticHistory, text_id: str, observations: int, clouds: Sequence[VoxelCloud]
 ) -> dict[str, object]:
     obj, newest = history.obj, history.states[-1] if history.states else None
     other = "stool" if obj.label == "chair" else "box"
@@ -207,7 +207,7 @@ def _keyframes(traversal: SyntheticTraversal, before: int, depth_png: bytes) -> 
 def _write_observations(
     writer: BulkWriter,
     traversal: SyntheticTraversal,
-    seen: Sequence[ObjectHistory],
+    seen: Sequence[SyntheticHistory],
     numbering_and_crop: tuple[int, bytes],
     rng: np.random.Generator,
 ) -> int:
@@ -260,7 +260,7 @@ def _write_observations(
     return n
 
 
-def _hypotheses_json(observed: Sequence[ObjectHistory], scores: Sequence[float]) -> Iterator[str]:
+def _hypotheses_json(observed: Sequence[SyntheticHistory], scores: Sequence[float]) -> Iterator[str]:
     for history, score in zip(observed, scores, strict=True):
         yield f'[["{history.obj.label}",{score}],["bucket",{round((1 - score) / 2, 4)}],["box",0.01]]'
 

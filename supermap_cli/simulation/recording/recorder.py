@@ -15,10 +15,10 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from supermap_cli.building.lookahead import LookAhead
 from supermap_cli.errors import SimulationError
 from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.geometry.cameras import EquirectangularCamera
+from supermap_cli.lookahead import LookAhead
 from supermap_cli.recordings.fingerprint import recording_fingerprint
 from supermap_cli.simulation.detection.detector import SimulatedDetector
 from supermap_cli.simulation.detection.detector_errors import DetectorErrors

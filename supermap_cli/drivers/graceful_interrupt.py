@@ -11,7 +11,7 @@ from typing import Any, Self
 _STOPS = (signal.SIGINT, signal.SIGTERM)
 
 
-class PoliteStop:
+class GracefulInterrupt:
     """While it is entered, the first SIGINT or SIGTERM only sets `requested`; a second one is a `KeyboardInterrupt`.
 
     Outside the main thread, which alone gets signals, it changes nothing.
@@ -23,7 +23,7 @@ class PoliteStop:
 
     def __enter__(self) -> Self:
         if threading.current_thread() is threading.main_thread():
-            self._former = {each: signal.signal(each, self._ask) for each in _STOPS}
+            self._former = {stop: signal.signal(stop, self._ask) for stop in _STOPS}
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:

@@ -33,11 +33,11 @@ def shift_to_follow(name: str, first_ns: int, earlier: Sequence[StoredTraversal]
     A keyframe may not be older than, or of the same instant as, one that is in the map. What was recorded after the
     last keyframe, and is part of no map, does not count: a recording that is built in parts goes on where it stopped.
     """
-    mapped = [each for each in earlier if each.mapped_ns is not None]
-    last = max(mapped, key=lambda each: each.mapped_ns or 0, default=None)
+    mapped = [traversal for traversal in earlier if traversal.mapped_ns is not None]
+    last = max(mapped, key=lambda traversal: traversal.mapped_ns or 0, default=None)
     if last is None or last.mapped_ns is None or first_ns > last.mapped_ns:
         return TimeShift()
-    end_ns = max(max(each.end_ns, each.mapped_ns or 0) for each in mapped)
+    end_ns = max(max(traversal.end_ns, traversal.mapped_ns or 0) for traversal in mapped)
     shift_ns = -(-(end_ns + MINUTE_NS - first_ns) // MINUTE_NS) * MINUTE_NS
     return TimeShift(
         shift_ns,

@@ -6,7 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from supermap_cli.config import BuildConfig
 from supermap_cli.geometry.arrays import FloatArray, IntArray
+from supermap_cli.protocols import Detector, Recording
 
 _SLACK_NS = 1e6
 
@@ -21,7 +23,7 @@ class KeyframeChoice:
     def after(self, stamp_ns: int) -> KeyframeChoice:
         """Those later than a stamp."""
         mapped, perceived = (
-            frozenset(each for each in which if each > stamp_ns) for which in (self.mapped, self.perceived)
+            frozenset(stamp for stamp in which if stamp > stamp_ns) for which in (self.mapped, self.perceived)
         )
         return KeyframeChoice(mapped, perceived)
 
@@ -42,6 +44,24 @@ def choose_keyframes(
     if not perceived or len(perceived) >= len(evenly(frame_stamps_ns, rate_hz)):
         return KeyframeChoice(chosen, chosen)
     return KeyframeChoice(chosen | fill_gaps(frame_stamps_ns, np.array(perceived), 1e9 / rate_hz), chosen)
+
+
+def choose_frames(recording: Recording, detector: Detector, config: BuildConfig) -> dict[str, KeyframeChoice]:
+    """The images of each camera to map and to perceive: evenly the same number of each, together no more a second than
+    `keyframes.total_rate_hz`.
+    """
+    rate_hz = config.keyframes.rate_hz
+    if len(recording.cameras) > 1:
+        rate_hz = min(rate_hz, config.keyframes.total_rate_hz / len(recording.cameras))
+    return {
+        camera_id: choose_keyframes(
+            recording.frame_stamps_ns(camera_id),
+            detector.image_stamps_ns(camera_id),
+            rate_hz,
+            config.perception.rate_hz,
+        )
+        for camera_id in recording.cameras
+    }
 
 
 def evenly(stamps_ns: IntArray, rate_hz: float) -> list[int]:

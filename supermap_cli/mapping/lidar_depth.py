@@ -1,10 +1,11 @@
-"""What a LiDAR saw around an image's stamp: returns, deskewed with the trajectory, and a depth image drawn of them."""
+"""What a LiDAR saw around an image's stamp: returns, deskewed with the trajectory, and a depth image drawn of them.
+
+The paper takes synchronised depth as given (section IV); a LiDAR's returns are made into it here.
+"""
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Callable, Iterable
-from dataclasses import replace
+from collections.abc import Callable
 from typing import Any
 
 import cv2
@@ -13,17 +14,14 @@ from numpy.typing import NDArray
 
 from supermap_cli.geometry.arrays import BoolArray, Float32Array, FloatArray, IntArray
 from supermap_cli.geometry.cameras import Camera
-from supermap_cli.geometry.se3 import inverse, transform_points
-from supermap_cli.types.sensing import CameraFrame, Sweep
+from supermap_cli.geometry.se3 import transform_points
+from supermap_cli.types.sensing import Sweep
 
 PosesAt = Callable[[IntArray], tuple[FloatArray, BoolArray]]
 """`T_odom_base` (n, 4, 4) at n stamps, and (n,) which of them the trajectory reaches."""
 
 _KNOTS = 11
 """Moments of a sweep, evenly spread, at which the pose is looked up: every 10 ms at 10 Hz."""
-
-_LONGEST_SWEEP_NS = 200_000_000
-"""ns a sweep may last, 5 Hz; older ones are dropped from the window."""
 
 _CELL_PX = 16
 """Pixels of a side of the cells in which returns are counted; set by hand, so that several returns fall on one."""
@@ -33,9 +31,6 @@ _LARGEST_SPLAT_RAD = 0.037
 
 _SAME_SURFACE = 0.05
 """Share of the range by which both sides of a gap may differ to be one surface; set by hand."""
-
-_NEAREST_RANGE_M = 0.3
-"""m; nearer returns are of the robot itself or noise; set by hand."""
 
 
 def deskew_to_odom(sweep: Sweep, T_odom_base_at: PosesAt) -> FloatArray | None:
@@ -65,70 +60,6 @@ def deskew_to_odom(sweep: Sweep, T_odom_base_at: PosesAt) -> FloatArray | None:
         end = transform_points(T_odom_lidar[knot + 1], sweep.points_lidar[those])
         points_odom[those] = start + fraction[those] * (end - start)
     return points_odom
-
-
-def deskew_sweep(sweep: Sweep, T_odom_base_at: PosesAt, stamp_ns: int) -> FloatArray | None:
-    """(n, 3) points of a sweep in the base frame as it stood at `stamp_ns`; `None` beyond the trajectory."""
-    T_odom_base, known = T_odom_base_at(np.array([stamp_ns], np.int64))
-    points_odom = deskew_to_odom(sweep, T_odom_base_at) if known[0] else None
-    return None if points_odom is None else transform_points(inverse(T_odom_base[0]), points_odom)
-
-
-class SweepDepth:
-    """Depth for one camera image after the other, in ascending order of their stamps.
-
-    `half_window_s` is how far a return's own time may lie from the image's; only the sweeps of that window are kept.
-    """
-
-    def __init__(self, sweeps: Iterable[Sweep], T_odom_base_at: PosesAt, half_window_s: float = 0.15) -> None:
-        self._sweeps = iter(sweeps)
-        self._T_odom_base_at = T_odom_base_at
-        self._half_window_ns = round(half_window_s * 1e9)
-        self._window: deque[Sweep] = deque()
-        self._points_odom: dict[int, FloatArray] = {}
-        self._next: Sweep | None = next(self._sweeps, None)
-
-    def complete(self, frame: CameraFrame) -> CameraFrame:
-        """The frame with the LiDAR's returns about its stamp, and the depth image they make."""
-        returns = self.returns_for(frame.stamp_ns, frame.T_base_camera)
-        return replace(frame, depth_m=draw_returns(frame.camera, returns), returns_camera=returns)
-
-    def depth_for(self, stamp_ns: int, camera: Camera, T_base_camera: FloatArray) -> Float32Array:
-        """(h, w) float32 in the measure of the camera, 0 = no return (everywhere, beyond the trajectory)."""
-        return draw_returns(camera, self.returns_for(stamp_ns, T_base_camera))
-
-    def returns_for(self, stamp_ns: int, T_base_camera: FloatArray) -> FloatArray:
-        """(n, 3) returns in the camera's frame as it stood at the stamp; none beyond the trajectory."""
-        self._move_to(stamp_ns)
-        T_odom_base, known = self._T_odom_base_at(np.array([stamp_ns], np.int64))
-        if not known[0]:
-            return np.zeros((0, 3))
-        near = [self._near_in_odom(sweep, stamp_ns) for sweep in self._window]
-        points = transform_points(inverse(T_odom_base[0] @ T_base_camera), np.concatenate([np.zeros((0, 3)), *near]))
-        far_enough: BoolArray = np.einsum("ij,ij->i", points, points) > _NEAREST_RANGE_M**2
-        return points[far_enough]
-
-    def _move_to(self, stamp_ns: int) -> None:
-        reach = self._half_window_ns
-        while self._next is not None and self._next.stamp_ns <= stamp_ns + reach:
-            self._window.append(self._next)
-            self._next = next(self._sweeps, None)
-        while self._window and self._window[0].stamp_ns < stamp_ns - reach - _LONGEST_SWEEP_NS:
-            self._points_odom.pop(self._window.popleft().stamp_ns, None)
-
-    def _near_in_odom(self, sweep: Sweep, stamp_ns: int) -> FloatArray:
-        """(n, 3) those points of a sweep in odom that returned within the window."""
-        near = np.abs(sweep.point_stamps_ns - stamp_ns) <= self._half_window_ns
-        points = self._in_odom(sweep) if near.any() else None
-        return np.zeros((0, 3)) if points is None else points[near]
-
-    def _in_odom(self, sweep: Sweep) -> FloatArray | None:
-        points = self._points_odom.get(sweep.stamp_ns)
-        if points is None:
-            points = deskew_to_odom(sweep, self._T_odom_base_at)
-            if points is not None:
-                self._points_odom[sweep.stamp_ns] = points
-        return points
 
 
 def draw_returns(camera: Camera, points_camera: FloatArray) -> Float32Array:

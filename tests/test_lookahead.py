@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from supermap_cli.building.lookahead import LookAhead
+from supermap_cli.lookahead import LookAhead
 
 
 def test_nothing_stays_nothing() -> None:

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from supermap_cli.building.keyframe_choice import choose_keyframes, fill_gaps
+from supermap_cli.drivers.keyframe_choice import choose_keyframes, fill_gaps
 from support import scenes as s
 
 

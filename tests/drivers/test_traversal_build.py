@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 from supermap_cli.config import BuildConfig
+from supermap_cli.drivers.build_summary import BuildSummary
+from supermap_cli.drivers.traversal_build import TraversalBuild
 from supermap_cli.errors import (
     ConfigError,
     DetectorError,
@@ -19,10 +21,11 @@ from supermap_cli.errors import (
 )
 from supermap_cli.memory import MapStore, open_store
 from supermap_cli.memory.checking import check
-from supermap_cli.memory.values import TraversalStart
-from supermap_cli.traversal_build import BuildSummary, TraversalBuild
-from supermap_cli.types.memory import KeyframeRecord, MapDelta
+from supermap_cli.memory.values import Checkpoint, TraversalStart
+from supermap_cli.types.detections import Detections
+from supermap_cli.types.memory import MapDelta
 from supermap_cli.types.relations import SpatialPredicate
+from supermap_cli.types.sensing import CameraFrame
 from support import databases
 from support import fakes as f
 from support import scenes as s
@@ -63,23 +66,23 @@ def tuesday(*things: s.Thing) -> f.FakeRecording:
 def test_a_recording_becomes_a_memory(store: MapStore) -> None:
     summary = build(store, monday())
     assert summary.traversal == "monday"
-    assert (summary.tally.frames, summary.tally.keyframes, summary.tally.without_pose) == (12, 6, 0)
-    assert summary.tally.labels == {"cup": 1, "dining table": 1}
-    assert summary.tally.observations == summary.tally.detections == summary.tally.masks == 12
+    assert (summary.statistics.frames, summary.statistics.keyframes, summary.statistics.without_pose) == (12, 6, 0)
+    assert summary.statistics.labels == {"cup": 1, "dining table": 1}
+    assert summary.statistics.observations == summary.statistics.detections == summary.statistics.masks == 12
     assert summary.instances == 2
     assert summary.recorded_s == pytest.approx(11 / 6)
     assert summary.backends == dict.fromkeys(("odometry", "detector", "segmenter", "tracker"), "fake")
     assert "floor at z = 0" in summary.placement.method
-    assert {"decode", "detect", "map", "graph", "write"} <= {each.stage for each in summary.timings}
+    assert {"decode", "detect", "map", "graph", "write"} <= {timing.stage for timing in summary.timings}
 
     (traversal,) = store.traversals()
     assert (traversal.name, traversal.status, traversal.keyframes) == ("monday", "complete", 6)
     assert traversal.config["used"] == summary.backends
-    assert set(traversal.timings) == {"total", *(each.stage for each in summary.timings)}
-    instances = {each.label: each for each in store.load_instances()}
+    assert set(traversal.timings) == {"total", *(timing.stage for timing in summary.timings)}
+    instances = {instance.label: instance for instance in store.load_instances()}
     np.testing.assert_allclose(instances["cup"].centroid_map, s.CUP.center, atol=0.1)
-    assert [each.stamp_ns for each in store.keyframe_depths()] == [s.ns(i / 3) for i in range(6)]
-    edges = {(each.subject, each.relation, each.object) for each in store.load_spatial_edges()}
+    assert [record.stamp_ns for record in store.keyframe_depths()] == [s.ns(i / 3) for i in range(6)]
+    edges = {(edge.subject, edge.relation, edge.object) for edge in store.load_spatial_edges()}
     assert (instances["cup"].number, "near", instances["dining table"].number) in edges
     assert store.load_states()[0].gone_ns is None
 
@@ -99,14 +102,14 @@ def test_the_same_recording_gives_the_same_memory(tmp_path: Path) -> None:
 def test_boxes_without_masks_are_segmented(store: MapStore) -> None:
     plugins = f.FakePlugins(detector=lambda recording: f.FakeDetector(recording, without_masks=True))
     summary = build(store, f.FakeRecording(f.film((*s.ROOM, s.CHAIR))), plugins)
-    assert summary.tally.masks == summary.tally.detections
-    assert summary.tally.labels == {"chair": 1}
+    assert summary.statistics.masks == summary.statistics.detections
+    assert summary.statistics.labels == {"chair": 1}
 
 
 def test_further_predicates_are_asked(store: MapStore) -> None:
     alike = SpatialPredicate("alike", lambda pair, slack: 0.7)
     build(store, monday(), f.FakePlugins(predicates=[alike]))
-    assert {(each.subject, each.relation, each.object) for each in store.load_spatial_edges()} >= {
+    assert {(edge.subject, edge.relation, edge.object) for edge in store.load_spatial_edges()} >= {
         (1, "alike", 2),
         (2, "alike", 1),
     }
@@ -118,18 +121,24 @@ def test_progress_is_told_after_every_keyframe(store: MapStore) -> None:
     assert told == [(s.ns(i / 3), i + 1) for i in range(6)]
 
 
-def test_keyframe_mapped_is_called_once_for_every_keyframe_after_its_batch_was_written(
-    store: MapStore, tmp_path: Path
-) -> None:
-    seen: list[tuple[int, int, int]] = []
+def test_an_observer_is_told_each_keyframe_once_with_its_own_changes(store: MapStore) -> None:
+    log = f.ObserverLog()
+    summary = build(store, monday(), f.FakePlugins(observer=log), f.config(keyframes={"batch": 4}))
+    assert [context.traversal for context in log.contexts] == ["monday"]
+    assert [stamp_ns for stamp_ns, _ in log.mapped_keyframes] == [*(s.ns(i / 3) for i in range(6)), None]
+    deltas = [delta for _, delta in log.mapped_keyframes]
+    assert [len(delta.keyframes) for delta in deltas] == [1] * 6 + [0]
+    assert sum(len(delta.observations) for delta in deltas) == summary.statistics.observations
+    assert [len(batch.keyframes) for batch in log.batches] == [4, 2]
+    assert sum(len(batch.observations) for batch in log.batches) == summary.statistics.observations
+    assert log.perceptions == log.frames == 6
+    assert [(ended.complete, ended.objects) for ended in log.summaries] == [(True, 2)]
 
-    def look_at_the_database(keyframe: KeyframeRecord, changes: MapDelta) -> None:
-        ((written,),) = databases.query(tmp_path / "map.db", "SELECT count(*) FROM keyframe")
-        seen.append((keyframe.stamp_ns, len(changes.keyframes), written))
 
-    build(store, monday(), f.FakePlugins(on_keyframe=look_at_the_database), f.config(keyframes={"batch": 4}))
-    batches, written = [4] * 4 + [2] * 2, [4] * 4 + [6] * 2
-    assert seen == [(s.ns(i / 3), batches[i], written[i]) for i in range(6)]
+def test_an_observer_that_fails_is_left_out_with_a_warning(store: MapStore) -> None:
+    summary = build(store, monday(), f.FakePlugins(observer=f.ObserverLog(failing=True)))
+    assert [warning for warning in summary.warnings if "was left out: ZeroDivisionError" in warning]
+    assert summary.instances == 2
 
 
 def test_the_size_of_a_batch_makes_no_difference_to_the_memory(tmp_path: Path) -> None:
@@ -139,12 +148,102 @@ def test_the_size_of_a_batch_makes_no_difference_to_the_memory(tmp_path: Path) -
             build(store, monday(), config=f.config(keyframes={"batch": batch}))
             found.append(
                 (
-                    [(each.number, each.label, each.observations) for each in store.load_instances()],
-                    [(each.subject, each.relation, each.object, each.since_ns) for each in store.load_spatial_edges()],
-                    [(each.object_number, each.first_seen_ns, each.last_seen_ns) for each in store.load_states()],
+                    [(instance.number, instance.label, instance.observations) for instance in store.load_instances()],
+                    [(edge.subject, edge.relation, edge.object, edge.since_ns) for edge in store.load_spatial_edges()],
+                    [(state.object_number, state.first_seen_ns, state.last_seen_ns) for state in store.load_states()],
                 )
             )
     assert found[0] == found[1]
+
+
+def test_what_the_odometry_warns_of_is_told_and_stored(store: MapStore) -> None:
+    jump = "the recorded pose jumps by 2.00 m"
+    summary = build(store, monday(), f.FakePlugins(odometry_warnings=[jump]))
+    assert jump in summary.warnings
+    assert [traversal.warnings for traversal in store.traversals()] == [(jump,)]
+
+
+# -- several cameras
+
+
+def two_cameras(images: int = 12) -> f.FakeRecording:
+    return f.FakeRecording(f.film(KITCHEN, images), cameras=("front", "left"))
+
+
+def test_every_camera_is_mapped_at_its_rate_and_in_the_order_of_stamps(store: MapStore) -> None:
+    summary = build(store, two_cameras())
+    stored = [(record.stamp_ns, record.camera_id) for record in store.keyframe_depths()]
+    assert stored == [(s.ns(i / 3), camera_id) for i in range(6) for camera_id in ("front", "left")]
+    assert summary.statistics.keyframes == summary.statistics.perceived == 12
+    assert summary.statistics.labels == {"cup": 1, "dining table": 1}
+    with store.reader() as reader:
+        assert check(reader) == []
+
+
+def test_the_rate_of_all_cameras_together_is_bounded(store: MapStore) -> None:
+    summary = build(store, two_cameras(), config=f.config(keyframes={"rate_hz": 6, "total_rate_hz": 6}))
+    assert summary.statistics.keyframes == 12
+
+
+class FailingDetector(f.FakeDetector):
+    """Fails at its n-th image."""
+
+    left = 15
+
+    def detect(self, frame: CameraFrame) -> Detections | None:
+        FailingDetector.left -= 1
+        if FailingDetector.left == 0:
+            raise DetectorError("no power", cure="plug it in")
+        return super().detect(frame)
+
+
+@pytest.mark.parametrize("images_before", [5, 8, 15])
+def test_a_build_of_several_cameras_goes_on_between_images_of_one_moment(tmp_path: Path, images_before: int) -> None:
+    """Whatever a batch ends with, the memory is that of an undisturbed build."""
+    config = f.config(keyframes={"batch": 3, "checkpoint_s": 0, "rate_hz": 6})
+    undisturbed, stopped = tmp_path / "undisturbed.db", tmp_path / "stopped.db"
+    with open_store(str(undisturbed), create=True) as store:
+        build(store, two_cameras(), f.FakePlugins(tracker=f.ResumableTracker), config)
+    FailingDetector.left = images_before
+    failing = f.FakePlugins(tracker=f.ResumableTracker, detector=FailingDetector)
+    with open_store(str(stopped), create=True) as store:
+        with pytest.raises(DetectorError):
+            build(store, two_cameras(), failing, config)
+        before = [record.stamp_ns for record in store.keyframe_depths()]
+        log = f.ObserverLog()
+        sound = f.FakePlugins(tracker=f.ResumableTracker, observer=log)
+        build(store, two_cameras(), sound, config, unfinished="resume")
+    assert databases.contents(stopped, but=("traversal",)) == databases.contents(undisturbed, but=("traversal",))
+    told = [stamp_ns for stamp_ns, _ in log.mapped_keyframes if stamp_ns is not None]
+    assert len(before) + len(told) == 24
+
+
+def test_a_build_killed_before_its_last_changes_ends_like_an_undisturbed_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Who moves by itself is nowhere when the traversal has ended, also if only that was left to be written."""
+    config = f.config(keyframes={"batch": 1, "checkpoint_s": 0})
+    recording = f.FakeRecording(f.film((*KITCHEN, s.PERSON)))
+    plugins = f.FakePlugins(tracker=f.ResumableTracker)
+    with open_store(str(tmp_path / "undisturbed.db"), create=True) as store:
+        build(store, recording, plugins, config)
+    commit = MapStore.commit
+
+    def power_cut(store: MapStore, traversal_id: int, delta: MapDelta, checkpoint: Checkpoint | None = None) -> None:
+        if not delta.keyframes:
+            raise KeyboardInterrupt
+        commit(store, traversal_id, delta, checkpoint)
+
+    with open_store(str(tmp_path / "stopped.db"), create=True) as store:
+        monkeypatch.setattr(MapStore, "commit", power_cut)
+        with pytest.raises(KeyboardInterrupt):
+            build(store, recording, plugins, config)
+        monkeypatch.setattr(MapStore, "commit", commit)
+        log = f.ObserverLog()
+        build(store, recording, f.FakePlugins(tracker=f.ResumableTracker, observer=log), config, unfinished="resume")
+    contents = [databases.contents(tmp_path / name, but=("traversal",)) for name in ("stopped.db", "undisturbed.db")]
+    assert contents[0] == contents[1]
+    assert [stamp_ns for stamp_ns, _ in log.mapped_keyframes] == [None]
 
 
 # -- a second traversal
@@ -152,36 +251,36 @@ def test_the_size_of_a_batch_makes_no_difference_to_the_memory(tmp_path: Path) -
 
 def test_a_second_traversal_goes_on_with_the_same_things_and_numbers(store: MapStore) -> None:
     build(store, monday())
-    before = {each.label: each.number for each in store.load_instances()}
+    before = {instance.label: instance.number for instance in store.load_instances()}
     summary = build(store, tuesday(s.TABLE, s.CUP, s.BOX.at(1.6, 1.0)), align="auto")
-    after = {each.label: each.number for each in store.load_instances()}
+    after = {instance.label: instance.number for instance in store.load_instances()}
     assert after == {**before, "box": 3}
-    assert [each.name for each in store.traversals()] == ["monday", "tuesday"]
-    assert summary.tally.labels == {"box": 1, "cup": 1, "dining table": 1}
-    first = {each.object_number: each.first_seen_ns for each in store.load_open_states()}
+    assert [traversal.name for traversal in store.traversals()] == ["monday", "tuesday"]
+    assert summary.statistics.labels == {"box": 1, "cup": 1, "dining table": 1}
+    first = {state.object_number: state.first_seen_ns for state in store.load_open_states()}
     assert first[before["cup"]] == s.ns(0)
     assert first[3] >= s.ns(DAY_S)
 
 
 def test_what_was_taken_away_in_between_has_gone_with_its_relations(store: MapStore) -> None:
     build(store, monday())
-    cup = next(each.number for each in store.load_instances() if each.label == "cup")
+    cup = next(instance.number for instance in store.load_instances() if instance.label == "cup")
     build(store, tuesday(s.TABLE))
     (state,) = store.load_states([cup])
     assert state.last_seen_ns < s.ns(DAY_S) <= (state.gone_ns or 0)
-    assert next(each.presence for each in store.load_instances() if each.number == cup) == "absent"
-    assert all(cup not in (each.subject, each.object) for each in store.load_spatial_edges())
+    assert next(instance.presence for instance in store.load_instances() if instance.number == cup) == "absent"
+    assert all(cup not in (edge.subject, edge.object) for edge in store.load_spatial_edges())
     ended = [
-        each for each in store.load_spatial_edges(open_only=False) if each.relation == "near" and each.subject == cup
+        edge for edge in store.load_spatial_edges(open_only=False) if edge.relation == "near" and edge.subject == cup
     ]
-    assert [each.until_ns is not None and each.until_ns >= s.ns(DAY_S) for each in ended] == [True]
+    assert [edge.until_ns is not None and edge.until_ns >= s.ns(DAY_S) for edge in ended] == [True]
 
 
 def test_a_room_found_empty_is_worth_knowing(store: MapStore) -> None:
     build(store, f.FakeRecording(f.film((*s.ROOM, s.CHAIR))))
     summary = build(store, tuesday())
     assert summary.instances == 0
-    assert [each.presence for each in store.load_instances()] == ["absent"]
+    assert [instance.presence for instance in store.load_instances()] == ["absent"]
 
 
 def test_a_traversal_that_says_nothing_of_what_is_in_the_map_is_none(store: MapStore) -> None:
@@ -189,13 +288,13 @@ def test_a_traversal_that_says_nothing_of_what_is_in_the_map_is_none(store: MapS
     elsewhere = f.FakeRecording(f.film(s.ROOM, start_s=DAY_S, target=(1.6, 4, 0.4)), Path("tuesday.fake"))
     with pytest.raises(DetectorError, match="found nothing in 6 images"):
         build(store, elsewhere)
-    assert [each.name for each in store.traversals()] == ["monday"]
+    assert [traversal.name for traversal in store.traversals()] == ["monday"]
 
 
 def test_what_came_in_between_stands_where_the_first_traversal_saw_nothing(store: MapStore) -> None:
     build(store, monday())
     build(store, tuesday(s.TABLE, s.CUP, s.CUP.at(1.4, 0.45)))
-    (new,) = (each for each in store.load_open_states() if each.first_seen_ns >= s.ns(DAY_S))
+    (new,) = (state for state in store.load_open_states() if state.first_seen_ns >= s.ns(DAY_S))
     assert new.empty_before_ns is not None
     assert new.empty_before_ns < s.ns(DAY_S)
 
@@ -203,8 +302,8 @@ def test_what_came_in_between_stands_where_the_first_traversal_saw_nothing(store
 def test_the_same_recording_again_finds_everything_unchanged(store: MapStore) -> None:
     first = build(store, monday())
     again = build(store, monday(), again=True)
-    assert again.tally.labels == first.tally.labels
-    assert [each.name for each in store.traversals()] == ["monday", "monday-2"]
+    assert again.statistics.labels == first.statistics.labels
+    assert [traversal.name for traversal in store.traversals()] == ["monday", "monday-2"]
     assert again.clock_shift_ns > 0
     with store.reader() as reader:
         assert {edge.kind for edge in reader.temporal_edges()} <= {"persisted"}
@@ -227,11 +326,13 @@ def test_a_recording_from_before_what_is_in_the_map_follows_in_the_order_given(s
     assert second.start_ns == monday().start_ns + second.clock_shift_ns > first.end_ns
     assert second.end_ns == monday().end_ns + second.clock_shift_ns
     assert [
-        each for each in summary.warnings if "monday's clock starts before tuesday's end: the order given is" in each
+        warning
+        for warning in summary.warnings
+        if "monday's clock starts before tuesday's end: the order given is" in warning
     ]
-    stamps_ns = [each.stamp_ns - second.clock_shift_ns for each in store.keyframe_depths([second.id])]
+    stamps_ns = [record.stamp_ns - second.clock_shift_ns for record in store.keyframe_depths([second.id])]
     assert stamps_ns == [s.ns(i / 3) for i in range(6)]
-    assert {each.label for each in store.load_instances()} == {"dining table", "cup"}
+    assert {instance.label for instance in store.load_instances()} == {"dining table", "cup"}
 
 
 def test_the_map_does_not_depend_on_how_a_clock_is_shifted(tmp_path: Path) -> None:
@@ -247,15 +348,29 @@ def test_the_map_does_not_depend_on_how_a_clock_is_shifted(tmp_path: Path) -> No
             assert len(store.load_states()) == 3
             return [
                 *(
-                    (each.number, each.label, each.existence_log_odds, each.last_seen_ns - since_ns, each.presence)
-                    for each in store.load_instances()
+                    (
+                        instance.number,
+                        instance.label,
+                        instance.existence_log_odds,
+                        instance.last_seen_ns - since_ns,
+                        instance.presence,
+                    )
+                    for instance in store.load_instances()
                 ),
-                *((tuple(each.voxels.log_odds), tuple(each.centroid_map)) for each in store.load_instances()),
                 *(
-                    (each.object_number, each.index, each.gone_ns and each.gone_ns - since_ns, tuple(each.centroid_map))
-                    for each in store.load_states()
+                    (tuple(instance.voxels.log_odds), tuple(instance.centroid_map))
+                    for instance in store.load_instances()
                 ),
-                *((each.subject, each.relation, each.object) for each in store.load_spatial_edges()),
+                *(
+                    (
+                        state.object_number,
+                        state.index,
+                        state.gone_ns and state.gone_ns - since_ns,
+                        tuple(state.centroid_map),
+                    )
+                    for state in store.load_states()
+                ),
+                *((edge.subject, edge.relation, edge.object) for edge in store.load_spatial_edges()),
             ]
 
     night = second_after(-DAY_S, tmp_path / "night.db")
@@ -273,7 +388,7 @@ def test_a_recording_built_in_parts_keeps_its_times(store: MapStore) -> None:
 def test_a_name_may_be_given_and_a_place(store: MapStore) -> None:
     build(store, monday(), name="first")
     summary = build(store, tuesday(s.TABLE), align="5 0 0 90")
-    assert [each.name for each in store.traversals()] == ["first", "tuesday"]
+    assert [traversal.name for traversal in store.traversals()] == ["first", "tuesday"]
     assert summary.placement.method.startswith("given")
     np.testing.assert_allclose(summary.placement.T_map_odom[:3, 3], [5, 0, 0], atol=0.05)
 
@@ -375,8 +490,8 @@ def test_images_without_a_pose_are_left_out_with_a_warning(store: MapStore) -> N
         return iter(poses[: len(poses) // 2])
 
     summary = build(store, f.FakeRecording(f.film(KITCHEN, 20)), f.FakePlugins(poses=half_of_them))  # type: ignore[arg-type]
-    assert (summary.tally.keyframes, summary.tally.without_pose) == (5, 5)
-    assert any("5 images had no pose" in each for each in summary.warnings)
+    assert (summary.statistics.keyframes, summary.statistics.without_pose) == (5, 5)
+    assert any("5 images had no pose" in warning for warning in summary.warnings)
 
 
 # -- keyframes
@@ -387,8 +502,8 @@ def test_recorded_detections_decide_which_images_are_decoded(store: MapStore) ->
     spoken_of = recording.frame_stamps_ns()[1::4]
     plugins = f.FakePlugins(detector=lambda r: f.FakeDetector(r, only_ns=spoken_of))
     summary = build(store, recording, plugins)
-    assert summary.tally.keyframes == 10
-    assert [each.stamp_ns for each in store.keyframe_depths()] == spoken_of.tolist()
+    assert summary.statistics.keyframes == 10
+    assert [record.stamp_ns for record in store.keyframe_depths()] == spoken_of.tolist()
 
 
 def test_images_between_keyframes_are_not_decoded(store: MapStore) -> None:
@@ -420,15 +535,15 @@ def test_the_map_does_not_depend_on_how_late_detections_come(tmp_path: Path, del
 
 def test_detections_that_come_too_late_are_left_out_with_a_warning(tmp_path: Path) -> None:
     summary = two_days(tmp_path / "map.db", {"delay_s": 0.7, "wait_s": 0.4})
-    assert 0 < summary.tally.perceived < summary.tally.keyframes == 12
-    assert any("came over 0.4 s late" in each for each in summary.warnings)
+    assert 0 < summary.statistics.perceived < summary.statistics.keyframes == 12
+    assert any("detections that came over 0.4 s late" in warning for warning in summary.warnings)
 
 
 @pytest.mark.parametrize("perception", [{"rate_hz": 3.0}, {"dropped": 0.3}])
 def test_with_fewer_detections_depth_tells_what_has_gone(tmp_path: Path, perception: dict[str, float]) -> None:
     summary = two_days(tmp_path / "map.db", perception)
-    assert 0 < summary.tally.perceived < summary.tally.keyframes == 12
-    assert summary.tally.labels == {"cup": 1, "dining table": 1}
+    assert 0 < summary.statistics.perceived < summary.statistics.keyframes == 12
+    assert summary.statistics.labels == {"cup": 1, "dining table": 1}
     moves = databases.query(tmp_path / "map.db", "SELECT 1 FROM temporal_edge WHERE kind = 'moved'")
     assert moves == [(1,)]
 
@@ -458,11 +573,11 @@ def test_a_stopped_build_of_another_recording_is_in_the_way(store: MapStore, unf
     stopped_build(store)
     with pytest.raises(MemoryStoreError, match=r"'tuesday' was stopped at 0 %.*tuesday.fake --resume.*--restart"):
         build(store, monday(), unfinished=unfinished)
-    assert [each.name for each in store.traversals()] == ["tuesday"]
+    assert [traversal.name for traversal in store.traversals()] == ["tuesday"]
 
 
 def test_what_a_stopped_build_had_written_is_taken_out_when_asked(store: MapStore) -> None:
     stopped_build(store)
     summary = build(store, monday(), unfinished="restart")
-    assert [each.name for each in store.traversals()] == ["monday"]
+    assert [traversal.name for traversal in store.traversals()] == ["monday"]
     assert any("'tuesday' had been stopped" in warning for warning in summary.warnings)

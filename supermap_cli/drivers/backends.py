@@ -1,0 +1,76 @@
+"""Which plugins are at work on one recording."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from supermap_cli.config import BuildConfig
+from supermap_cli.drivers.odometry import run_odometry
+from supermap_cli.geometry.trajectory import Trajectory
+from supermap_cli.plugin_manager import Plugins
+from supermap_cli.protocols import Detector, Odometry, Recording, Resumable, Segmenter, Tracker
+from supermap_cli.stages.session_state import SessionBackends
+
+
+@dataclass(frozen=True)
+class Backends:
+    """The plugins at work on one recording, and what they are called.
+
+    `trajectory` pulls the odometry's poses from the whole recording; every camera gets a tracker of its own.
+    """
+
+    odometry: Odometry
+    trajectory: Trajectory
+    detector: Detector
+    segmenter: Segmenter
+    make_tracker: Callable[[], Tracker]
+    resumable: bool
+    names: dict[str, str]
+
+
+def session_backends(plugins: Plugins, config: BuildConfig | None = None) -> SessionBackends:
+    """Tracker, segmenter and further relations for a session that is not fed from a recording: those the configuration
+    names, else the most preferred ones. Poses are pushed.
+    """
+    chosen = (config or BuildConfig()).backends
+    plugins.check_options(chosen.options)
+    tracker = chosen.tracker or plugins.trackers.choose(())
+    segmenter = chosen.segmenter or plugins.segmenters.choose({"color", "depth"})
+    further = [predicate for group in plugins.hook.spatial_predicates() for predicate in group]
+    return SessionBackends(
+        lambda: plugins.trackers.make(tracker, chosen.options.get(tracker), None),
+        plugins.segmenters.make(segmenter, chosen.options.get(segmenter), None),
+        predicates=tuple(further),
+    )
+
+
+def choose_backends(recording: Recording, plugins: Plugins, config: BuildConfig) -> Backends:
+    """Make the backends the user named, or the most preferred ones that this recording has streams for."""
+    chosen = config.backends
+    plugins.check_options(chosen.options)
+    if chosen.odometry is None and not recording.streams & {"poses", "lidar"}:
+        next(iter(recording.poses()))  # says what is missing, and how to correct it
+    options = chosen.options
+    names = {
+        "odometry": chosen.odometry or plugins.odometry.choose(recording.streams),
+        "detector": chosen.detector or plugins.detectors.choose(recording.streams),
+        "segmenter": chosen.segmenter or plugins.segmenters.choose(recording.streams),
+        "tracker": chosen.tracker or plugins.trackers.choose(recording.streams),
+    }
+    odometry = plugins.odometry.make(names["odometry"], options.get(names["odometry"]), recording)
+    detector = plugins.detectors.make(names["detector"], options.get(names["detector"]), recording)
+    segmenter = plugins.segmenters.make(names["segmenter"], options.get(names["segmenter"]), recording)
+
+    def make_tracker() -> Tracker:
+        return plugins.trackers.make(names["tracker"], options.get(names["tracker"]), recording)
+
+    return Backends(
+        odometry,
+        Trajectory(run_odometry(odometry, recording)),
+        detector,
+        segmenter,
+        make_tracker,
+        isinstance(make_tracker(), Resumable),
+        names,
+    )
