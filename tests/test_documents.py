@@ -171,8 +171,8 @@ def test_every_command_in_the_documents_is_understood(document: str, line: str) 
     words = words_of(line)
     while words and words[0] in getattr(command, "commands", {}):
         command = command.commands[words.pop(0)]
-    if hasattr(command, "unless_named") and words[:1] != ["--help"]:
-        command = command.commands[command.unless_named]
+    if hasattr(command, "default_command") and words[:1] != ["--help"]:
+        command = command.commands[command.default_command]
     known = {option for parameter in command.params for option in parameter.opts} | {"--help"}
     assert {word for word in words if word.startswith("--")} <= known
     if getattr(command, "commands", {}):
