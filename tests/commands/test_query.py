@@ -75,6 +75,6 @@ def test_a_query_imports_nothing_heavy(db: Path) -> None:
         "heavy = {'open3d', 'onnxruntime', 'cv2', 'rosbags', 'kiss_icp', 'scipy', 'alembic'};"
         "print('heavy:', sorted(heavy & set(sys.modules)))"
     )
-    result = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    result = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, timeout=60)
     assert "chair-2" in result.stdout
     assert "heavy: []" in result.stdout

@@ -124,7 +124,7 @@ def test_an_interrupt_while_the_world_is_made_says_that_nothing_was_written(
 @pytest.mark.parametrize("name", ["truth.json", "monday.mcap", "office.db"])
 def test_the_example_leaves_alone_what_it_has_not_made(name: str, tmp_path: Path) -> None:
     (tmp_path / name).write_text("mine", encoding="utf-8")
-    ran = subprocess.run(["bash", str(EXAMPLE), str(tmp_path)], capture_output=True, text=True, check=False)
+    ran = subprocess.run(["bash", str(EXAMPLE), str(tmp_path)], capture_output=True, text=True, check=False, timeout=60)
     assert ran.returncode == 1
     assert f"{name} would be overwritten" in ran.stderr
     assert (tmp_path / name).read_text(encoding="utf-8") == "mine"

@@ -338,20 +338,30 @@ def test_of_more_than_six_cameras_the_first_six_are_taken(tmp_path):
     assert any("8 cameras, of which cam6, cam7 are left out" in line for line in recording.warnings)
 
 
+FRONT_AND_LEFT = {"/cam_front": 0, "/cam_left": 90}
+
+
+def write_moment(bag, index, yaws):
+    """The odometry and the images of one moment: a camera at each prefix, turned by so many degrees."""
+    at = bags.stamp(index)
+    bag.odometry("/odom", at, bags.pose_at(index))
+    for prefix, yaw in yaws.items():
+        frame = bags.camera_frame(prefix)
+        bag.transform(bags.START_NS, "base_link", frame, turned(yaw), static=True)
+        bag.camera_info(f"{prefix}/color/camera_info", at, frame, SIZE, K)
+        bag.image(color(prefix), at, frame, bags.color_image(index), "rgb8")
+        bag.image(f"{prefix}/depth/image_raw", at, frame, bags.depth_image(), "16UC1")
+    return at
+
+
 def test_detections_of_several_cameras_may_stand_in_one_topic_told_apart_by_their_frames(tmp_path):
     without = {f"{prefix}/{stream}" for prefix in RIG[:2] for stream in ("detections", "masks")}
     path = bags.write_rig(tmp_path / "rig.mcap", RIG[:2], without=without)
     with bags.BagWriter(path) as bag:
         for index in range(3):
-            at = bags.stamp(index)
-            bag.odometry("/odom", at, bags.pose_at(index))
-            for yaw, prefix in ((0, "/cam_front"), (90, "/cam_left")):
-                frame = bags.camera_frame(prefix)
-                bag.transform(bags.START_NS, "base_link", frame, turned(yaw), static=True)
-                bag.camera_info(f"{prefix}/color/camera_info", at, frame, SIZE, K)
-                bag.image(color(prefix), at, frame, bags.color_image(index), "rgb8")
-                bag.image(f"{prefix}/depth/image_raw", at, frame, bags.depth_image(), "16UC1")
-                bag.detections("/found", at, frame, [([(prefix, 0.9)], (24, 16, 40, 32))])
+            at = write_moment(bag, index, FRONT_AND_LEFT)
+            for prefix in FRONT_AND_LEFT:
+                bag.detections("/found", at, bags.camera_frame(prefix), [([(prefix, 0.9)], (24, 16, 40, 32))])
     named = {f"color.{name}": color(f"/cam_{name}") for name in ("front", "left")}
     recording = open_(path, topics={**named, "detections.front": "/found", "detections.left": "/found"})
     for camera_id in ("front", "left"):
@@ -362,14 +372,7 @@ def test_detections_of_several_cameras_may_stand_in_one_topic_told_apart_by_thei
 def test_detections_are_paired_by_frame_and_by_the_cameras_name(tmp_path):
     with bags.BagWriter(tmp_path / "run.mcap") as bag:
         for index in range(3):
-            at = bags.stamp(index)
-            bag.odometry("/odom", at, bags.pose_at(index))
-            for yaw, prefix in ((0, "/cam_front"), (90, "/cam_left")):
-                frame = bags.camera_frame(prefix)
-                bag.transform(bags.START_NS, "base_link", frame, turned(yaw), static=True)
-                bag.camera_info(f"{prefix}/color/camera_info", at, frame, SIZE, K)
-                bag.image(color(prefix), at, frame, bags.color_image(index), "rgb8")
-                bag.image(f"{prefix}/depth/image_raw", at, frame, bags.depth_image(), "16UC1")
+            at = write_moment(bag, index, FRONT_AND_LEFT)
             bag.detections("/yolo/a", at, bags.camera_frame("/cam_left"), [([("left", 0.9)], (24, 16, 40, 32))])
             bag.detections("/yolo/front", at, "", [([("front", 0.9)], (24, 16, 40, 32))])
     recording = open_(tmp_path / "run.mcap")
