@@ -115,9 +115,7 @@ def build(  # noqa: PLR0917 - a command line has many options
 
     if name is not None and len(recordings) > 1:
         raise ConfigError("--name names one traversal", cure="build the recordings one by one")
-    if resume and restart:
-        raise ConfigError("a stopped build cannot both go on and begin anew", cure="give --resume or --restart")
-    follow = Follow("resume" if resume else "restart" if restart else "refuse", again=again, name=name, align=align)
+    follow = Follow(_unfinished(resume=resume, restart=restart), again=again, name=name, align=align)
     config = override(
         load_user_config(Path.cwd()).build,
         detector=detector,
@@ -153,6 +151,13 @@ class Follow:
     again: bool = False
     name: str | None = None
     align: str = "auto"
+
+
+def _unfinished(*, resume: bool, restart: bool) -> Unfinished:
+    """What becomes of a build that was stopped."""
+    if resume and restart:
+        raise ConfigError("a stopped build cannot both go on and begin anew", cure="give --resume or --restart")
+    return "resume" if resume else "restart" if restart else "refuse"
 
 
 def build_all(

@@ -15,31 +15,14 @@ from supermap_cli.query.presence_at import describe_presence, presence_at, state
 from supermap_cli.query.traversal_spans import TraversalSpan
 from supermap_cli.types.memory import StateRecord
 from support import memories as m
-from support.random_instances import instances
+from support.random_instances import instance_with_states, instances
 
 CLOCK = Clock((TraversalSpan(1, "monday", m.ns(0), m.ns(1000)),))
 
 
 def instance_with(*states: StateRecord, presence: str = "present") -> StoredInstance:
     """An instance with the given states."""
-    last = states[-1]
-    return StoredInstance(
-        number=1,
-        id="cup-1",
-        label="cup",
-        label_belief={"cup": 1.0},
-        presence=presence,  # type: ignore[arg-type]
-        existence_log_odds=1.0,
-        first_seen_ns=states[0].first_seen_ns,
-        last_seen_ns=last.last_seen_ns,
-        centroid_map=last.centroid_map,
-        box=last.box,
-        observations=1,
-        traversal_id=1,
-        numbers=(1,),
-        states=states,
-        visits=(),
-    )
+    return replace(instance_with_states(states), presence=presence)  # type: ignore[arg-type]
 
 
 LEFT = instance_with(m.state(1, 0, (10, 21), gone=40))
