@@ -111,6 +111,7 @@ def to_document(truth: GroundTruth) -> dict[str, Any]:
         "version": VERSION,
         "scenario": truth.scenario,
         "seed": truth.seed,
+        **({"levels": dict(truth.levels)} if truth.levels else {}),
         "traversals": [_traversal(traversal) for traversal in truth.traversals],
         "objects": [_object(obj) for obj in truth.objects],
         "surfaces": [
@@ -227,6 +228,7 @@ def from_document(document: Document) -> GroundTruth:
         questions=tuple(
             TrueQuestion(_text(entry["text"]), tuple(map(_text, entry["answer"]))) for entry in document["questions"]
         ),
+        levels={_text(axis): _text(level) for axis, level in document.get("levels", {}).items()},
     )
     _check_references(truth)
     return truth

@@ -148,11 +148,9 @@ def _simulated_world(world: str, seed: int | None, folder: Path) -> Path:
                 cure="leave --seed out, or start from another folder",
             )
         return Path(world)
-    from supermap_cli.commands.simulate import detector_errors, simulate_scenario  # noqa: PLC0415 - keeps start-up light
+    from supermap_cli.commands.simulate import simulate_scenario  # noqa: PLC0415 - keeps start-up light
 
-    simulate_scenario(
-        world, folder, 1 if seed is None else seed, None, detector_errors([], perfect=False), overwrite=False
-    )
+    simulate_scenario(world, folder, 1 if seed is None else seed, None, overwrite=False)
     return folder
 
 

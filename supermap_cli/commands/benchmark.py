@@ -163,14 +163,14 @@ def _figures(report: Report) -> Iterator[tuple[str, float | None]]:
 def build_and_score(scenario: str, seed: int, folder: Path, config: BuildConfig | None = None) -> Report:
     """Simulate a world, unless it is there, build it anew, by default with the default configuration, and score it."""
     from supermap_cli.commands.build import Follow, build_all, request  # noqa: PLC0415 - keeps start-up light
-    from supermap_cli.commands.simulate import detector_errors, simulate_scenario  # noqa: PLC0415
+    from supermap_cli.commands.simulate import simulate_scenario  # noqa: PLC0415
     from supermap_cli.config import BuildConfig  # noqa: PLC0415
     from supermap_cli.evaluation.reading import read_map  # noqa: PLC0415
     from supermap_cli.evaluation.report import score  # noqa: PLC0415
     from supermap_cli.truth_file import TRUTH_FILE, read_truth  # noqa: PLC0415
 
     if not (folder / TRUTH_FILE).is_file():
-        simulate_scenario(scenario, folder, seed, None, detector_errors([], perfect=False), overwrite=False)
+        simulate_scenario(scenario, folder, seed, None, overwrite=False)
     truth, db = read_truth(folder / TRUTH_FILE), folder / DATABASE_NAME
     if (truth.scenario, truth.seed) != (scenario, seed):
         raise EvaluationError(

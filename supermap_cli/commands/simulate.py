@@ -6,7 +6,7 @@ import shlex
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -35,6 +35,10 @@ Examples:
     supermap simulate office --rig three-cameras
 
     supermap simulate office --out hard --error recall=0.7 --error false_positives=1.5
+
+    supermap simulate room --domain masks=hull --domain odometry=drift-3
+
+    supermap simulate room --domain random --seed 7 --out anything
 """
 
 
@@ -64,8 +68,15 @@ def simulate(  # noqa: PLR0917 - a command line has many options
         list[str] | None,
         typer.Option(metavar="NAME=VALUE", help="One of the detector's errors, e.g. recall=0.8; may be repeated."),
     ] = None,
+    domain: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME=LEVEL",
+            help="Vary one axis, e.g. masks=hull; may be repeated. `random` draws a level of every other axis.",
+        ),
+    ] = None,
     listed: Annotated[
-        bool, typer.Option("--list", help="List the scenarios, the rigs and the detector's errors.")
+        bool, typer.Option("--list", help="List the scenarios, the rigs, the axes and the detector's errors.")
     ] = False,
     as_json: JsonOption = False,
 ) -> None:
@@ -80,8 +91,16 @@ def simulate(  # noqa: PLR0917 - a command line has many options
     if scenario is None:
         raise SimulationError("no scenario given", cure="name one of those that `supermap simulate --list` shows")
     began = time.perf_counter()
-    errors = detector_errors(error or [], perfect=perfect)
-    recorded = simulate_scenario(scenario, out or Path(scenario), seed, seconds, errors, overwrite=overwrite, rig=rig)
+    recorded = simulate_scenario(
+        scenario,
+        out or Path(scenario),
+        seed,
+        seconds,
+        lambda usual: detector_errors(error or [], perfect=perfect, usual=usual),
+        overwrite=overwrite,
+        rig=rig,
+        domain=domain or [],
+    )
     total_s = time.perf_counter() - began
     if as_json:
         print_json(to_document(recorded, total_s))
@@ -94,36 +113,42 @@ def simulate_scenario(
     folder: Path,
     seed: int,
     seconds: float | None,
-    errors: DetectorErrors,
+    errors: Callable[[DetectorErrors], DetectorErrors] | None = None,
     *,
     overwrite: bool,
     rig: str | None = None,
+    domain: Sequence[str] = (),
 ) -> RecordedScenario:
-    """Make a scenario and record it, with progress bars."""
+    """Make a scenario and record it, with progress bars. `errors` gives the detector's from the scenario's own."""
     if threading.current_thread() is threading.main_thread():
         signal.signal(signal.SIGTERM, signal.default_int_handler)  # stopped politely, it leaves no half recording
     try:
         # Heavy imports, only when a simulation starts.
+        from supermap_cli.simulation.domains.axes import choose_levels  # noqa: PLC0415
         from supermap_cli.simulation.recording.recorder import record  # noqa: PLC0415
         from supermap_cli.simulation.scenarios import make_scenario  # noqa: PLC0415
 
         with err().status(f"making {name}"):
-            scenario = make_scenario(name, seed, seconds=seconds, rig=rig)
+            scenario = make_scenario(name, seed, seconds=seconds, rig=rig, levels=choose_levels(domain, seed))
+        used = scenario.errors if errors is None else errors(scenario.errors)
         with progress_bars(scenario) as progress:
-            return record(scenario, folder, errors=errors, seed=seed, overwrite=overwrite, progress=progress)
+            return record(scenario, folder, errors=used, seed=seed, overwrite=overwrite, progress=progress)
     except KeyboardInterrupt:
         err().print("interrupted: nothing was written", markup=False)
         raise
 
 
-def detector_errors(given: list[str], *, perfect: bool) -> DetectorErrors:
-    """The detector's errors with those of the command line laid over them. Raises `ConfigError` for unknown ones."""
+def detector_errors(given: list[str], *, perfect: bool, usual: DetectorErrors | None = None) -> DetectorErrors:
+    """The usual errors, or none if `perfect`, with those of the command line laid over them.
+
+    Raises `ConfigError` for unknown ones.
+    """
     from pydantic import ValidationError  # noqa: PLC0415 - keeps start-up light
 
     from supermap_cli.commands.build import pairs  # noqa: PLC0415
     from supermap_cli.simulation.detection.detector_errors import DetectorErrors  # noqa: PLC0415
 
-    values = DetectorErrors.perfect().model_dump() if perfect else {}
+    values = (DetectorErrors.perfect() if perfect else usual or DetectorErrors()).model_dump()
     try:
         return DetectorErrors.model_validate(values | pairs(given, "--error", "recall=0.8"))
     except ValidationError as error:
@@ -228,6 +253,7 @@ def _print(recorded: RecordedScenario, total_s: float) -> None:
 def _list(*, as_json: bool) -> None:
     """The scenarios, the rigs, and the detector's errors with their defaults."""
     from supermap_cli.simulation.detection.detector_errors import DetectorErrors  # noqa: PLC0415 - keeps start-up light
+    from supermap_cli.simulation.domains.axes import AXES  # noqa: PLC0415
     from supermap_cli.simulation.rigs import RIGS  # noqa: PLC0415
     from supermap_cli.simulation.scenarios import SCENARIOS  # noqa: PLC0415
 
@@ -237,6 +263,15 @@ def _list(*, as_json: bool) -> None:
             {
                 "scenarios": [{"name": name, "description": text} for name, text in SCENARIOS.items()],
                 "rigs": [{"name": name, "description": text} for name, text in RIGS.items()],
+                "axes": [
+                    {
+                        "name": axis.name,
+                        "description": axis.text,
+                        "usual": axis.usual,
+                        "levels": [{"name": name, "description": level.text} for name, level in axis.levels.items()],
+                    }
+                    for axis in AXES.values()
+                ],
                 "errors": [
                     {"name": name, "default": field.default, "description": field.description or ""}
                     for name, field in errors.items()
@@ -247,5 +282,11 @@ def _list(*, as_json: bool) -> None:
     console = common.out()
     print_table(console, "", ("scenario", "what it is"), SCENARIOS.items())
     print_table(console, "", ("--rig", "what it is"), RIGS.items())
+    levels = (
+        (f"{axis.name}={name}" + (" *" if name == axis.usual else ""), f"{axis.text}: {level.text}")
+        for axis in AXES.values()
+        for name, level in axis.levels.items()
+    )
+    print_table(console, "", ("--domain (* usual)", "what it is"), levels)
     rows = ((name, f"{field.default:g}", field.description or "") for name, field in errors.items())
     print_table(console, "", ("--error", "default#", "of the detector"), rows)

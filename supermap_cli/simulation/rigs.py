@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from supermap_cli.types.sensing import MAIN_CAMERA
 
 RIGS: dict[str, str] = {
     "rgbd": "one RGB-D camera, 640 x 480 pixels, 69 degrees wide",
+    "small-rgbd": "one RGB-D camera, 400 x 300 pixels, 69 degrees wide, that detects in every image, at 5 Hz",
     "panorama": "a 360-degree camera above a Livox Mid-360",
     "three-cameras": "three such RGB-D cameras on one trigger: ahead and 75 degrees to the left and to the right",
     "front-camera": "of these three the one that looks ahead, alone",
@@ -140,6 +141,15 @@ def rgbd_rig() -> SimulatedRig:
     return _rgbd_rig("rgbd", {MAIN_CAMERA: 0.0})
 
 
+def small_rgbd_rig() -> SimulatedRig:
+    """As `rgbd_rig`, with 400x300 pixels and every image detected, at 5 Hz: the usual rig of the scenario `room`, whose
+    many worlds are to be simulated in a short time.
+    """
+    rig = rgbd_rig()
+    camera = replace(rig.cameras[0], model=PinholeCamera(400, 300, 290.625, 290.625, 199.5, 149.5))
+    return replace(rig, name="small-rgbd", cameras=(camera,), image_rate_hz=5.0, detection_every=1)
+
+
 def three_camera_rig() -> SimulatedRig:
     """Three RGB-D cameras as that of `rgbd_rig`, "front", "left" and "right", on a circle about the base's axis."""
     return _rgbd_rig("three-cameras", _THREE_YAWS_DEG)
@@ -219,6 +229,7 @@ def _one_of_three(camera_id: str) -> Callable[[], SimulatedRig]:
 
 _MAKERS: Mapping[str, Callable[[], SimulatedRig]] = {
     "rgbd": rgbd_rig,
+    "small-rgbd": small_rgbd_rig,
     "panorama": panorama_rig,
     "three-cameras": three_camera_rig,
     "front-camera": _one_of_three("front"),

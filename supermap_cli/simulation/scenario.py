@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.simulation.building_plan import BuildingPlan
+from supermap_cli.simulation.detection.detector_errors import DetectorErrors
 from supermap_cli.simulation.rigs import SimulatedRig
 from supermap_cli.simulation.route import Route
 from supermap_cli.simulation.world import World
@@ -22,7 +24,11 @@ class SimulatedTraversal:
 
 @dataclass(frozen=True)
 class Scenario:
-    """A world with all its changes on one clock, and the traversals of it in the order of time."""
+    """A world with all its changes on one clock, and the traversals of it in the order of time.
+
+    `errors` are those of its detector; `levels` says which levels of which axes (`simulation.domains`) it was asked
+    for.
+    """
 
     name: str
     seed: int
@@ -30,3 +36,5 @@ class Scenario:
     world: World
     rig: SimulatedRig
     traversals: tuple[SimulatedTraversal, ...]
+    errors: DetectorErrors = field(default_factory=DetectorErrors)
+    levels: Mapping[str, str] = field(default_factory=dict)

@@ -6,7 +6,8 @@ sensor time in nanoseconds. Everything in here may come from the simulator or fr
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -178,7 +179,10 @@ class TrueQuestion:
 
 @dataclass(frozen=True)
 class GroundTruth:
-    """Ground truth of one place and its traversals (in the order of time)."""
+    """Ground truth of one place and its traversals (in the order of time).
+
+    `levels` names the levels of the axes that the simulator was told to vary (`simulation.domains`).
+    """
 
     scenario: str
     seed: int
@@ -187,6 +191,7 @@ class GroundTruth:
     surfaces: tuple[TrueSurface, ...]
     changes: tuple[TrueChange, ...]
     questions: tuple[TrueQuestion, ...]
+    levels: Mapping[str, str] = field(default_factory=dict)
 
     def object(self, object_id: str) -> TrueObject:
         """The object of an id."""

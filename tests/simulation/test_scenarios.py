@@ -35,7 +35,7 @@ def moved_m(world: World, first: Stay, second: Stay) -> float:
 
 
 def test_every_scenario_says_what_it_is() -> None:
-    assert {"office", "office-twice", "panorama", "tiny", "demo"} == set(SCENARIOS)
+    assert {"office", "office-twice", "panorama", "tiny", "demo", "room"} == set(SCENARIOS)
     assert all(SCENARIOS.values())
 
 

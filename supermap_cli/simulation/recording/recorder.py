@@ -88,14 +88,14 @@ def record(
 ) -> RecordedScenario:
     """Write a recording of each traversal (NAME.mcap) and their truth (truth.json); if interrupted, none of them.
 
-    `errors` are those of the detector; `seed` is that of all noise (default: the scenario's). Raises `SimulationError`
-    where files are in the way or cannot be written.
+    `errors` are those of the detector (default: the scenario's); `seed` is that of all noise (default: the scenario's).
+    Raises `SimulationError` where files are in the way or cannot be written.
     """
     recordings = tuple(folder / f"{traversal.name}.mcap" for traversal in scenario.traversals)
     with _writing(folder):
         _check_targets((*recordings, folder / TRUTH_FILE), overwrite=overwrite)
         with TemporaryDirectory(prefix=".supermap-simulate-", dir=folder) as unfinished:
-            robot = _Robot(scenario, errors or DetectorErrors(), scenario.seed if seed is None else seed)
+            robot = _Robot(scenario, errors or scenario.errors, scenario.seed if seed is None else seed)
             recorded = [
                 robot.record_traversal(number, Path(unfinished) / path.name, progress or _silent)
                 for number, path in enumerate(recordings)

@@ -70,6 +70,7 @@ def make_truth(
     truth = GroundTruth(
         scenario=scenario.name,
         seed=scenario.seed,
+        levels=scenario.levels,
         traversals=tuple(_traversal(traversal, world) for traversal in recorded),
         objects=objects,
         surfaces=_surfaces(world, fixtures),

@@ -1,0 +1,1 @@
+"""Domain randomisation: what the fixed scenarios hold constant, varied axis by axis."""
