@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,7 +12,7 @@ import typer
 
 from supermap_cli.commands.common import JsonOption, err, kept_or_temporary, out, print_json
 from supermap_cli.commands.tables import print_table
-from supermap_cli.errors import EvaluationError
+from supermap_cli.errors import ConfigError, EvaluationError
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -25,6 +26,10 @@ Examples:
     supermap eval benchmark
 
     supermap eval benchmark office --seeds 1,2 --keep worlds --json
+
+    supermap eval benchmark room --domain masks=hull --seeds 1,2
+
+    supermap eval benchmark --suite domains --jobs 2 --keep worlds
 """
 SCENARIOS = ("office", "office-twice", "panorama")
 DATABASE_NAME = "benchmark.db"
@@ -39,6 +44,19 @@ KeepOption = Annotated[
         show_default=False,
     ),
 ]
+
+
+class Suite(StrEnum):
+    """Fixed sets of worlds."""
+
+    DOMAINS = "domains"
+
+
+class HalfOption(StrEnum):
+    """The halves of a suite (`simulation.domains.suite`)."""
+
+    DEVELOPMENT = "development"
+    REPORT = "report"
 
 
 @dataclass(frozen=True)
@@ -68,12 +86,26 @@ class Benchmark:
     tables: tuple[BenchmarkTable, ...]
 
 
-def benchmark(
+def benchmark(  # noqa: PLR0917 - a command line has many options
     scenarios: Annotated[
         list[str] | None,
         typer.Argument(metavar="SCENARIO...", help="What to simulate. [default: office office-twice panorama]"),
     ] = None,
     seeds: SeedsOption = "1,2,3",
+    domain: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=LEVEL", help="Vary one axis of every world, as `simulate --domain` does."),
+    ] = None,
+    suite: Annotated[
+        Suite | None, typer.Option(help="Build a fixed set of worlds instead: every level of every axis.")
+    ] = None,
+    half: Annotated[
+        HalfOption | None, typer.Option(help="Of the suite, only the seeds for development or those for reports.")
+    ] = None,
+    axis: Annotated[
+        list[str] | None, typer.Option(metavar="NAME", help="Of the suite, only this axis; may be repeated.")
+    ] = None,
+    jobs: Annotated[int, typer.Option(min=1, help="How many worlds of the suite are built at a time.")] = 2,
     keep: KeepOption = None,
     json: JsonOption = False,
 ) -> None:
@@ -84,11 +116,20 @@ def benchmark(
     """
     from supermap_cli.query.views import to_document  # noqa: PLC0415 - keeps start-up light
 
+    if suite is not None:
+        from supermap_cli.commands.domain_suite import run_suite  # noqa: PLC0415
+
+        if scenarios or domain:
+            raise ConfigError("--suite says which worlds there are", cure="leave out SCENARIO and --domain")
+        run_suite(half, axis or (), jobs, keep, json=json)
+        return
     chosen = parse_seeds(seeds)
     tables = []
     with kept_or_temporary(keep) as folder:
         for scenario in scenarios or SCENARIOS:
-            reports = [build_and_score(scenario, seed, folder / scenario / str(seed)) for seed in chosen]
+            reports = [
+                build_and_score(scenario, seed, folder / scenario / str(seed), domain=domain or ()) for seed in chosen
+            ]
             tables.append(BenchmarkTable(scenario, chosen, tabulate(reports)))
             if not json:
                 _print(out(), tables[-1])
@@ -147,6 +188,8 @@ def _figures(report: Report) -> Iterator[tuple[str, float | None]]:
         yield "identity: HOTA", report.identity.tracking.hota
     if report.change is not None:
         recall, reported = report.change.recall, report.change.reported
+        claimed = report.change.claimed
+        yield "change: claimed where nothing changes", None if claimed is None else len(claimed)
         yield "change: detection recall, per object", recall.per_object.detection_recall
         yield "change: change recall, per object", recall.per_object.change_recall
         yield "change: detection recall, per frame", recall.per_frame.detection_recall
@@ -160,21 +203,25 @@ def _figures(report: Report) -> Iterator[tuple[str, float | None]]:
     yield "odometry: way off its true way (m)", max(report.alignment_rmse_m.values(), default=None)
 
 
-def build_and_score(scenario: str, seed: int, folder: Path, config: BuildConfig | None = None) -> Report:
+def build_and_score(
+    scenario: str, seed: int, folder: Path, config: BuildConfig | None = None, *, domain: Sequence[str] = ()
+) -> Report:
     """Simulate a world, unless it is there, build it anew, by default with the default configuration, and score it."""
     from supermap_cli.commands.build import Follow, build_all, request  # noqa: PLC0415 - keeps start-up light
     from supermap_cli.commands.simulate import simulate_scenario  # noqa: PLC0415
     from supermap_cli.config import BuildConfig  # noqa: PLC0415
     from supermap_cli.evaluation.reading import read_map  # noqa: PLC0415
     from supermap_cli.evaluation.report import score  # noqa: PLC0415
+    from supermap_cli.simulation.domains.axes import choose_levels  # noqa: PLC0415
     from supermap_cli.truth_file import TRUTH_FILE, read_truth  # noqa: PLC0415
 
     if not (folder / TRUTH_FILE).is_file():
-        simulate_scenario(scenario, folder, seed, None, overwrite=False)
+        simulate_scenario(scenario, folder, seed, None, overwrite=False, domain=domain)
     truth, db = read_truth(folder / TRUTH_FILE), folder / DATABASE_NAME
-    if (truth.scenario, truth.seed) != (scenario, seed):
+    there, wanted = (truth.scenario, truth.seed, dict(truth.levels)), (scenario, seed, choose_levels(domain, seed))
+    if there != wanted:
         raise EvaluationError(
-            f"this is {truth.scenario}, seed {truth.seed}, not {scenario}, seed {seed}",
+            f"this is {_world_name(*there)}, not {_world_name(*wanted)}",
             where=str(folder / TRUTH_FILE),
             cure="name another folder with --keep",
         )
@@ -184,6 +231,10 @@ def build_and_score(scenario: str, seed: int, folder: Path, config: BuildConfig 
     for summary in build_all(recordings, config, request(config, None, None), str(db), Follow()):
         err().print(f"{scenario}, seed {seed}: built {summary.traversal} in {summary.total_s:.0f} s", markup=False)
     return score(*read_map(str(db), folder / TRUTH_FILE))
+
+
+def _world_name(scenario: str, seed: int, levels: Mapping[str, str]) -> str:
+    return ", ".join([scenario, f"seed {seed}", *(f"{axis}={level}" for axis, level in levels.items())])
 
 
 def _print(console: Console, table: BenchmarkTable) -> None:

@@ -133,6 +133,8 @@ def _change_figures(section: ChangeSection) -> Iterator[Figure]:
             scores.change_recall,
             "the same, and those with the place it has left in view, too",
         )
+    claimed = None if section.claimed is None else len(section.claimed)
+    yield Figure("claimed", claimed, "changes claimed within a first visit in which nothing changes")
     yield Figure("clean places", recall.clean_share, "emptied places where the map never has the thing after it left")
     if reported.between is None or reported.overall is None:
         return
@@ -182,6 +184,8 @@ def _wrong_changes(section: ChangeSection) -> Iterator[ErrorTable]:
         for change in reported.false
     )
     yield ErrorTable("changes falsely reported", ("what", "id", "but"), false)
+    claimed = tuple((change.kind, change.instance_id, change.label) for change in section.claimed or ())
+    yield ErrorTable("changes claimed where nothing changes", ("what", "id", "label"), claimed)
     not_shown = tuple((change,) for change in reported.unobservable)
     yield ErrorTable("changes that the images do not show: not judged", ("id",), not_shown)
 

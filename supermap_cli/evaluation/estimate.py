@@ -72,6 +72,19 @@ class EstimatedChange:
 
 
 @dataclass(frozen=True)
+class EstimatedEvent:
+    """A change that the map dates to a time within a traversal: appeared, disappeared, reappeared or moved.
+
+    `at_ns` is the latest time at which it can have happened, in the time of the recording.
+    """
+
+    kind: str
+    object_id: str
+    label: str
+    at_ns: int
+
+
+@dataclass(frozen=True)
 class EstimatedAnswer:
     """What the map answers to one of the truth's questions: instance ids; none, and why, where it is not understood."""
 
@@ -88,7 +101,7 @@ class EstimatedMap:
     stamps of all mapped images, of all traversals; `alignment_rmse_m` is the error of the robot's trajectory in the map
     against the true one after the alignment, by traversal. `doubted` are the demoted instances, people who walked by
     among them: only the scores of person passages use them. `keyframe_cameras` (k,) are the `camera_id`s of the
-    keyframes, () where they are not known.
+    keyframes, () where they are not known. `events` are all changes of all traversals, in the order of time.
     """
 
     objects: tuple[EstimatedObject, ...]
@@ -99,3 +112,4 @@ class EstimatedMap:
     alignment_rmse_m: dict[str, float]
     doubted: tuple[EstimatedObject, ...] = ()
     keyframe_cameras: tuple[str, ...] = ()
+    events: tuple[EstimatedEvent, ...] = ()

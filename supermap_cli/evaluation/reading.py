@@ -14,6 +14,7 @@ from supermap_cli.errors import EvaluationError, QueryError
 from supermap_cli.evaluation.estimate import (
     EstimatedAnswer,
     EstimatedChange,
+    EstimatedEvent,
     EstimatedMap,
     EstimatedObject,
     EstimatedObservation,
@@ -38,6 +39,8 @@ from supermap_cli.types.truth import GroundTruth
 
 CHANGE_KINDS = ("appeared", "disappeared", "moved")
 """Kinds of a diff's rows that are changes; the others are unchanged or unknown."""
+EVENT_KINDS = (*CHANGE_KINDS, "reappeared")
+"""Kinds of temporal edges that say that something changed."""
 
 
 def read_map(db: str, truth_path: Path) -> tuple[EstimatedMap, GroundTruth]:
@@ -65,6 +68,7 @@ def read_estimate(reader: MapReader, truth: GroundTruth) -> EstimatedMap:
         changes=_changes(reader, to_world),
         answers=tuple(_answer(reader, question.text) for question in truth.questions),
         keyframes_ns=keyframes_ns,
+        events=tuple(_events(reader, to_world)),
         keyframe_cameras=cameras if set(cameras) <= known_cameras else (),
         T_world_map=alignment.T_world_map,
         alignment_rmse_m=alignment.rmse_m,
@@ -186,6 +190,14 @@ def _changes(reader: MapReader, to_world: WorldTransform) -> tuple[EstimatedChan
         for change in diff(reader).changes
         if change.kind in CHANGE_KINDS
     )
+
+
+def _events(reader: MapReader, to_world: WorldTransform) -> Iterator[EstimatedEvent]:
+    """The changes that the map dates, of instances that it believes in."""
+    labels = {instance.number: (instance.id, instance.label) for instance in reader.believed}
+    for edge in reader.temporal_edges():
+        if edge.kind in EVENT_KINDS and edge.to_number in labels:
+            yield EstimatedEvent(edge.kind, *labels[edge.to_number], to_world.time(edge.not_after_ns))
 
 
 def _answer(reader: MapReader, text: str) -> EstimatedAnswer:

@@ -9,6 +9,7 @@ from typing import Literal, get_args
 from supermap_cli.evaluation.answers import AnswerScores, score_answers
 from supermap_cli.evaluation.change_recall import ChangeRecallScores, score_change_recall
 from supermap_cli.evaluation.changes import ChangeScores, score_changes
+from supermap_cli.evaluation.claimed_changes import ClaimedChange, claimed_changes
 from supermap_cli.evaluation.estimate import EstimatedMap
 from supermap_cli.evaluation.identity import IdentityScores, score_identity
 from supermap_cli.evaluation.instances import InstanceScores, score_instances
@@ -25,10 +26,13 @@ OPTIONAL = {"optional": True}
 
 @dataclass(frozen=True)
 class ChangeSection:
-    """The paper's recalls of changed objects, and precision and recall of reported changes (as in Khronos)."""
+    """The paper's recalls of changed objects, precision and recall of reported changes (as in Khronos), and what
+    the map claims to have changed within a first traversal in which nothing does.
+    """
 
     recall: ChangeRecallScores
     reported: ChangeScores
+    claimed: tuple[ClaimedChange, ...] | None
 
 
 @dataclass(frozen=True)
@@ -70,4 +74,6 @@ def score(estimate: EstimatedMap, truth: GroundTruth, sections: Collection[Secti
 
 
 def _change(estimate: EstimatedMap, truth: GroundTruth) -> ChangeSection:
-    return ChangeSection(score_change_recall(estimate, truth), score_changes(estimate, truth))
+    return ChangeSection(
+        score_change_recall(estimate, truth), score_changes(estimate, truth), claimed_changes(estimate, truth)
+    )

@@ -13,7 +13,8 @@ from supermap_schema.json_schemas import load_schema, schema_names
 NAMES = (
     *("answer", "show", "object", "history", "diff", "export"),
     *("inspect", "build", "plugins", "config"),
-    *("truth", "simulate", "simulate_list", "eval", "ablation", "benchmark", "bench", "bench_memory", "perception"),
+    *("truth", "simulate", "simulate_list", "eval", "ablation", "benchmark", "domain_suite", "bench"),
+    *("bench_memory", "perception"),
     *("db_info", "db_check", "db_upgrade", "db_sql", "db_merge", "db_vacuum"),
 )
 
