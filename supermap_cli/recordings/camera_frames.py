@@ -253,9 +253,10 @@ class _FrameBuilder:
             if self._rig.depth is not None and self._rig.depth.T_color_depth is not None:
                 T_base_camera = T_base_camera @ inverse(self._rig.depth.T_color_depth)
             rgb = self._rgb(color, stamp_ns)
-            depth_m = None
+            depth_m, depth_stamp_ns = None, None
             if depth is not None and self._rig.depth is not None:
                 depth_m = self._registered_depth(depth, self._rig.depth, stamp_ns)
+                depth_stamp_ns = peek_stamp_ns(depth, self._opened.decoder.decode)
         except ValueError as fault:
             self._drop(stamp_ns, str(fault))
             return None
@@ -267,6 +268,7 @@ class _FrameBuilder:
             self._rig.camera,
             T_base_camera,
             camera_id=self._camera_id,
+            depth_stamp_ns=depth_stamp_ns,
         )
 
     def _drop(self, stamp_ns: int, fault: str) -> None:

@@ -8,14 +8,16 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from supermap_cli.errors import AlignmentError, SessionError
 from supermap_cli.geometry.arrays import FloatArray
+from supermap_cli.geometry.se3 import inverse
 from supermap_cli.geometry.trajectory import TimedPose, Trajectory
 from supermap_cli.mapping.drift import DriftCorrection, DriftMark
 from supermap_cli.mapping.structure import coarse_depth
 from supermap_cli.stages.map_registration import MapRegistration, Placement
+from supermap_cli.stages.motion_compensation import move_depth
 from supermap_cli.stages.sweep_buffer import HALF_WINDOW_NS, LONGEST_SWEEP_NS, SweepBuffer
 from supermap_cli.timing import StageClock
 from supermap_cli.types.keyframe import Keyframe
@@ -182,8 +184,8 @@ class Localizer:
         """Whether the pose at a frame's stamp, and its depth, are as well known as they will ever be."""
         waited_ns = self._now_ns - frame.stamp_ns
         if frame.depth_m is not None:
-            newest_ns = self.trajectory.newest_ns
-            return waited_ns > MAX_POSE_WAIT_NS or (newest_ns is not None and newest_ns >= frame.stamp_ns)
+            newest_ns, last_ns = self.trajectory.newest_ns, max(frame.stamp_ns, frame.depth_stamp_ns or 0)
+            return waited_ns > MAX_POSE_WAIT_NS or (newest_ns is not None and newest_ns >= last_ns)
         longest_ns = MAX_POSE_WAIT_NS + HALF_WINDOW_NS + LONGEST_SWEEP_NS
         return waited_ns > longest_ns or self._sweeps.is_complete(frame.stamp_ns)
 
@@ -197,7 +199,19 @@ class Localizer:
         if frame.depth_m is None:
             with self.clock.stage("depth"):
                 frame = self._sweeps.complete(frame)
+        elif frame.depth_stamp_ns not in {None, frame.stamp_ns}:
+            with self.clock.stage("depth"):
+                frame = self._with_depth_moved(frame, T_odom_base)
         return _PendingFrame(frame, waiting.awaits_detections, T_odom_base, sweep)
+
+    def _with_depth_moved(self, frame: CameraFrame, T_odom_base: FloatArray) -> CameraFrame:
+        """The frame with its depth as from where the camera stood at the frame's own stamp."""
+        T_odom_base_then = None if frame.depth_stamp_ns is None else self.trajectory.at(frame.depth_stamp_ns)
+        if T_odom_base_then is None or frame.depth_m is None:
+            return frame
+        T_color_depth = inverse(T_odom_base @ frame.T_base_camera) @ (T_odom_base_then @ frame.T_base_camera)
+        depth_m = move_depth(frame.camera, frame.depth_m, T_color_depth)
+        return replace(frame, depth_m=depth_m, depth_stamp_ns=frame.stamp_ns)
 
     def _forget(self) -> None:
         """Drop what no frame to come needs; while the traversal is being placed, levelling needs all poses."""

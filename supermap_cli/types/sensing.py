@@ -22,7 +22,8 @@ class CameraFrame:
     `Camera.depth_of` (z for a pinhole, range for a panorama), 0 = no return; `None` where the rig has a LiDAR instead.
     `T_base_camera` places the optical frame (z forward) in the robot's base at the stamp. `returns_camera` (n, 3) are
     the LiDAR's returns that `depth_m` was rendered from, in the optical frame; `None` where the depth is a camera's
-    own. `camera_id` names the camera among those of the rig.
+    own. `camera_id` names the camera among those of the rig. `depth_stamp_ns` is when the depth was taken, with the
+    camera where it stood then; `None`: at the same moment.
     """
 
     stamp_ns: int
@@ -33,6 +34,7 @@ class CameraFrame:
     T_base_camera: FloatArray
     returns_camera: FloatArray | None = None
     camera_id: str = MAIN_CAMERA
+    depth_stamp_ns: int | None = None
 
     def __post_init__(self) -> None:
         check_shape("rgb", self.rgb, (self.camera.height, self.camera.width, 3))
