@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.special import gammaln
 
 from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.mapping import class_sizes
@@ -23,19 +24,19 @@ from supermap_cli.types.parameters import TUNED, parameter
 class BeliefParameters:
     """How much detections and misses say, and which of them share their errors."""
 
-    unseen_label_likelihood: float = parameter(
-        0.05,
-        "1",
-        "P(z | L = c) for a label c that the detection did not consider: a detector's confusion is never nil",
-        TUNED,
-        at_least=1e-6,
-        at_most=1.0,
-    )
-    independent_detections: float = parameter(
+    label_concentration: float = parameter(
         2.0,
         "1",
-        "detections that a network's word on one object's label counts as at most: it errs in one way each time",
-        TUNED,
+        "concentration of the words that a detector finds for one object about its confusion's mean: at 2, an object "
+        "may well be called the same wrong word each time",
+        "Dirichlet-multinomial (Mosimann 1962); value: errors at one object are alike every second time",
+        at_least=0.01,
+    )
+    right_word_share: float = parameter(
+        0.6, "1", "mean share of a detector's words on an object that are right", "prior", at_least=0.01, at_most=0.99
+    )
+    vocabulary: float = parameter(
+        80.0, "1", "words among which the wrong ones are spread evenly", "COCO's classes", at_least=2.0
     )
     min_probability: float = parameter(1e-3, "1", "labels less likely than this are left out", "size of the map")
     error_duration_s: float = parameter(
@@ -61,15 +62,15 @@ DEFAULT = BeliefParameters()
 
 @dataclass
 class LabelBelief:
-    """A categorical belief over labels, P(L = c | z_1..k, size) ~ P(size | c) prod P(z_i | L = c).
+    """A categorical belief over labels, P(L = c | words, size) ~ P(size | c) P(words | L = c).
 
-    A detection's likelihood of class c is its score for c, and the likelihood of a class it did not consider a small
-    constant. `logs` are weighted sums of log-likelihoods, `unseen_log` that of a label never considered, `weight` the
-    sum of weights; `longest_side_m` is the object's size as measured.
+    The words that a detector says of one object are draws from a confusion of its own, for what misleads it once does
+    so again; given L = c, that confusion is Dirichlet about a mean that favours c. So the words' probability depends on
+    how often c and its rivals were said, and not on how many different wrong words there are. `counts` are the weighted
+    scores of each label, `weight` is the sum of weights; `longest_side_m` is the object's size as measured.
     """
 
-    logs: dict[str, float] = field(default_factory=dict)
-    unseen_log: float = 0.0
+    counts: dict[str, float] = field(default_factory=dict)
     weight: float = 0.0
     longest_side_m: float = 0.0
     parameters: BeliefParameters = field(default=DEFAULT, repr=False, compare=False)
@@ -78,30 +79,20 @@ class LabelBelief:
 
     def update(self, hypotheses: tuple[Hypothesis, ...], weight: float) -> None:
         """Take in all hypotheses of one detection."""
-        scores = {hypothesis.label: hypothesis.score for hypothesis in hypotheses}
-        total = max(1.0, sum(scores.values()))
-        unseen = self.parameters.unseen_label_likelihood
-        for label in scores:
-            self.logs.setdefault(label, self.unseen_log)
-        for label in self.logs:
-            likelihood = max(scores.get(label, 0.0) / total, unseen)
-            self.logs[label] += weight * float(np.log(likelihood))
-        self.unseen_log += weight * float(np.log(unseen))
+        total = max(1.0, sum(hypothesis.score for hypothesis in hypotheses))
+        for hypothesis in hypotheses:
+            added = weight * hypothesis.score / total
+            self.counts[hypothesis.label] = self.counts.get(hypothesis.label, 0.0) + added
         self.weight += weight
 
     def copy(self) -> LabelBelief:
         """The same belief, to be updated on its own."""
-        return LabelBelief(
-            dict(self.logs), self.unseen_log, self.weight, self.longest_side_m, self.parameters, self.size_parameters
-        )
+        return LabelBelief(dict(self.counts), self.weight, self.longest_side_m, self.parameters, self.size_parameters)
 
     def absorb(self, other: LabelBelief) -> None:
         """Join two beliefs that turned out to be about one object."""
-        labels = self.logs | other.logs  # in their order: a set of words has another one in each run
-        self.logs = {
-            label: self.logs.get(label, self.unseen_log) + other.logs.get(label, other.unseen_log) for label in labels
-        }
-        self.unseen_log += other.unseen_log
+        for label, count in other.counts.items():
+            self.counts[label] = self.counts.get(label, 0.0) + count
         self.weight += other.weight
 
     def probabilities(self) -> dict[str, float]:
@@ -109,21 +100,17 @@ class LabelBelief:
         return dict(self._current())
 
     def _current(self) -> dict[str, float]:
-        if not self.logs:
+        if not self.counts:
             return {}
         if self._cached is None or self._cached[0] != (self.weight, self.longest_side_m):
             self._cached = ((self.weight, self.longest_side_m), self._posterior())
         return self._cached[1]
 
     def _posterior(self) -> dict[str, float]:
-        labels = sorted(self.logs)
-        tempering = min(1.0, self.parameters.independent_detections / self.weight) if self.weight > 0 else 1.0
-        logs = np.array(
-            [
-                tempering * self.logs[label] + size_log_likelihood(label, self.longest_side_m, self.size_parameters)
-                for label in labels
-            ]
-        )
+        labels = sorted(self.counts)
+        said = words_log_likelihood(np.array([self.counts[label] for label in labels]), self.parameters)
+        fits = [size_log_likelihood(label, self.longest_side_m, self.size_parameters) for label in labels]
+        logs = said + fits
         p = np.exp(logs - logs.max())
         p /= p.sum()
         least = self.parameters.min_probability
@@ -136,6 +123,18 @@ class LabelBelief:
     def best(self) -> str:
         """The most likely label."""
         return next(iter(self._current()))
+
+
+def words_log_likelihood(counts: FloatArray, parameters: BeliefParameters = DEFAULT) -> FloatArray:
+    """(n,) log P(all words | L = c) of each label c, said so often (n,) `counts`, but for a constant.
+
+    Of the Dirichlet-multinomial only the factor of c itself differs between labels: with pseudo-counts a r for the
+    right word and a w for each wrong one, Gamma(a r + n) Gamma(a w) / (Gamma(a r) Gamma(a w + n)).
+    """
+    right = parameters.label_concentration * parameters.right_word_share
+    wrong = parameters.label_concentration * (1 - parameters.right_word_share) / (parameters.vocabulary - 1)
+    log_likelihood: FloatArray = gammaln(right + counts) - gammaln(right) - gammaln(wrong + counts) + gammaln(wrong)
+    return log_likelihood
 
 
 def label_agreement(hypotheses: tuple[Hypothesis, ...], belief: Mapping[str, float]) -> float:

@@ -22,6 +22,15 @@ class ClassSizeParameters:
     log_sigma: float = parameter(
         0.12, "1", "standard deviation of the log of a measured length: noise, voxels, bleeding masks", TUNED
     )
+    wrong_measure: float = parameter(
+        0.05,
+        "1",
+        "share of objects whose measure is wrong altogether (a mask that fills gaps, a neighbour taken in): it bounds "
+        "what size can say against a label",
+        "prior",
+        at_least=1e-6,
+        at_most=1.0,
+    )
 
 
 DEFAULT = ClassSizeParameters()
@@ -40,4 +49,5 @@ def size_log_likelihood(label: str, longest_side_m: float, parameters: ClassSize
     greatest = _longest_sides_m().get(label)
     if greatest is None or longest_side_m <= greatest:
         return 0.0
-    return -0.5 * float(np.log(longest_side_m / greatest) / parameters.log_sigma) ** 2
+    deviations = float(np.log(longest_side_m / greatest)) / parameters.log_sigma
+    return float(np.log((1 - parameters.wrong_measure) * np.exp(-0.5 * deviations**2) + parameters.wrong_measure))

@@ -41,7 +41,7 @@ def restore_object(instance: InstanceRecord) -> MapObject:
     return MapObject(
         instance.number,
         voxel_map_from_cloud(instance.voxels),
-        LabelBelief(dict(state.label_logs), state.unseen_log, state.looks, float(instance.box.size.max())),
+        LabelBelief(dict(state.label_counts), state.label_weight, float(instance.box.size.max())),
         Existence(instance.existence_log_odds, ViewpointHistory(cells)),
         OpenState(state.state_index, state.state_first_seen_ns, state.state_empty_before_ns),
         instance.first_seen_ns,

@@ -15,14 +15,13 @@ from supermap_cli.errors import MemoryStoreError
 
 @dataclass(frozen=True)
 class EngineState:
-    """`label_logs`, `unseen_log` and `looks` are those of the label belief. `viewpoints`: cell of viewing directions ->
+    """`label_counts` and `label_weight` are those of the label belief. `viewpoints`: cell of viewing directions ->
     supporting views, all views, and the sum of their log likelihood ratios. `state_*` is the current state, `gone_ns`
     the stamp since which there is none; `best_crop` is the quality of the best image crop.
     """
 
-    label_logs: Mapping[str, float]
-    unseen_log: float
-    looks: float
+    label_counts: Mapping[str, float]
+    label_weight: float
     viewpoints: Mapping[str, tuple[int, int, float]]
     state_index: int
     state_first_seen_ns: int
@@ -38,6 +37,7 @@ class EngineState:
     def of(cls, document: Mapping[str, Any]) -> EngineState:
         """Read what `to_document` wrote. Raises `MemoryStoreError` for anything else."""
         try:
+            document = _with_label_counts(document)
             values = {field.name: document[field.name] for field in fields(cls)}
             state = cls(
                 **values | {"viewpoints": {name: _cell(stored) for name, stored in values["viewpoints"].items()}}
@@ -52,15 +52,28 @@ class EngineState:
         )
 
     def _is_valid(self) -> bool:
-        reals = [*self.label_logs.values(), self.unseen_log, self.looks, self.best_crop]
+        reals = [*self.label_counts.values(), self.label_weight, self.best_crop]
         reals += [cell[2] for cell in self.viewpoints.values()]
         integers = [self.state_index, self.state_first_seen_ns]
         integers += [stamp_ns for stamp_ns in (self.state_empty_before_ns, self.gone_ns) if stamp_ns is not None]
         return (
-            bool(self.label_logs)
+            bool(self.label_counts)
             and all(map(math.isfinite, reals))
             and all(isinstance(number, int) for number in integers)
         )
+
+
+def _with_label_counts(document: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Databases of version 0.1 stored sums of log likelihoods: a word that was sure added log 20 to that of a label
+    never said.
+    """
+    if "label_counts" in document:
+        return document
+    unseen_log = float(document["unseen_log"])
+    counts = {
+        label: max(0.0, (float(log) - unseen_log) / math.log(20)) for label, log in document["label_logs"].items()
+    }
+    return {**document, "label_counts": counts, "label_weight": float(document["looks"])}
 
 
 def _cell(stored: list[float] | int) -> tuple[int, int, float]:

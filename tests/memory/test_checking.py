@@ -193,7 +193,7 @@ DAMAGES: tuple[tuple[str | tuple[str, str | None], str, str], ...] = (
     ("UPDATE traversal SET warnings = '[1]'", "traversal", "warnings that are no JSON list of texts"),
     ("UPDATE instance SET engine_state = '{}' WHERE number = 1", "instance", "engine state is damaged"),
     (
-        "UPDATE instance SET engine_state = replace(engine_state, '-3.0', '9e999')",
+        "UPDATE instance SET engine_state = replace(engine_state, '1.25', '9e999')",
         "instance",
         "engine state is damaged",
     ),

@@ -83,7 +83,7 @@ def instance(
         observations=observations,
         merged_into=merged_into,
         engine_state=EngineState(
-            {label: -0.1}, -3.0, 1.0, {"1,1,1": (1, 1, 1.0)}, 0, ns(seen[0]), None, None, 0.0
+            {label: 0.9}, 1.25, {"1,1,1": (1, 1, 1.0)}, 0, ns(seen[0]), None, None, 0.0
         ).to_document(),
     )
 

@@ -43,9 +43,9 @@ _VOXEL_M = 0.02
 """Edge of the clouds' voxels in metres. Chosen."""
 _CLOUDS = 32
 """Different clouds, shared by all instances."""
-_LABEL_BELIEF, _LABEL_LOGS = (0.93, 0.05, 0.02), (-0.1, -3.0, -4.0)
+_LABEL_BELIEF, _LABEL_COUNTS = (0.93, 0.05, 0.02), (12.0, 1.5, 0.6)
 """Probabilities and log likelihoods of an instance's label and of two others."""
-_UNSEEN_LOG, _LABEL_VIEWS, _EXISTENCE_LOG_ODDS, _CROP_QUALITY = -60.0, 20.0, 3.0, 50.0
+_LABEL_VIEWS, _EXISTENCE_LOG_ODDS, _CROP_QUALITY = 20.0, 3.0, 50.0
 """Further stored beliefs. As of a well-seen object; no query computes with them."""
 _SCORE_RANGE = (0.35, 0.98)
 """Least and greatest score of an observation."""
@@ -166,9 +166,8 @@ def _instance(
     other = "stool" if obj.label == "chair" else "box"
     belief = dict(zip((obj.label, other, "bucket"), _LABEL_BELIEF, strict=True))
     state = EngineState(
-        label_logs=dict(zip((obj.label, other, "bucket"), _LABEL_LOGS, strict=True)),
-        unseen_log=_UNSEEN_LOG,
-        looks=_LABEL_VIEWS,
+        label_counts=dict(zip((obj.label, other, "bucket"), _LABEL_COUNTS, strict=True)),
+        label_weight=_LABEL_VIEWS,
         viewpoints={f"{i},1,1": (4, 4, 4.0) for i in range(6)},
         state_index=max(len(history.states) - 1, 0),
         state_first_seen_ns=history.seen[0].first_ns if newest is None else newest.first_seen_ns,
