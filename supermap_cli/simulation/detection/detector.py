@@ -13,7 +13,7 @@ from supermap_cli.geometry.cameras import Camera
 from supermap_cli.simulation.detection.correlated_noise import CorrelatedNoise
 from supermap_cli.simulation.detection.detector_errors import DetectorErrors
 from supermap_cli.simulation.detection.fixed_errors import class_recall, named_generator, world_seed
-from supermap_cli.simulation.detection.label_errors import LabelErrors, other_names
+from supermap_cli.simulation.detection.label_errors import LabelErrors, called_otherwise
 from supermap_cli.simulation.detection.mask_errors import (
     parts_across_seam,
     redrawn,
@@ -92,9 +92,6 @@ class SimulatedDetector:
         self._outline_errors = OutlineErrors(errors, outline_rng)
         self._posters = Posters.hung(
             world, errors.posters, errors.poster_recall, named_generator(self._world_seed, "posters")
-        )
-        self._posters_noise = CorrelatedNoise(
-            self._posters_rng.spawn(1)[0], lasting_s=errors.lasting_s, lasting=errors.lasting, constant=0.0
         )
 
     def latency_s(self) -> float:
@@ -204,20 +201,20 @@ class SimulatedDetector:
                 ease = float(self._rng.uniform(0, 0.5))
                 yield _Region(("spot", spot, 0), self._phantoms.labels[spot], region, ease)
         for poster, region in self._posters.seen(view, camera, T_world_camera):
-            if self._posters_noise.uniform(poster, stamp_ns) < self._posters.recalls[poster]:
+            if self._posters_rng.random() < self._posters.recalls[poster]:
                 ease = float(self._posters_rng.uniform(0.6, 0.9))
                 yield _Region(("poster", poster, 0), self._posters.labels[poster], region, ease)
 
     def _report(self, candidate: _Region, view: RenderedView) -> _Report:
         """The candidate as it is reported: mask, box, labels and scores with their errors."""
         errors, mask = self._errors, self._drawn(candidate, view)
-        taken_for, wrong_score = self._mistaken(candidate, view.stamp_ns), errors.wrong_score
+        taken_for = self._mistaken(candidate, view.stamp_ns)
         score = self._score(candidate, view.stamp_ns)
-        if taken_for is None and errors.synonyms:
-            taken_for, wrong_score = self._synonym(candidate.label), 1.0
         hypotheses = self._label_errors.hypotheses(
-            candidate.label, taken_for, score, errors.hypotheses, self._rng, wrong_score=wrong_score
+            candidate.label, taken_for, score, errors.hypotheses, self._rng, wrong_score=errors.wrong_score
         )
+        if taken_for is None and errors.synonyms and self._words_rng.random() < errors.synonyms:
+            hypotheses = called_otherwise(hypotheses, errors.hypotheses, self._words_rng)
         box = self._box(mask, view)
         return _Report(box, hypotheses, self._outline_errors.drawn(mask, *view.thing.shape))
 
@@ -247,13 +244,6 @@ class SimulatedDetector:
         kind, number, _ = candidate.who
         rng = named_generator(self._world_seed, f"words of {kind} {number}")
         return self._label_errors.others(candidate.label, self._errors.wrong_words, rng)
-
-    def _synonym(self, label: str) -> str | None:
-        """Another name of a thing, for a share of the detections."""
-        names = other_names().get(label, ())
-        if not names or self._words_rng.random() >= self._errors.synonyms:
-            return None
-        return str(self._words_rng.choice(names))
 
     def _drawn(self, candidate: _Region, view: RenderedView) -> RegionMask:
         errors, rng = self._errors, self._rng

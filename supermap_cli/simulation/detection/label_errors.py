@@ -12,6 +12,7 @@ import numpy as np
 from supermap_cli.types.detections import Hypothesis
 
 _LIKELIER = 0.55  # ratio of the chances of a look-alike and of the one listed before it
+_CLOSE = 0.95  # ratio of the scores of a thing's usual name and of the synonym that comes first
 
 
 @cache
@@ -70,3 +71,17 @@ class LabelErrors:
         return tuple(
             Hypothesis(name, hypothesis_score) for name, hypothesis_score in zip(ranked[:count], scores, strict=True)
         )
+
+
+def called_otherwise(
+    hypotheses: tuple[Hypothesis, ...], count: int, rng: np.random.Generator
+) -> tuple[Hypothesis, ...]:
+    """The hypotheses with a synonym of the first before it, if there is one. A network that knows both words scores
+    each on its own, almost alike: the scores may add up to more than 1.
+    """
+    right, *others = hypotheses
+    names = other_names().get(right.label, ())
+    if not names:
+        return hypotheses
+    first = Hypothesis(str(rng.choice(names)), right.score)
+    return (first, Hypothesis(right.label, _CLOSE * right.score), *others)[:count]

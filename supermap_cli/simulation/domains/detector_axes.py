@@ -67,8 +67,8 @@ FALSE_ALARMS = Axis(
         "rare": _errors("none", false_positives=0, phantoms_per_m2=0),
         "many": _errors("1.5 an image", false_positives=1.5),
         "persistent": _errors(
-            "2 posters of things in a room of 20 m2 that fool in 60 to 80 % of their views",
-            posters=2,
+            "3 posters of things for each 20 m2 of floor that fool in 60 to 80 % of their views",
+            posters=3,
             poster_recall=0.7,
         ),
     },
