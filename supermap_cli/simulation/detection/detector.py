@@ -12,7 +12,8 @@ from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.geometry.cameras import Camera
 from supermap_cli.simulation.detection.correlated_noise import CorrelatedNoise
 from supermap_cli.simulation.detection.detector_errors import DetectorErrors
-from supermap_cli.simulation.detection.label_errors import LabelErrors
+from supermap_cli.simulation.detection.fixed_errors import class_recall, named_generator, world_seed
+from supermap_cli.simulation.detection.label_errors import LabelErrors, called_otherwise
 from supermap_cli.simulation.detection.mask_errors import (
     parts_across_seam,
     redrawn,
@@ -20,14 +21,16 @@ from supermap_cli.simulation.detection.mask_errors import (
     touch,
     with_patch,
 )
+from supermap_cli.simulation.detection.outline_errors import OutlineErrors
 from supermap_cli.simulation.detection.phantoms import Phantoms, random_region
+from supermap_cli.simulation.detection.posters import Posters
 from supermap_cli.simulation.views import PlaceVisibility, RenderedView
 from supermap_cli.simulation.world import World
 from supermap_cli.types.detections import Detections, Hypothesis, RegionMask, joined_masks, no_detections
 from supermap_cli.types.sensing import MAIN_CAMERA
 
-_NOTHING = ("nothing", 0, 0)
-"""The noise key of random false detections."""
+_NEVER_MISTAKEN = ("nothing", "poster")
+"""False detections that have no true label which a wrong one could take the place of."""
 
 __all__ = ["DetectorErrors", "SimulatedDetector"]
 
@@ -52,14 +55,15 @@ class _Report:
 
     box_xyxy: FloatArray
     hypotheses: tuple[Hypothesis, ...]
-    mask: RegionMask
+    mask: RegionMask | None
 
 
 class SimulatedDetector:
     """Detects things in one image after the other: labels, scores, boxes and masks, never a true id.
 
     Deterministic: the same seed and the same images in the same order give the same detections. `phantom_seed` places
-    the spots of the building that it mistakes for things; detectors that share it share the spots.
+    the spots of the building that it mistakes for things; detectors that share it share the spots. Class recalls,
+    posters and each thing's wrong words follow from the world alone (`fixed_errors`).
     """
 
     def __init__(
@@ -74,7 +78,9 @@ class SimulatedDetector:
         self._world = world
         self._errors = errors
         self._camera_id = camera_id
-        self._rng, self._latency_rng, _, noise_rng = np.random.default_rng(seed).spawn(4)
+        self._rng, self._latency_rng, _, noise_rng, outline_rng, self._words_rng, self._posters_rng = (
+            np.random.default_rng(seed).spawn(7)
+        )
         spots_rng = np.random.default_rng(seed if phantom_seed is None else phantom_seed).spawn(4)[2]
         self._label_errors = LabelErrors(thing.label for thing in world.things)
         self._phantoms = Phantoms.scattered(world, self._label_errors.labels, errors.phantoms_per_m2, spots_rng)
@@ -82,6 +88,11 @@ class SimulatedDetector:
             noise_rng, lasting_s=errors.lasting_s, lasting=errors.lasting, constant=errors.constant
         )
         self._taken_for: dict[tuple[str, int, int], str] = {}
+        self._world_seed = world_seed(world)
+        self._outline_errors = OutlineErrors(errors, outline_rng)
+        self._posters = Posters.hung(
+            world, errors.posters, errors.poster_recall, named_generator(self._world_seed, "posters")
+        )
 
     def latency_s(self) -> float:
         """How long the next detection takes."""
@@ -146,8 +157,10 @@ class SimulatedDetector:
         return far * _hill(visible, errors.half_visible, 3) * _hill(area_px, errors.half_area_px, 1.5)
 
     def _notices(self, candidate: _Region, stamp_ns: int) -> bool:
-        recall = self._errors.recall * candidate.ease
-        return self._noise.uniform(("miss", candidate.who), stamp_ns) < recall
+        errors, recall = self._errors, self._errors.recall
+        if errors.class_spread:
+            recall = class_recall(self._world_seed, candidate.label, recall, errors.class_spread)
+        return self._noise.uniform(("miss", candidate.who), stamp_ns) < recall * candidate.ease
 
     def _merged(self, found: list[_Region], stamp_ns: int) -> list[_Region]:
         """Some touching things are found as one, under the label of the larger; each takes part in one such pair."""
@@ -187,16 +200,23 @@ class SimulatedDetector:
             if self._noise.uniform(("miss", ("spot", spot, 0)), stamp_ns) < self._errors.phantom_recall:
                 ease = float(self._rng.uniform(0, 0.5))
                 yield _Region(("spot", spot, 0), self._phantoms.labels[spot], region, ease)
+        for poster, region in self._posters.seen(view, camera, T_world_camera):
+            if self._posters_rng.random() < self._posters.recalls[poster]:
+                ease = float(self._posters_rng.uniform(0.6, 0.9))
+                yield _Region(("poster", poster, 0), self._posters.labels[poster], region, ease)
 
     def _report(self, candidate: _Region, view: RenderedView) -> _Report:
         """The candidate as it is reported: mask, box, labels and scores with their errors."""
-        mask = self._drawn(candidate, view)
+        errors, mask = self._errors, self._drawn(candidate, view)
         taken_for = self._mistaken(candidate, view.stamp_ns)
         score = self._score(candidate, view.stamp_ns)
         hypotheses = self._label_errors.hypotheses(
-            candidate.label, taken_for, score, self._errors.hypotheses, self._rng
+            candidate.label, taken_for, score, errors.hypotheses, self._rng, wrong_score=errors.wrong_score
         )
-        return _Report(self._box(mask, view), hypotheses, mask)
+        if taken_for is None and errors.synonyms and self._words_rng.random() < errors.synonyms:
+            hypotheses = called_otherwise(hypotheses, errors.hypotheses, self._words_rng)
+        box = self._box(mask, view)
+        return _Report(box, hypotheses, self._outline_errors.drawn(mask, *view.thing.shape))
 
     def _score(self, candidate: _Region, stamp_ns: int) -> float:
         errors = self._errors
@@ -206,15 +226,24 @@ class SimulatedDetector:
 
     def _mistaken(self, candidate: _Region, stamp_ns: int) -> str | None:
         """What a thing is taken for now, if for something else; as long as that lasts, for the same. What is hard to
-        see is mistaken more often.
+        see is mistaken more often, unless things have wrong words of their own.
         """
-        rate = self._errors.confusion * (1.4 - 0.8 * candidate.ease)
-        if candidate.who == _NOTHING or self._noise.uniform(("label", candidate.who), stamp_ns) >= rate:
+        errors = self._errors
+        rate = errors.confusion if errors.wrong_words else errors.confusion * (1.4 - 0.8 * candidate.ease)
+        if candidate.who[0] in _NEVER_MISTAKEN or self._noise.uniform(("label", candidate.who), stamp_ns) >= rate:
             self._taken_for.pop(candidate.who, None)
             return None
+        if errors.wrong_words:
+            return str(self._words_rng.choice(self._wrong_words(candidate)))
         if candidate.who not in self._taken_for:
             self._taken_for[candidate.who] = self._label_errors.others(candidate.label, 1, self._rng)[0]
         return self._taken_for[candidate.who]
+
+    def _wrong_words(self, candidate: _Region) -> list[str]:
+        """The wrong words that this thing always gets."""
+        kind, number, _ = candidate.who
+        rng = named_generator(self._world_seed, f"words of {kind} {number}")
+        return self._label_errors.others(candidate.label, self._errors.wrong_words, rng)
 
     def _drawn(self, candidate: _Region, view: RenderedView) -> RegionMask:
         errors, rng = self._errors, self._rng

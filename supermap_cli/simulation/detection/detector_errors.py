@@ -21,6 +21,7 @@ class DetectorErrors(Section):
     """
 
     recall: float = Field(default=0.95, ge=0, le=1, description="share of large, near, unoccluded things that is found")
+    class_spread: float = Field(default=0.0, ge=0, le=1, description="most that a class's own recall is lower")
     half_distance_m: float = Field(default=7.0, gt=0, le=1e6, description="distance at which recall has halved")
     half_visible: float = Field(default=0.22, ge=0, le=1, description="visible share of a thing that halves recall")
     half_area_px: float = Field(default=110.0, ge=0, le=1e6, description="area in the image that halves recall")
@@ -32,6 +33,16 @@ class DetectorErrors(Section):
     confusion: float = Field(
         default=0.07, ge=0, le=1, description="share of detections with a look-alike's label first"
     )
+    wrong_words: int = Field(
+        default=0,
+        ge=0,
+        le=30,
+        description="wrong labels that each thing has for good; 0: look-alikes, where hard to see",
+    )
+    wrong_score: float = Field(
+        default=0.85, ge=0, le=1, description="score of a wrong label, as a share of a right one's"
+    )
+    synonyms: float = Field(default=0.0, ge=0, le=1, description="share of detections with a synonym first")
     best_score: float = Field(default=0.92, gt=0, le=1, description="mean score where recall is best")
     worst_score: float = Field(default=0.35, gt=0, le=1, description="mean score where recall is near zero")
     score_noise: float = Field(default=0.06, ge=0, le=1, description="standard deviation of scores")
@@ -43,6 +54,10 @@ class DetectorErrors(Section):
         default=0.015, ge=0, le=10, description="spots on walls, floors and the like that look like some thing"
     )
     phantom_recall: float = Field(default=0.3, ge=0, le=1, description="share of the views of such a spot that fool")
+    posters: int = Field(
+        default=0, ge=0, le=20, description="pictures on the walls, for each 20 m2 of floor, that are taken for things"
+    )
+    poster_recall: float = Field(default=0.7, ge=0, le=1, description="share of the views of such a picture that fool")
 
     box_jitter: float = Field(default=0.015, ge=0, le=1, description="sigma of a box's edges, as a share of its side")
     bleeding: float = Field(default=0.75, ge=0, le=1, description="share of masks that are too large; the rest is cut")
@@ -50,6 +65,15 @@ class DetectorErrors(Section):
     erosion_px: float = Field(default=2.0, ge=0, le=50, description="most that a mask stays within it")
     wobble_px: float = Field(default=0.8, ge=0, le=50, description="how uneven the outline is, standard deviation")
     patches: float = Field(default=0.12, ge=0, le=1, description="share of masks with a patch of their surroundings")
+    outline_px: float = Field(
+        default=0.0, ge=-50, le=50, description="how far all outlines lie outside (inside: < 0), of 640 px of width"
+    )
+    closing_px: float = Field(
+        default=0.0, ge=0, le=200, description="gaps of masks up to so wide are filled, of 640 px; holes too"
+    )
+    hulls: float = Field(default=0.0, ge=0, le=1, description="share of masks that are their convex hull")
+    cuts: float = Field(default=0.0, ge=0, le=1, description="share of masks that lack a third, at a random side")
+    maskless: float = Field(default=0.0, ge=0, le=1, description="share of detections with a box but no mask")
     merging: float = Field(default=0.06, ge=0, le=1, description="share of touching things of one label found as one")
     swallowing: float = Field(
         default=0.01, ge=0, le=1, description="share of touching things of two labels found as one"

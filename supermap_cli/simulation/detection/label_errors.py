@@ -12,6 +12,7 @@ import numpy as np
 from supermap_cli.types.detections import Hypothesis
 
 _LIKELIER = 0.55  # ratio of the chances of a look-alike and of the one listed before it
+_CLOSE = 0.95  # ratio of the scores of a thing's usual name and of the synonym that comes first
 
 
 @cache
@@ -19,6 +20,13 @@ def look_alikes() -> Mapping[str, tuple[str, ...]]:
     """A label -> the labels it is confused with, the likeliest first."""
     text = (Path(__file__).parent / "look_alikes.toml").read_text(encoding="utf-8")
     return {label: tuple(others) for label, others in tomllib.loads(text)["look_alikes"].items()}
+
+
+@cache
+def other_names() -> Mapping[str, tuple[str, ...]]:
+    """A label -> synonyms of it. A label that is not listed has none."""
+    text = (Path(__file__).parent / "synonyms.toml").read_text(encoding="utf-8")
+    return {label: tuple(names) for label, names in tomllib.loads(text)["synonyms"].items()}
 
 
 class LabelErrors:
@@ -38,16 +46,23 @@ class LabelErrors:
         return chosen
 
     def hypotheses(
-        self, label: str, taken_for: str | None, score: float, count: int, rng: np.random.Generator
+        self,
+        label: str,
+        taken_for: str | None,
+        score: float,
+        count: int,
+        rng: np.random.Generator,
+        *,
+        wrong_score: float = 0.85,
     ) -> tuple[Hypothesis, ...]:
         """The best `count` labels with scores that add up to at most 1: the true one first with `score`, or, where the
-        thing is `taken_for` another, that one with a lower score and the true one close behind.
+        thing is `taken_for` another, that one with `wrong_score` of it and the true one close behind.
         """
         others = [other for other in self.others(label, count, rng) if other != taken_for]
         if taken_for is None:
             ranked = [label, *others]
         else:
-            ranked, score = [taken_for, label, *others], score * 0.85
+            ranked, score = [taken_for, label, *others], score * wrong_score
         scores = [score]
         for _ in ranked[1:count]:
             closeness = rng.uniform(0.6, 0.95) if taken_for is not None and len(scores) == 1 else rng.uniform(0.3, 0.7)
@@ -56,3 +71,17 @@ class LabelErrors:
         return tuple(
             Hypothesis(name, hypothesis_score) for name, hypothesis_score in zip(ranked[:count], scores, strict=True)
         )
+
+
+def called_otherwise(
+    hypotheses: tuple[Hypothesis, ...], count: int, rng: np.random.Generator
+) -> tuple[Hypothesis, ...]:
+    """The hypotheses with a synonym of the first before it, if there is one. A network that knows both words scores
+    each on its own, almost alike: the scores may add up to more than 1.
+    """
+    right, *others = hypotheses
+    names = other_names().get(right.label, ())
+    if not names:
+        return hypotheses
+    first = Hypothesis(str(rng.choice(names)), right.score)
+    return (first, Hypothesis(right.label, _CLOSE * right.score), *others)[:count]

@@ -66,14 +66,14 @@ def redrawn(
     if not grow_px and not wobble_px:
         return mask
     canvas = enlarged(mask, 2 + int(np.ceil(max(grow_px, 0) + 3 * wobble_px)), height, width)
-    outline_px = _signed_distance_px(canvas.pixels) + grow_px
+    outline_px = signed_distance_px(canvas.pixels) + grow_px
     if wobble_px:
         outline_px += _smooth_noise(canvas.pixels.shape, rng) * wobble_px
     found = tight(RegionMask(canvas.u0, canvas.v0, outline_px > 0))
     return found if found is not None and found.pixels.sum() > area_px / 3 else mask
 
 
-def _signed_distance_px(pixels: BoolArray) -> Float32Array:
+def signed_distance_px(pixels: BoolArray) -> Float32Array:
     """How far each pixel lies within (positive) or outside of the mask's outline."""
     import cv2  # noqa: PLC0415
 
