@@ -25,7 +25,8 @@ from supermap_cli.mapping.clusters import (
     main_cluster,
     occluded_continuation,
 )
-from supermap_cli.mapping.depth import DepthView, pixel_scale
+from supermap_cli.mapping.depth import DepthView, edge_step_m, pixel_scale
+from supermap_cli.mapping.foreground import ForegroundParameters, foreground
 from supermap_cli.mapping.lidar_lifting import LidarLiftingParameters, lift_returns
 from supermap_cli.mapping.mask_core import MaskCoreParameters, erode, erosion_px, foreground_rim, off_depth_edges
 from supermap_cli.types.detections import Detections, Hypothesis, RegionMask
@@ -64,6 +65,7 @@ class LiftingParameterSets:
     """The parameters of all that lifting does."""
 
     lifting: LiftingParameters = DEFAULT
+    foreground: ForegroundParameters = field(default_factory=ForegroundParameters)
     mask_core: MaskCoreParameters = field(default_factory=MaskCoreParameters)
     clusters: ClusterParameters = field(default_factory=ClusterParameters)
     lidar_lifting: LidarLiftingParameters = field(default_factory=LidarLiftingParameters)
@@ -117,17 +119,20 @@ def lift(
 ) -> list[LiftedDetection]:
     """Lift all detections that have a mask and enough depth under it, or, with a LiDAR, stand on the floor."""
     lifted = []
+    masked = _masked(view, detections) if view.returns is None else None
     for index in range(len(detections)):
         mask = detections.masks[index]
         if mask is None or not mask.pixels.any():
             continue
+        own = None if masked is None else foreground(view, mask, masked, sets.foreground)
+        mask = mask if own is None else own
         rim_px = erosion_px(
             int(np.count_nonzero(mask.pixels)), pixel_scale(keyframe.camera, view.parameters), sets.mask_core
         )
-        foreground = foreground_rim(view, mask, rim_px)
-        core = erode(mask.pixels, rim_px, sets.mask_core) | foreground
+        clear = foreground_rim(view, mask, rim_px) if own is None else _near_side(view, mask)
+        core = mask.pixels if own is not None else erode(mask.pixels, rim_px, sets.mask_core) | clear
         if view.returns is None:
-            one = _lift_core(keyframe, view, mask, core, foreground, sets=sets)
+            one = _lift_core(keyframe, view, mask, core, clear, sets=sets)
         else:
             one = lift_returns(
                 keyframe,
@@ -165,6 +170,22 @@ def lift(
     return lifted
 
 
+def _masked(view: DepthView, detections: Detections) -> BoolArray:
+    """(h, w) the pixels in any mask."""
+    masked = np.zeros(view.depth_m.shape, dtype=bool)
+    for mask in detections.masks:
+        if mask is not None:
+            masked[mask.window] |= mask.pixels
+    return masked
+
+
+def _near_side(view: DepthView, mask: RegionMask) -> BoolArray:
+    """(h, w) the mask's pixels that are not behind what is around them: no mixture of two depths."""
+    depth, nearest = view.depth_m[mask.window], view.nearest_m[mask.window]
+    near: BoolArray = mask.pixels & (depth > 0) & (depth - nearest < edge_step_m(depth, view.parameters))
+    return near
+
+
 def is_truncated(box_xyxy: Float32Array | FloatArray, camera: Camera, parameters: LiftingParameters = DEFAULT) -> bool:
     """Whether an image box reaches the border, which at the sides of a full turn is none."""
     margin = max(parameters.border_px, int(camera.width * parameters.border_share))
@@ -178,7 +199,7 @@ def _lift_core(
     view: DepthView,
     mask: RegionMask,
     core: BoolArray,
-    foreground: BoolArray,
+    clear: BoolArray,
     *,
     sets: LiftingParameterSets,
 ) -> tuple[FloatArray, UInt8Array, float] | None:
@@ -186,7 +207,7 @@ def _lift_core(
     inner = np.flatnonzero(core & (view.depth_m[mask.window] > 0))
     v = inner // core.shape[1]
     v, u = v + mask.v0, inner - v * core.shape[1] + mask.u0
-    usable = foreground.ravel()[inner]
+    usable = clear.ravel()[inner]
     rest = np.flatnonzero(~usable)
     usable[rest] = off_depth_edges(view, v[rest], u[rest])
     chosen = np.flatnonzero(usable)

@@ -17,6 +17,7 @@ from supermap_cli.mapping.depth import DepthParameters
 from supermap_cli.mapping.displacement import DisplacementParameters
 from supermap_cli.mapping.drift import DriftParameters
 from supermap_cli.mapping.duplicates import DuplicatesParameters
+from supermap_cli.mapping.foreground import ForegroundParameters
 from supermap_cli.mapping.free_space import FreeSpaceParameters
 from supermap_cli.mapping.fusion import FusionParameters
 from supermap_cli.mapping.icp import IcpParameters
@@ -60,6 +61,7 @@ class MappingParameters:
     keyframe_view: KeyframeViewParameters = field(default_factory=KeyframeViewParameters)
     seam: SeamParameters = field(default_factory=SeamParameters)
     mask_overlap: MaskOverlapParameters = field(default_factory=MaskOverlapParameters)
+    foreground: ForegroundParameters = field(default_factory=ForegroundParameters)
     mask_core: MaskCoreParameters = field(default_factory=MaskCoreParameters)
     clusters: ClusterParameters = field(default_factory=ClusterParameters)
     lifting: LiftingParameters = field(default_factory=LiftingParameters)
@@ -97,6 +99,7 @@ class MappingParameters:
         """What `lifting.lift` works with."""
         return LiftingParameterSets(
             self.lifting,
+            self.foreground,
             self.mask_core,
             self.clusters,
             self.lidar_lifting,
