@@ -36,6 +36,13 @@ class FreeSpaceParameters:
     max_points: int = parameter(
         200, "1", "points of an object that views are asked about", "bounds the time", at_least=1
     )
+    min_empty_views: int = parameter(
+        2,
+        "1",
+        "views that must have seen a place empty: one may be noise, or see through a gap",
+        "two witnesses",
+        at_least=1,
+    )
     cell_m: float = parameter(0.5, "m", "edge of the cells of position of a viewpoint", TUNED, at_least=0.05)
     cell_deg: float = parameter(30.0, "deg", "width of the cells of direction of a viewpoint", TUNED, at_least=1)
     views_per_cell: int = parameter(3, "1", "depth images kept of each viewpoint", "bounds the memory", at_least=1)
@@ -146,15 +153,20 @@ class FreeSpaceMemory:
         self.add(traversal, small_view(record.stamp_ns, record.T_map_camera, camera, small, record.depth_step))
 
     def last_seen_empty(self, points_map: FloatArray, voxel_m: float, before_ns: int) -> int | None:
-        """The latest time before `before_ns` at which the place of (n, 3) points was seen empty, `None` if never."""
+        """The latest time before `before_ns` at which the place of (n, 3) points was seen empty; `None` if never, or by
+        fewer than `min_empty_views` views.
+        """
         sample = points_map[:: max(1, len(points_map) // self.parameters.max_points)]
         earlier = _facing_views(
             sample, [view for kept in self.views.values() for view in kept if view.stamp_ns < before_ns]
         )
+        empty_ns: list[int] = []
         for view in sorted(earlier, key=lambda view: -view.stamp_ns):
             share = view.share_empty(sample, voxel_m, self.parameters, self.visibility_parameters)
             if share > self.parameters.min_empty_share:
-                return view.stamp_ns
+                empty_ns.append(view.stamp_ns)
+            if len(empty_ns) >= self.parameters.min_empty_views:
+                return empty_ns[0]
         return None
 
 

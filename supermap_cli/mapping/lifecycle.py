@@ -22,7 +22,7 @@ class LifecycleParameters:
 
     initial_log_odds: float = parameter(-1.0, "1", "existence before its first detection: more likely not there", TUNED)
     confirm_log_odds: float = parameter(
-        2.0, "1", "existence from which a tentative object enters the map: odds of 7 to 1", TUNED
+        1.0, "1", "existence from which a tentative object enters the map: odds of 2.7 to 1", TUNED
     )
     confirm_observations: int = parameter(2, "1", "detections it must have: one may be an error", TUNED)
     confirm_span_s: float = parameter(
@@ -30,9 +30,6 @@ class LifecycleParameters:
         "s",
         "time that its detections must span, for some in quick succession share their errors",
         TUNED,
-    )
-    confirm_label: float = parameter(
-        0.5, "1", "probability of its label: what may as well be two others is not entered yet", TUNED, at_most=1.0
     )
     demote_log_odds: float = parameter(
         0.0, "1", "a confirmed object at or below this is demoted: it leaves the answers until confirmed anew", "odds"
@@ -69,14 +66,14 @@ def initialize(
 
 
 def ready_to_confirm(tentative: MapObject, parameters: LifecycleParameters = DEFAULT) -> bool:
-    """Whether a tentative object is believed enough to enter the map, and known enough to be called something."""
+    """Whether a tentative object is believed enough to enter the map, whatever it is called: its label has a
+    probability of its own.
+    """
     if tentative.existence.log_odds < parameters.confirm_log_odds:
         return False
     if tentative.observations < parameters.confirm_observations:
         return False
-    if tentative.last_seen_ns - tentative.first_seen_ns < parameters.confirm_span_s * 1e9:
-        return False
-    return max(tentative.labels.probabilities().values()) >= parameters.confirm_label
+    return tentative.last_seen_ns - tentative.first_seen_ns >= parameters.confirm_span_s * 1e9
 
 
 def is_demoted(confirmed: MapObject, parameters: LifecycleParameters = DEFAULT) -> bool:
