@@ -91,6 +91,36 @@ def use_postgresql() -> None:
     pytest.MonkeyPatch().setattr(SqliteFile, "of", lambda path: PostgresqlSchema.of(place(path)))
 
 
+def replay_migrations() -> None:
+    """Every new map after the first one gets its tables by the statements that the migrations ran for that one.
+
+    They are the same for every empty database, and Alembic takes much longer over them than the database.
+    """
+    from sqlalchemy import Connection, event, inspect
+
+    from supermap_schema import upgrading
+
+    migrate = upgrading.upgrade
+    recorded: list[tuple[str, Any]] = []
+
+    def record(_connection: Connection, _cursor: Any, statement: str, parameters: Any, *_: Any) -> None:
+        recorded.append((statement, parameters))
+
+    def upgrade(connection: Connection, revision: str = "head") -> None:
+        if revision != "head" or inspect(connection).get_table_names():
+            migrate(connection, revision)
+        elif not recorded:
+            event.listen(connection, "before_cursor_execute", record)
+            migrate(connection)
+            event.remove(connection, "before_cursor_execute", record)
+        else:
+            cursor = connection.connection.cursor()
+            for statement, parameters in recorded:
+                cursor.execute(statement, parameters)
+
+    upgrading.upgrade = upgrade
+
+
 def start_server(config: pytest.Config) -> None:
     """Once a session; processes that run a part of the tests find it in their environment."""
     if SERVER in os.environ or ABSENT in os.environ:
