@@ -11,7 +11,10 @@ import numpy as np
 
 from supermap_cli.types.detections import Hypothesis
 
-_LIKELIER = 0.55  # ratio of the chances of a look-alike and of the one listed before it
+_LIKELIER = 0.55
+"""Ratio of the chances of a look-alike and of the one listed before it; chosen so that of a long list the first is
+taken in not quite half of the cases, 1 - 0.55, and the second in a quarter.
+"""
 
 
 @cache
