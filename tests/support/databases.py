@@ -13,9 +13,10 @@ import shutil
 import sqlite3
 import subprocess
 import tempfile
+from collections import defaultdict
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
-from functools import partial
+from functools import partial, wraps
 from pathlib import Path
 from typing import Any
 
@@ -101,21 +102,22 @@ def replay_migrations() -> None:
     from supermap_schema import upgrading
 
     migrate = upgrading.upgrade
-    recorded: list[tuple[str, Any]] = []
+    recorded: dict[str, list[tuple[str, Any]]] = defaultdict(list)
 
-    def record(_connection: Connection, _cursor: Any, statement: str, parameters: Any, *_: Any) -> None:
-        recorded.append((statement, parameters))
+    def record(connection: Connection, _cursor: Any, statement: str, parameters: Any, *_: Any) -> None:
+        recorded[connection.dialect.name].append((statement, parameters))
 
+    @wraps(migrate)
     def upgrade(connection: Connection, revision: str = "head") -> None:
         if revision != "head" or inspect(connection).get_table_names():
             migrate(connection, revision)
-        elif not recorded:
+        elif not recorded[connection.dialect.name]:
             event.listen(connection, "before_cursor_execute", record)
             migrate(connection)
             event.remove(connection, "before_cursor_execute", record)
         else:
             cursor = connection.connection.cursor()
-            for statement, parameters in recorded:
+            for statement, parameters in recorded[connection.dialect.name]:
                 cursor.execute(statement, parameters)
 
     upgrading.upgrade = upgrade
