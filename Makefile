@@ -57,7 +57,9 @@ test: lint
 	@echo "== pytest"
 	@$(BIN)/python -m pytest -n $(WORKERS)
 
-ON_POSTGRESQL := $(addprefix tests/,memory query schema exporting drivers/test_traversal_build.py drivers/test_stopped_builds.py \
+ON_POSTGRESQL := $(addprefix tests/,memory query schema exporting \
+  $(addprefix drivers/test_,traversal_build.py multi_camera_builds.py resumed_builds.py second_traversals.py \
+    failing_builds.py delayed_perception.py stopped_builds.py) \
   $(addprefix commands/test_,db.py db_sql.py build.py diff.py history.py query.py show.py))
 
 test-postgresql: $(INSTALLED)

@@ -14,6 +14,7 @@ settings.load_profile("suite")
 def pytest_configure(config: pytest.Config) -> None:
     config.addinivalue_line("markers", "sqlite_only(reason): about what only an SQLite file has")
     config.addinivalue_line("markers", "postgresql_only: about what only a PostgreSQL server has")
+    databases.replay_migrations()
     if databases.on_postgresql():
         databases.start_server(config)
         databases.use_postgresql()

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import signal
-import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -30,6 +28,7 @@ from supermap_cli.commands.common import (
     TrackerOption,
     database_url,
     err,
+    interrupt_on_sigterm,
     out,
     print_json,
 )
@@ -169,8 +168,7 @@ def build_all(
     from supermap_cli.memory.opening import open_store  # noqa: PLC0415
     from supermap_cli.plugin_manager import load_plugins  # noqa: PLC0415
 
-    if threading.current_thread() is threading.main_thread():
-        signal.signal(signal.SIGTERM, signal.default_int_handler)  # stopped politely, it leaves the map as it was
+    interrupt_on_sigterm()
     keep_freed_memory()
     plugins = load_plugins()
     for broken in plugins.broken:
@@ -395,14 +393,5 @@ def summary_json(summary: BuildSummary) -> dict[str, object]:
         "placed": summary.placement.method,
         "backends": summary.backends,
         "warnings": list(summary.warnings),
-        "timings": [
-            {
-                "stage": timing.stage,
-                "total_s": timing.total_s,
-                "runs": timing.runs,
-                "mean_ms": timing.mean_ms,
-                "p95_ms": timing.p95_ms,
-            }
-            for timing in summary.timings
-        ],
+        "timings": [asdict(timing) for timing in summary.timings],
     }

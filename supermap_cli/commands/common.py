@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import sys
 import tempfile
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -69,6 +71,12 @@ def err() -> Console:
     from rich.console import Console  # noqa: PLC0415 - keeps start-up light
 
     return Console(stderr=True, highlight=False, soft_wrap=not sys.stderr.isatty())
+
+
+def interrupt_on_sigterm() -> None:
+    """SIGTERM raises `KeyboardInterrupt` from now on, as Ctrl-C does: work that is stopped politely cleans up."""
+    if threading.current_thread() is threading.main_thread():
+        signal.signal(signal.SIGTERM, signal.default_int_handler)
 
 
 @contextmanager

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import shlex
-import signal
-import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from supermap_cli.commands import common
-from supermap_cli.commands.common import JsonOption, err, print_json
+from supermap_cli.commands.common import JsonOption, err, interrupt_on_sigterm, print_json
 from supermap_cli.commands.tables import print_table
 from supermap_cli.errors import ConfigError, SimulationError
 
@@ -120,8 +119,7 @@ def simulate_scenario(
     domain: Sequence[str] = (),
 ) -> RecordedScenario:
     """Make a scenario and record it, with progress bars. `errors` gives the detector's from the scenario's own."""
-    if threading.current_thread() is threading.main_thread():
-        signal.signal(signal.SIGTERM, signal.default_int_handler)  # stopped politely, it leaves no half recording
+    interrupt_on_sigterm()
     try:
         # Heavy imports, only when a simulation starts.
         from supermap_cli.simulation.domains.axes import choose_levels  # noqa: PLC0415
@@ -210,16 +208,7 @@ def to_document(recorded: RecordedScenario, total_s: float) -> dict[str, object]
         "changes": len(truth.changes),
         "questions": len(truth.questions),
         "total_s": round(total_s, 3),
-        "timings": [
-            {
-                "stage": timing.stage,
-                "total_s": timing.total_s,
-                "runs": timing.runs,
-                "mean_ms": timing.mean_ms,
-                "p95_ms": timing.p95_ms,
-            }
-            for timing in recorded.timings
-        ],
+        "timings": [asdict(timing) for timing in recorded.timings],
     }
 
 

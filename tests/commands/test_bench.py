@@ -23,7 +23,7 @@ def in_an_empty_folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("room") / "room.mcap"
-    room.write_room_recording(path, seconds=3.0)
+    room.write_room_recording(path, seconds=2.0)
     return path
 
 
@@ -65,7 +65,7 @@ def test_the_map_is_filled_up_with_copies(earlier):
 
 
 def test_figures_are_set_against_earlier_ones(recording, earlier, tmp_path):
-    printed = document("bench", "bench", recording, "--end", "2", "--compare", earlier)
+    printed = document("bench", "bench", recording, "--end", "1", "--compare", earlier)
     changes = {change["figure"]: change for change in printed["compared"]["changes"]}
     then = json.loads(earlier.read_text(encoding="utf-8"))
     assert printed["compared"]["document"] == str(earlier)

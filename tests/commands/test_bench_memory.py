@@ -125,6 +125,7 @@ def test_both_memories_are_made_asked_and_kept(tmp_path, monkeypatch):
         assert row["ratio"] == pytest.approx(row["large"]["again_ms"] / row["small"]["again_ms"])
     assert found["worst_ratio"] == max(row["ratio"] for row in found["questions"])
     assert sorted(path.name for path in tmp_path.iterdir()) == ["memory-180-6-0.db", "memory-60-6-0.db"]
+    monkeypatch.setattr(report, "questions", lambda _: chosen[:1])
     result = supermap(*arguments)
     assert result.exit_code == 0, result.output
     for words in ("was there", "query piano", "worst ratio", "fixed: the answer is as large in both memories"):

@@ -15,6 +15,9 @@ from supermap_cli.memory.checking import check
 from support import stopping
 from support.cli import document, supermap
 
+HALF_BUILT = stopping.Moment(statement="INSERT INTO observation", nth=4)
+"""In the middle of the first visit."""
+
 
 @pytest.fixture(scope="module")
 def recordings(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, ...]:
@@ -63,7 +66,7 @@ def test_a_stopped_build_finishes_its_batch_says_how_to_go_on_and_goes_on(
     build = stopping.start(
         folder, "build", *recordings, "--db", "map.db", prepare=stopping.wait_after_commits, given=0.1
     )
-    wait_until_mapped(db, 12)
+    wait_until_mapped(db, 6)
     assert build.pid is not None
     os.kill(build.pid, number)
     build.join()
@@ -80,14 +83,19 @@ def test_a_stopped_build_finishes_its_batch_says_how_to_go_on_and_goes_on(
     assert stopping.rows(db) == stopping.rows(undisturbed)
 
 
-@pytest.fixture
-def stopped(recordings: tuple[Path, ...], folder: Path) -> Path:
-    """A memory with the first visit half built."""
-    code, told = stopping.run(
-        folder, "build", recordings[0], "--db", "map.db", prepare=stopping.kill, given=stopping.Moment(commit=9)
-    )
+def build_half(folder: Path, recording: Path) -> Path:
+    """A memory with the visit half built."""
+    (folder / "supermap.toml").write_text(stopping.SETTINGS)
+    arguments = ("build", recording, "--db", "map.db")
+    code, told = stopping.run(folder, *arguments, prepare=stopping.kill, given=HALF_BUILT)
     assert code == -signal.SIGKILL, told
     return folder / "map.db"
+
+
+@pytest.fixture(scope="module")
+def stopped(recordings: tuple[Path, ...], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A memory with the first visit half built, which no test changes."""
+    return build_half(tmp_path_factory.mktemp("stopped"), recordings[0])
 
 
 def test_a_stopped_build_goes_on_with_the_settings_it_was_begun_with_only(
@@ -99,13 +107,14 @@ def test_a_stopped_build_goes_on_with_the_settings_it_was_begun_with_only(
     assert stopping.rows(stopped) == before
 
 
-def test_a_stopped_build_can_begin_anew(recordings: tuple[Path, ...], undisturbed: Path, stopped: Path) -> None:
-    code, told = stopping.run(stopped.parent, "build", recordings[0], "--db", "map.db", "--restart")
+def test_a_stopped_build_can_begin_anew(recordings: tuple[Path, ...], undisturbed: Path, folder: Path) -> None:
+    db = build_half(folder, recordings[0])
+    code, told = stopping.run(folder, "build", recordings[0], "--db", "map.db", "--restart")
     assert code == 0, told
     assert "had been stopped" in told
-    code, told = stopping.run(stopped.parent, "build", recordings[1], "--db", "map.db")
+    code, told = stopping.run(folder, "build", recordings[1], "--db", "map.db")
     assert code == 0, told
-    assert stopping.rows(stopped) == stopping.rows(undisturbed)
+    assert stopping.rows(db) == stopping.rows(undisturbed)
 
 
 def test_a_build_that_is_begun_anew_in_vain_costs_nothing(recordings: tuple[Path, ...], stopped: Path) -> None:
@@ -127,8 +136,7 @@ def test_a_build_goes_on_in_the_place_and_under_the_name_it_was_begun_with(
 def test_a_recording_that_is_built_again_can_be_stopped_and_go_on(recordings: tuple[Path, ...], folder: Path) -> None:
     arguments = ("build", recordings[0], "--db", "map.db")
     assert stopping.run(folder, *arguments)[0] == 0
-    moment = stopping.Moment(commit=16)  # well after it was begun
-    assert stopping.run(folder, *arguments, "--again", prepare=stopping.kill, given=moment)[0] == -signal.SIGKILL
+    assert stopping.run(folder, *arguments, "--again", prepare=stopping.kill, given=HALF_BUILT)[0] == -signal.SIGKILL
     code, told = stopping.run(folder, *arguments, "--resume")
     assert code == 0, told
     with open_store(str(folder / "map.db"), read_only=True) as store:
@@ -139,6 +147,7 @@ def test_a_recording_that_is_built_again_can_be_stopped_and_go_on(recordings: tu
 
 
 def test_what_is_half_built_can_be_asked_and_is_called_so(stopped: Path) -> None:
+    assert mapped(stopped) == 12
     shown = document("show", "show", "--db", stopped)
     assert [each["status"] for each in shown["traversals"]] == ["building"]
     assert is_sound(stopped)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import re
 from pathlib import Path
 
@@ -15,11 +16,14 @@ from supermap_cli.memory import open_store
 from supermap_cli.memory.checking import check
 from supermap_cli.memory.opening import upgrade_database
 from supermap_cli.types.memory import MapDelta
-from supermap_schema import SCHEMA_VERSION, postgresql, sqlite
+from supermap_schema import SCHEMA_VERSION, postgresql, sqlite, upgrading
 from supermap_schema.models import Base
-from supermap_schema.upgrading import alembic_config, upgrade
+from supermap_schema.upgrading import alembic_config
 from support import databases
 from support import memories as m
+
+upgrade = inspect.unwrap(upgrading.upgrade)
+"""The migrations themselves, not `databases.replay_migrations`."""
 
 CLAUSES = re.compile(r"\n|, (?=\w+ (?:INTEGER|TEXT|REAL|BLOB)\b)")
 """Between columns and constraints; SQLite writes a column that was added later onto the last line."""

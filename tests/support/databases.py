@@ -13,9 +13,10 @@ import shutil
 import sqlite3
 import subprocess
 import tempfile
+from collections import defaultdict
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
-from functools import partial
+from functools import partial, wraps
 from pathlib import Path
 from typing import Any
 
@@ -89,6 +90,37 @@ def use_postgresql() -> None:
     from supermap_cli.memory.databases.sqlite import SqliteFile
 
     pytest.MonkeyPatch().setattr(SqliteFile, "of", lambda path: PostgresqlSchema.of(place(path)))
+
+
+def replay_migrations() -> None:
+    """Every new map after the first one gets its tables by the statements that the migrations ran for that one.
+
+    They are the same for every empty database, and Alembic takes much longer over them than the database.
+    """
+    from sqlalchemy import Connection, event, inspect
+
+    from supermap_schema import upgrading
+
+    migrate = upgrading.upgrade
+    recorded: dict[str, list[tuple[str, Any]]] = defaultdict(list)
+
+    def record(connection: Connection, _cursor: Any, statement: str, parameters: Any, *_: Any) -> None:
+        recorded[connection.dialect.name].append((statement, parameters))
+
+    @wraps(migrate)
+    def upgrade(connection: Connection, revision: str = "head") -> None:
+        if revision != "head" or inspect(connection).get_table_names():
+            migrate(connection, revision)
+        elif not recorded[connection.dialect.name]:
+            event.listen(connection, "before_cursor_execute", record)
+            migrate(connection)
+            event.remove(connection, "before_cursor_execute", record)
+        else:
+            cursor = connection.connection.cursor()
+            for statement, parameters in recorded[connection.dialect.name]:
+                cursor.execute(statement, parameters)
+
+    upgrading.upgrade = upgrade
 
 
 def start_server(config: pytest.Config) -> None:

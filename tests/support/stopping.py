@@ -32,6 +32,9 @@ from support import databases, simulated, simulated_traversals
 SETTINGS = "[build.keyframes]\nrate_hz = 5\nbatch = 3\ncheckpoint_s = 0.05\n"
 """Small batches and frequent checkpoints: many moments to be killed at."""
 
+Rows = dict[str, list[tuple[object, ...]]]
+"""The rows of a memory by table."""
+
 
 def long_route(start_ns: int, seconds: float) -> Route:
     """Along the wall and back, looking at the middle of the room."""
@@ -47,8 +50,8 @@ def record_two_visits(folder: Path) -> tuple[Path, ...]:
     short = simulated_traversals.two_traversals(noisy)
     later_ns = short.traversals[1].route.start_ns
     traversals = (
-        SimulatedTraversal("monday", long_route(simulated.START_NS, 9.0), simulated_traversals.T_WORLD_ODOM),
-        SimulatedTraversal("tuesday", long_route(later_ns, 7.0), simulated_traversals.T_WORLD_ODOM),
+        SimulatedTraversal("monday", long_route(simulated.START_NS, 4.0), simulated_traversals.T_WORLD_ODOM),
+        SimulatedTraversal("tuesday", long_route(later_ns, 3.5), simulated_traversals.T_WORLD_ODOM),
     )
     scenario: Scenario = replace(short, traversals=traversals)
     return record(scenario, folder, errors=DetectorErrors()).recordings
@@ -64,13 +67,14 @@ def build_undisturbed(folder: Path, recordings: Sequence[Path]) -> Path:
 
 @dataclass(frozen=True)
 class Moment:
-    """When a build's process is to be killed: `seconds` after it began, at its n-th `statement`, or `seconds` after its
-    n-th `commit` began.
+    """When a build's process is to be killed: `seconds` after it began, or after the `nth` of its SQL statements that
+    begin with `statement`, or with `commit` after the commit of that statement's transaction began.
     """
 
     seconds: float = 0.0
-    statement: int | None = None
-    commit: int | None = None
+    statement: str | None = None
+    nth: int = 1
+    commit: bool = False
 
 
 def _die(seconds: float) -> None:
@@ -78,30 +82,31 @@ def _die(seconds: float) -> None:
         time.sleep(seconds)
         os.kill(os.getpid(), signal.SIGKILL)
 
-    threading.Thread(target=wait, daemon=True).start()
-
-
-def _count_down(name: str, n: int, then: Callable[[], None]) -> None:
-    """Do something at the n-th event of SQLAlchemy's engine."""
-    left = n
-
-    def happened(*_: object) -> None:
-        nonlocal left
-        left -= 1
-        if left == 0:
-            then()
-
-    event.listen(Engine, name, happened)
+    if seconds > 0:
+        threading.Thread(target=wait, daemon=True).start()
+    else:
+        os.kill(os.getpid(), signal.SIGKILL)
 
 
 def kill(moment: Moment) -> None:
     """A `prepare`: the process is killed at the given moment."""
-    if moment.statement is not None:
-        _count_down("before_cursor_execute", moment.statement, lambda: _die(0.0))
-    elif moment.commit is not None:
-        _count_down("commit", moment.commit, lambda: _die(moment.seconds))
-    else:
+    if moment.statement is None:
         _die(moment.seconds)
+        return
+    wanted, left = moment.statement, moment.nth
+
+    def before_statement(_connection: object, _cursor: object, statement: str, *_: object) -> None:
+        nonlocal left
+        left -= statement.lstrip().startswith(wanted)
+        if left == 0 and not moment.commit:
+            _die(moment.seconds)
+
+    def before_commit(_connection: object) -> None:
+        if left <= 0 and moment.commit:
+            _die(moment.seconds)
+
+    event.listen(Engine, "before_cursor_execute", before_statement)
+    event.listen(Engine, "commit", before_commit)
 
 
 def _run(arguments: Sequence[str], folder: str, prepare: Callable[[Any], None] | None, given: Any) -> None:
@@ -117,8 +122,15 @@ def _run(arguments: Sequence[str], folder: str, prepare: Callable[[Any], None] |
 
 _CONTEXT = multiprocessing.get_context("forkserver")
 _CONTEXT.set_forkserver_preload(
-    ["supermap_cli.drivers.traversal_build", "supermap_cli.recordings", "scipy.optimize", "scipy.spatial"]
+    [
+        *("supermap_cli.drivers.traversal_build", "supermap_cli.memory.databases.sqlite", "supermap_schema.upgrading"),
+        *(f"supermap_cli.recordings.{each}" for each in ("bag_recording", "ros_storage", "self_calibration")),
+        *("supermap_bytetrack.tracker", "supermap_depth_segmenter.segmenter", "supermap_recorded.detector"),
+        *("supermap_recorded.odometry", "supermap_kiss_icp", "supermap_onnx"),
+        *("rosbags.typesys.stores.ros2_jazzy", "scipy.optimize", "scipy.spatial", "scipy.sparse.csgraph"),
+    ]
 )
+"""What a build imports, so that no child spends its time on that."""
 
 
 def start(
@@ -159,7 +171,7 @@ def wait_after_commits(seconds: float) -> None:
     event.listen(Engine, "commit", wait)
 
 
-def rows(url: str | Path) -> dict[str, list[tuple[object, ...]]]:
+def rows(url: str | Path) -> Rows:
     """All rows of a memory by table, but for how long stages took."""
     with open_store(str(url), read_only=True) as store, store.reader() as reader:
         found = {}

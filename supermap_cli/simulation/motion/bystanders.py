@@ -19,11 +19,16 @@ from supermap_cli.simulation.motion.route_visibility import STEP_NS, RouteVisibi
 from supermap_cli.simulation.world import Motion, SimulatedThing
 from supermap_cli.simulation.worlds.shapes.materials import pick
 
-_WALKS_DRAWN = 5  # of which the robot sees one longest
-_POINTS_DRAWN = 6  # of which one lies farthest from the last
-_SPEED = 0.95  # m/s, an unhurried indoor walk
-_LEAST_SEEN_S = 0.5  # s for which the robot has to see who walks
-_LEAST_CARRYING_SEEN_S = 2.5  # s for which it has to see who carries something
+_WALKS_DRAWN = 5
+"""Walks of which the one is taken that the robot sees longest; chosen: each costs a search for a way."""
+_POINTS_DRAWN = 6
+"""Places of which the one farthest from the last is walked to; chosen so that walks cross a room, but not all alike."""
+_SPEED = 0.95
+"""m/s, an unhurried indoor walk: slower than the 1.1 m/s at which the limbs swing fully (`people`)."""
+_LEAST_SEEN_S = 0.5
+"""s for which the robot has to see who walks: two steps of the search, so that it is in more than one image."""
+_LEAST_CARRYING_SEEN_S = 2.5
+"""s for which it has to see who carries something; chosen so that picking up and putting down, 1.2 s each, fit in."""
 
 
 @dataclass(frozen=True)

@@ -12,12 +12,18 @@ from supermap_cli.geometry.arrays import BoolArray, FloatArray, IntArray
 from supermap_cli.geometry.boxes import Box3D
 from supermap_cli.simulation.building_plan import BuildingPlan, Doorway
 
-CELL_M = 0.05  # m, edge of a grid cell
-_OVERHEAD_M = 1.3  # m: robots and people pass under what begins above it
-_UNDERFOOT_M = 0.05  # m: what ends below it is driven and walked over
-_EYE_M = 1.05  # m, height of the cameras
-_KEEP_OFF_M = 0.5  # m beyond the clearance within which paths are dearer
-_FARTHEST_SNAP_M = 1.6  # m to the nearest free place: as far as a person reaches with a step
+CELL_M = 0.05
+"""m, edge of a grid cell; chosen to be a fifth of the radius of robots and people."""
+_OVERHEAD_M = 1.3
+"""m, robots and people pass under what begins above it; chosen above the cameras of all rigs."""
+_UNDERFOOT_M = 0.05
+"""m, what ends below it is driven and walked over; chosen above the thickness of a rug."""
+_EYE_M = 1.05
+"""m, height of the cameras: between those of the rigs, 0.95 m and 1.1 m."""
+_KEEP_OFF_M = 0.5
+"""m beyond the clearance within which paths are dearer; chosen wider than half a doorway: its middle is cheapest."""
+_FARTHEST_SNAP_M = 1.6
+"""m to the nearest free place: as far as a person reaches with a step."""
 
 
 class FreeSpace:

@@ -28,7 +28,8 @@ _ACCELERATION = 1.2  # m/s^2
 _TURNING_RATE = np.radians(150)  # rad/s on the spot
 _STANDING_S = 0.6  # s at rest after a turn
 _LIFTING_S = 1.2  # s to pick something up, or to put it down
-_REACH_M = 1.6  # m from where a person can stop to the thing that is fetched
+_REACH_M = 1.6
+"""m from where a person can stop to the thing that is fetched: an arm's length and a step."""
 
 
 @dataclass(frozen=True)

@@ -17,14 +17,20 @@ from supermap_cli.simulation.motion.gaze import GazePlanner, follow_gaze, room_p
 from supermap_cli.simulation.motion.tour import Stop, Tour, ordered_round, plan_tour, rooms_to_stop_in
 from supermap_cli.simulation.route import Route
 
-# A small indoor robot; the values were chosen for the simulator.
 ROBOT_RADIUS_M = 0.25
-_PLANNED_CLEARANCE_M = 0.33  # m: the radius and what the spline may cut off corners
-_STEP_S = 0.05  # s between points of the planned drive
-_KNOT_S = 0.25  # s between knots of the spline, where it keeps clear of everything
-_ACCELERATION = 0.7  # m/s^2
-_SIDEWAYS_ACCELERATION = 0.8  # m/s^2 in bends
-_BRAKING_S = 1.0  # s before the end
+"""m, half the breadth of a small indoor robot; chosen so that it passes every doorway."""
+_PLANNED_CLEARANCE_M = 0.33
+"""m, the radius and what the spline may cut off corners."""
+_STEP_S = 0.05
+"""s between points of the planned drive; chosen so that the robot goes less than a grid cell in it."""
+_KNOT_S = 0.25
+"""s between knots of the spline, where it keeps clear of everything; chosen so that the grid's corners are smoothed."""
+_ACCELERATION = 0.7
+"""m/s^2, starting and braking; chosen so that full speed is reached in about a second."""
+_SIDEWAYS_ACCELERATION = 0.8
+"""m/s^2 in bends; chosen to be about as gentle, under a tenth of gravity."""
+_BRAKING_S = 1.0
+"""s of braking before the end of the recording; chosen as long as a start takes."""
 
 
 def plan_route(

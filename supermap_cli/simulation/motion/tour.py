@@ -13,11 +13,14 @@ from supermap_cli.simulation.building_plan import BuildingPlan, Room
 from supermap_cli.simulation.motion.free_space import FreeSpace
 from supermap_cli.simulation.motion.gaze import PointsOfInterest
 
-_MEAN_SPEED = 0.62  # m/s of the routes that `routes._drive` makes, measured
-_CANDIDATE_SPACING_M = 0.4  # m between places where the robot may stop
+_MEAN_SPEED = 0.62
+"""m/s of the routes that `routes._drive` makes, measured."""
+_CANDIDATE_SPACING_M = 0.4
+"""m between places where the robot may stop; chosen so that a room of 4 m x 5 m has about a hundred."""
 _EFFORTS = ((5, 0.5), (4, 0.5), (3, 0.5), (4, 1.0), (3, 1.0), (2, 1.0), (1, 1.0))
 """Stops a room at most, and the share of the time that one round may take: the first pair that fits is used."""
-_HURRY = 0.5  # factor on the dwell times where not even one stop a room fits
+_HURRY = 0.5
+"""Factor on the dwell times where not even one stop a room fits; chosen so that a stop still shows something."""
 
 
 @dataclass(frozen=True)

@@ -12,10 +12,12 @@ from supermap_cli.geometry.arrays import BoolArray, Float32Array, FloatArray, In
 from supermap_cli.simulation.sensors.textures import LEVELS, atlas, texels_a_cell
 from supermap_cli.simulation.world import Material, Shape
 
-# Lambertian light of an evenly lit office; the values were chosen by eye.
-_LIGHT = np.array([0.37, 0.26, 0.89])  # direction towards the light, unit length, world
-_AMBIENT, _FROM_ABOVE, _DIRECT = 0.62, 0.1, 0.35  # shares of full brightness
-_FADES_M = 25.0  # m at which a surface is half as bright
+_LIGHT = np.array([0.37, 0.26, 0.89])
+"""Direction towards the light in the world, unit length: 63 degrees up; chosen by eye."""
+_AMBIENT, _FROM_ABOVE, _DIRECT = 0.62, 0.1, 0.35
+"""Shares of full brightness of a Lambertian surface in an evenly lit office; chosen by eye."""
+_FADES_M = 25.0
+"""m at which a surface is half as bright; chosen by eye, so that within a room distance hardly shows."""
 
 
 @dataclass(frozen=True)

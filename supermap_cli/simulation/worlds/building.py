@@ -26,9 +26,12 @@ from supermap_cli.simulation.worlds.shapes.materials import Rgb, between, pick, 
 CORRIDOR = "corridor"
 AREA_M2 = (70.0, 110.0)
 """Least and greatest floor area of a building of three rooms and a corridor, m^2."""
-_SLAB_M = 0.2  # m, thickness of floors and ceilings
+_SLAB_M = 0.2
+"""m, thickness of floors and ceilings, about that of a concrete slab; only their inner faces are seen."""
 _TINTS: tuple[Rgb, ...] = ((232, 228, 218), (214, 222, 226), (226, 216, 204), (218, 226, 212), (238, 236, 230))
+"""sRGB, 0 to 255, of painted walls; chosen by eye."""
 _CARPETS: tuple[Rgb, ...] = ((112, 116, 124), (134, 118, 98), (92, 104, 116), (146, 140, 130))
+"""sRGB, 0 to 255, of carpets; chosen by eye."""
 
 
 @dataclass(frozen=True)
