@@ -12,7 +12,7 @@ from mcap.reader import NonSeekingReader
 from scipy.spatial.transform import Rotation
 
 from supermap_cli.geometry.cameras import EquirectangularCamera, PinholeCamera
-from supermap_cli.geometry.se3 import check_transform
+from supermap_cli.geometry.se3 import check_transform, transform_points
 from supermap_cli.hookspecs import RecordingRequest
 from supermap_cli.recordings import open_bag_recording
 from supermap_cli.simulation.detection.detector_errors import DetectorErrors
@@ -322,6 +322,23 @@ def test_a_hand_held_camera_sways_and_so_do_odometry_and_truth(tmp_path: Path) -
     T_world_base = traversal.route.T_world_base(np.array([pose.stamp_ns for pose in poses]))
     np.testing.assert_allclose([traversal.T_world_odom @ pose.T_odom_base for pose in poses], T_world_base, atol=1e-6)
     assert np.ptp(T_world_base[:, 2, 3]) > 0.01
+
+
+@pytest.mark.parametrize("level", ["wide", "high", "up", "hand-held"])
+def test_what_such_a_camera_measures_lies_on_surfaces(level: str, tmp_path: Path) -> None:
+    base = replace(simulated_traversals.small_rig(), image_rate_hz=20.0)
+    rig = rig_of("odometry=perfect", f"camera={level}", base=base)
+    scenario = recorded(tmp_path, rig, seconds=0.1, sways=rig.carried_m is not None)
+    recording = open_bag_recording(tmp_path / "monday.mcap", RecordingRequest(fit_color=False))
+    frame, pose = list(recording.frames())[-1], list(recording.poses())[-1]
+    assert frame.stamp_ns == pose.stamp_ns
+    assert frame.depth_m is not None
+    rows, columns = np.nonzero(frame.depth_m)
+    points = frame.camera.rays()[rows, columns] * frame.depth_m[rows, columns, None]
+    T = scenario.traversals[0].T_world_odom @ pose.T_odom_base @ frame.T_base_camera
+    off_m = simulated.distance_to_surfaces(scenario.world, transform_points(T, points)[::50], frame.stamp_ns)
+    assert len(off_m) > 100
+    assert off_m.max() < 2e-3
 
 
 def test_only_what_is_carried_sways_and_its_odometry_starts_level() -> None:
