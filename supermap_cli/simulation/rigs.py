@@ -37,6 +37,12 @@ class DepthSensor:
     Noise grows with the square of the depth, sigma = `noise_per_m` z^2 (structured light and stereo; Khoshelham and
     Elberink 2012 give 1.4 to 2.9 mm at 1 m for Kinect v1); nothing is returned nearer than `nearest_m`, farther than
     `farthest_m`, where the surface is more slanted than `steepest_deg`, or, mostly, beside depth edges.
+
+    Within `edge_px` pixels of an edge the share `edge_holes` returns nothing and `edge_mixed` a mean of both surfaces;
+    where the edges `flicker`, whole patches of the others return one surface or the other, drawn anew in every image.
+    `noise_m` is noise that does not grow (time of flight), and `noise_px` how wide a patch of equal noise is (0: each
+    pixel has its own). `multipath_share` of the depth is added, in patches, where light came over a second surface.
+    `blind_patches` leaves patches without return, few where there is texture, many on far surfaces that have none.
     """
 
     noise_per_m: float = 0.0015
@@ -45,11 +51,20 @@ class DepthSensor:
     steepest_deg: float = 82.0
     edge_px: int = 1
     lost_share: float = 0.005
+    edge_holes: float = 0.7
+    edge_mixed: float = 0.08
+    flicker: bool = False
+    noise_m: float = 0.0
+    noise_px: int = 0
+    multipath_share: float = 0.0
+    blind_patches: bool = False
 
 
 @dataclass(frozen=True)
 class Lidar:
-    """A Livox-Mid-360-like LiDAR: a pattern that does not repeat, 360 degrees round, -7 to 52 degrees up."""
+    """A Livox-Mid-360-like LiDAR: a pattern that does not repeat, 360 degrees round, -7 to 52 degrees up; or, with
+    `rings`, a scanner that turns so many beams, evenly apart from the lowest to the highest elevation, once a scan.
+    """
 
     points_per_scan: int = 20_000
     rate_hz: float = 10.0
@@ -58,6 +73,7 @@ class Lidar:
     noise_m: float = 0.02
     nearest_m: float = 0.1
     farthest_m: float = 40.0
+    rings: int = 0
 
 
 @dataclass(frozen=True)
@@ -76,7 +92,11 @@ class OdometryDrift:
     """How the robot's own odometry leaves the truth: a scale error and random walks over the way it went.
 
     `position` metres and `yaw_deg` degrees are the standard deviations of the walks after one metre; `per_turn_deg`
-    is that of the heading after one full turn; `scale` that of the constant scale error; `jitter_m` is white noise.
+    is that of the heading after one full turn; `scale` that of the constant scale error; `jitter_m` and `jitter_deg`
+    are white noise of single poses.
+
+    `share` scales all but the jitter so that the last pose is off by this share of the way. `turned_deg_per_m` is a
+    constant heading error, to the left or to the right. Once, `jump_m` aside, the pose jumps and turns by `jump_deg`.
     """
 
     rate_hz: float = 20.0
@@ -85,6 +105,11 @@ class OdometryDrift:
     per_turn_deg: float = 0.25
     scale: float = 0.002
     jitter_m: float = 0.001
+    jitter_deg: float = 0.0
+    share: float = 0.0
+    turned_deg_per_m: float = 0.0
+    jump_m: float = 0.0
+    jump_deg: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -110,7 +135,9 @@ class SimulatedRig:
     """A robot. `T_base_*` place the sensors in the base (x forward, z up, origin on the floor).
 
     All cameras expose at once, at `image_rate_hz`, and give their images one stamp, as cameras do that share a hardware
-    trigger and a clock; the detector gets every `detection_every`-th image of each. `depth` is the depth sensor of all.
+    trigger and a clock; the detector gets every `detection_every`-th image of each. `depth` is the depth sensor of all,
+    and takes its images `depth_delay_s` after those in colour. A rig that a person carries turns about a point
+    `carried_m` above the floor; `None`: it drives.
     """
 
     name: str
@@ -120,9 +147,11 @@ class SimulatedRig:
     depth: DepthSensor | None
     lidar: Lidar | None
     T_base_lidar: FloatArray | None
-    imu: Imu
+    imu: Imu | None
     T_base_imu: FloatArray
     drift: OdometryDrift
+    depth_delay_s: float = 0.0
+    carried_m: float | None = None
 
     def camera(self, camera_id: str) -> SimulatedCamera:
         """The camera of an id."""

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from zlib import crc32
+
+import numpy as np
 
 from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.simulation.building_plan import BuildingPlan
 from supermap_cli.simulation.detection.detector_errors import DetectorErrors
 from supermap_cli.simulation.rigs import SimulatedRig
 from supermap_cli.simulation.route import Route
+from supermap_cli.simulation.sway import Sway
 from supermap_cli.simulation.world import World
 
 
@@ -20,6 +24,13 @@ class SimulatedTraversal:
     name: str
     route: Route
     T_world_odom: FloatArray
+
+    def carried(self, pivot_m: float, seed: Sequence[int]) -> SimulatedTraversal:
+        """The same way of a base that a walking person carries, `pivot_m` above the floor; its odometry starts level,
+        under the base.
+        """
+        sway = Sway.drawn(pivot_m, np.random.default_rng((*seed, crc32(b"sway"))))
+        return replace(self, route=replace(self.route, sway=sway))
 
 
 @dataclass(frozen=True)

@@ -86,13 +86,23 @@ def make_scenario(
         made = _drawn(
             lambda streams, length_s: make_room(streams, domain, length_s), domain.world.seconds, seed, seconds
         )
-        return replace(made, rig=domain.rig, errors=domain.errors, levels=levels)
+        return _in_domain(made, domain, levels)
     if fixed := [axis for axis in levels if AXES[axis].of_world]:
         cure = f"vary the scenario {ROOM}"
         raise SimulationError(f"the world of {name} is fixed: --domain {fixed[0]} cannot change it", cure=cure)
     made = _drawn(*_MAKERS[name], seed, seconds)
     domain = apply_levels(Domain(other_rig or made.rig), levels)
-    return replace(made, rig=domain.rig, errors=domain.errors, levels=levels)
+    return _in_domain(made, domain, levels)
+
+
+def _in_domain(made: Scenario, domain: Domain, levels: Mapping[str, str]) -> Scenario:
+    """The scenario with the robot and the detector of a domain; a robot that is carried sways on its way."""
+    carried_m, traversals = domain.rig.carried_m, made.traversals
+    if carried_m is not None:
+        traversals = tuple(
+            traversal.carried(carried_m, (made.seed, number)) for number, traversal in enumerate(traversals)
+        )
+    return replace(made, rig=domain.rig, errors=domain.errors, traversals=traversals, levels=levels)
 
 
 def _drawn(maker: Maker, usual_s: float, seed: int, seconds: float | None) -> Scenario:

@@ -43,7 +43,9 @@ def drive(rig: SimulatedRig, images: int = 3) -> list[Outgoing]:
         if rig.depth is not None:
             sent += writes.depth(camera, at, np.full(rgb.shape[:2], 1.234, np.float32))
         else:
-            scan = LidarScan(np.full((5, 3), 2.0, np.float32), at + np.arange(5), np.ones(5, np.float32))
+            scan = LidarScan(
+                np.full((5, 3), 2.0, np.float32), at + np.arange(5), np.ones(5, np.float32), np.zeros(5, np.int64)
+            )
             sent += [writes.points(at, scan)]
     return sent
 

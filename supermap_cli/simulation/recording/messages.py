@@ -5,7 +5,8 @@
   and every stream that is read from the file has to inflate it. Of several cameras each has its own namespace:
   /camera_front/color/..., /camera_left/color/...
 - Panorama: /panorama/image_raw/compressed and its camera_info, whose distortion_model is "equirectangular".
-- LiDAR: /livox/lidar, PointCloud2 as livox_ros_driver2 writes it (PointXYZRTLT: each point has its own nanoseconds).
+- LiDAR: /livox/lidar, PointCloud2 as livox_ros_driver2 writes it (PointXYZRTLT: each point has its own nanoseconds);
+  one with rings: /velodyne_points as the velodyne driver does (PointXYZIRT: each point's seconds since the stamp).
 - /imu/data; /odom with /tf and /tf_static; the truth as /ground_truth/odom in the frame "world".
 - Detector: /detections (vision_msgs/Detection2DArray), /detections/masks (16UC1, k on the k-th detection, 1-based);
   of several cameras: /camera_front/detections, /camera_front/detections/masks, ...
@@ -32,30 +33,21 @@ from supermap_cli.geometry.arrays import Float32Array, FloatArray, UInt8Array, U
 from supermap_cli.geometry.cameras import EquirectangularCamera, PinholeCamera
 from supermap_cli.geometry.se3 import quaternion_xyzw_from_rotation
 from supermap_cli.recordings.definitions import FALLBACK_DEFINITIONS
+from supermap_cli.simulation.recording.point_clouds import LidarNames
 from supermap_cli.simulation.rigs import SimulatedCamera, SimulatedRig
 from supermap_cli.simulation.sensors.lidar_sensor import LidarScan
 from supermap_cli.types.detections import Detections
 
 LIBRARY = "supermap simulate"
 
-LIDAR_TOPIC = "/livox/lidar"
 IMU_TOPIC = "/imu/data"
 ODOMETRY_TOPIC = "/odom"
 TRUTH_TOPIC = "/ground_truth/odom"
 
 _JPEG_QUALITY = 90  # percent
 _NO_DEPTH_PARAMETERS = bytes(12)  # compressedDepth's header for 16UC1: format and two quantisation parameters, unused
-_LIVOX_POINT = np.dtype(
-    {
-        "names": ["x", "y", "z", "intensity", "tag", "line", "timestamp"],
-        "formats": ["<f4", "<f4", "<f4", "<f4", "u1", "u1", "<f8"],
-        "offsets": [0, 4, 8, 12, 16, 17, 18],
-        "itemsize": 26,
-    }
-)
-_LIVOX_LINES = 4  # laser lines of a Mid-360
 # numpy type -> datatype of sensor_msgs/PointField
-_POINT_FIELD = {"<f4": 7, "|u1": 2, "<f8": 8}
+_POINT_FIELD = {"<f4": 7, "|u1": 2, "<f8": 8, "<u2": 4}
 
 
 @dataclass(frozen=True)
@@ -74,6 +66,7 @@ class RigMessages:
     def __init__(self, rig: SimulatedRig) -> None:
         self._rig = rig
         self._store = _typestore()
+        self._lidar = LidarNames.of(rig.lidar)
         self._camera_info = {camera.camera_id: _camera_info_fields(camera.model) for camera in rig.cameras}
 
     def definition(self, msgtype: str) -> str:
@@ -84,9 +77,10 @@ class RigMessages:
     def mounting(self, stamp_ns: int) -> Outgoing:
         """/tf_static: where the sensors sit on the base."""
         sensors = [(camera.frame_id, camera.T_base_camera) for camera in self._rig.cameras]
-        sensors.append(("imu_link", self._rig.T_base_imu))
+        if self._rig.imu is not None:
+            sensors.append(("imu_link", self._rig.T_base_imu))
         if self._rig.T_base_lidar is not None:
-            sensors.append(("livox_frame", self._rig.T_base_lidar))
+            sensors.append((self._lidar.frame_id, self._rig.T_base_lidar))
         transforms = [self._transform(stamp_ns, "base_link", name, T) for name, T in sensors]
         return self._message("/tf_static", "tf2_msgs/msg/TFMessage", stamp_ns, transforms=transforms)
 
@@ -138,19 +132,16 @@ class RigMessages:
         yield self._compressed(topic, camera, stamp_ns, "16UC1; compressedDepth png", data)
 
     def points(self, stamp_ns: int, scan: LidarScan) -> Outgoing:
-        """/livox/lidar: one scan."""
-        cloud = np.zeros(len(scan.points_lidar), _LIVOX_POINT)
-        cloud["x"], cloud["y"], cloud["z"] = scan.points_lidar.T
-        cloud["intensity"], cloud["timestamp"] = scan.intensity, scan.stamps_ns
-        cloud["line"] = np.arange(len(cloud)) % _LIVOX_LINES
+        """One scan, on the LiDAR's topic."""
+        cloud = self._lidar.cloud(stamp_ns, scan)
         return self._message(
-            LIDAR_TOPIC,
+            self._lidar.topic,
             "sensor_msgs/msg/PointCloud2",
             stamp_ns,
-            header=self._header(stamp_ns, "livox_frame"),
+            header=self._header(stamp_ns, self._lidar.frame_id),
             height=1,
             width=len(cloud),
-            fields=self._livox_fields(),
+            fields=self._point_fields(cloud.dtype),
             is_bigendian=False,
             point_step=cloud.itemsize,
             row_step=cloud.nbytes,
@@ -236,11 +227,11 @@ class RigMessages:
         header = self._header(stamp_ns, camera.frame_id)
         return self._message(topic, "sensor_msgs/msg/CompressedImage", stamp_ns, header=header, format=form, data=data)
 
-    def _livox_fields(self) -> list[Any]:
-        described: Mapping[str, Any] = _LIVOX_POINT.fields or {}
+    def _point_fields(self, point: np.dtype[np.void]) -> list[Any]:
+        described: Mapping[str, Any] = point.fields or {}
         return [
             self._type("sensor_msgs/msg/PointField", name=name, offset=offset, datatype=_POINT_FIELD[kind.str], count=1)
-            for name, (kind, offset) in ((name, described[name][:2]) for name in _LIVOX_POINT.names or ())
+            for name, (kind, offset) in ((name, described[name][:2]) for name in point.names or ())
         ]
 
     def _pose_with_covariance(self, T: FloatArray) -> Any:

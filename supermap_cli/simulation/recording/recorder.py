@@ -16,7 +16,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from supermap_cli.errors import SimulationError
-from supermap_cli.geometry.arrays import FloatArray
+from supermap_cli.geometry.arrays import FloatArray, IntArray
 from supermap_cli.geometry.cameras import EquirectangularCamera
 from supermap_cli.lookahead import LookAhead
 from supermap_cli.recordings.fingerprint import recording_fingerprint
@@ -174,11 +174,13 @@ class _Robot:
 
 @dataclass(frozen=True)
 class _Image:
-    """An exact image, and where its camera was."""
+    """An exact image, where its camera was, and what it is for: colour, depth or both."""
 
     camera: SimulatedCamera
     T_world_camera: FloatArray
     view: RenderedView
+    color: bool
+    depth: bool
 
 
 class _CameraNoise:
@@ -232,7 +234,8 @@ class _TraversalRecorder:
             self.traversal.route, self._rig.drift, self.traversal.T_world_odom, self._rng(_Noise.ODOMETRY)
         )
         stamps_ns = sample_stamps_ns(self.traversal.route, self._rig.image_rate_hz)
-        self._images_ns = stamps_ns[stamps_ns <= self._odometry.stamps_ns[-1]]
+        self._delay_ns = round(self._rig.depth_delay_s * 1e9) if self._rig.depth is not None else 0
+        self._images_ns = stamps_ns[stamps_ns + self._delay_ns <= self._odometry.stamps_ns[-1]]
 
     def _rng(self, noise: _Noise) -> np.random.Generator:
         return _generator(self._robot.seed, self._number, noise)
@@ -254,26 +257,32 @@ class _TraversalRecorder:
             yield self._messages.true_pose(stamp_ns, T_world_base)
 
     def _imu(self) -> Iterator[Outgoing]:
+        if self._rig.imu is None:
+            return
         samples = imu_samples(self.traversal.route, self._rig.imu, self._rig.T_base_imu, self._rng(_Noise.IMU))
         for sample in zip(samples.stamps_ns.tolist(), samples.angular_rate, samples.specific_force, strict=True):
             yield self._messages.imu(*sample)
 
     def _exposures(self) -> Iterator[tuple[int, _Image | LidarScan]]:
         """Exact images of all cameras, and LiDAR scans, in the order of time."""
-        images: Iterator[_Exposure] = (
-            (stamp_ns, partial(self._image, camera))
-            for stamp_ns in self._images_ns.tolist()
-            for camera in self._rig.cameras
-        )
-        scans: Iterator[_Exposure] = self._scans()
-        for stamp_ns, expose in heapq.merge(images, scans, key=itemgetter(0)):
+        depth, apart = self._rig.depth is not None, self._delay_ns > 0
+        images = self._images(self._images_ns, color=True, depth=depth and not apart)
+        later = self._images(self._images_ns + self._delay_ns, color=False, depth=True) if apart else iter(())
+        for stamp_ns, expose in heapq.merge(images, later, self._scans(), key=itemgetter(0)):
             yield stamp_ns, expose(stamp_ns)
 
-    def _image(self, camera: SimulatedCamera, stamp_ns: int) -> _Image:
+    def _images(self, stamps_ns: IntArray, *, color: bool, depth: bool) -> Iterator[_Exposure]:
+        """When all cameras take images, and how."""
+        for stamp_ns in stamps_ns.tolist():
+            for camera in self._rig.cameras:
+                yield stamp_ns, partial(self._image, camera, color=color, depth=depth)
+
+    def _image(self, camera: SimulatedCamera, stamp_ns: int, *, color: bool, depth: bool) -> _Image:
         T_world_base = self.traversal.route.T_world_base(np.array([stamp_ns]))[0]
         T_world_camera: FloatArray = T_world_base @ camera.T_base_camera
         with self._clock.stage("render"):
-            return _Image(camera, T_world_camera, render(self._robot.scene, camera.model, T_world_camera, stamp_ns))
+            view = render(self._robot.scene, camera.model, T_world_camera, stamp_ns)
+        return _Image(camera, T_world_camera, view, color, depth)
 
     def _scans(self) -> Iterator[_Exposure]:
         """When the LiDAR begins its scans, and how."""
@@ -306,6 +315,8 @@ class _TraversalRecorder:
                 continue
             noise = noises[exposure.camera.camera_id]
             yield from self._image_messages(exposure, noise.depth_rng)
+            if not exposure.color:
+                continue
             if images // cameras % self._rig.detection_every == 0:
                 for message in self._detection_messages(exposure, noise):
                     heapq.heappush(pending, (message.log_ns, next(order), message))
@@ -317,11 +328,11 @@ class _TraversalRecorder:
     def _image_messages(self, image: _Image, depth_rng: np.random.Generator) -> list[Outgoing]:
         """What a camera measures of a view."""
         stamp_ns, depth_m = image.view.stamp_ns, None
-        if self._rig.depth is not None:
+        if self._rig.depth is not None and image.depth:
             with self._clock.stage("depth"):
                 depth_m = measure_depth(image.view, self._rig.depth, depth_rng)
         with self._clock.stage("encode"):
-            messages = list(self._messages.color(image.camera, stamp_ns, image.view.rgb))
+            messages = list(self._messages.color(image.camera, stamp_ns, image.view.rgb)) if image.color else []
             if depth_m is not None:
                 messages += self._messages.depth(image.camera, stamp_ns, depth_m)
         return messages
