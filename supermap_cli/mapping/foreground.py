@@ -179,10 +179,24 @@ def _own_surfaces(
         return edges
     main = int(np.argmax(within * share))
     whole = share >= parameters.own_share
+    whole[_reaching_beyond(label, window, view.depth_m.shape)] = False
     partly = ~whole & (share >= parameters.rival_share * share[main])
     whole[0] = partly[0] = False
     left: BoolArray = whole[label] | (partly[label] & own) | edges
     return left
+
+
+def _reaching_beyond(label: IntArray, window: tuple[slice, slice], shape: tuple[int, ...]) -> IntArray:
+    """The surfaces that go on beyond the window (those that end at the image's border do not)."""
+    rows, columns = window
+    sides = [
+        label[0] if rows.start > 0 else label[0, :0],
+        label[-1] if rows.stop < shape[0] else label[0, :0],
+        label[:, 0] if columns.start > 0 else label[0, :0],
+        label[:, -1] if columns.stop < shape[1] else label[0, :0],
+    ]
+    beyond: IntArray = np.unique(np.concatenate(sides))
+    return beyond
 
 
 def _spanned(left: BoolArray, own: BoolArray) -> float:

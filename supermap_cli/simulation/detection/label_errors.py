@@ -11,15 +11,12 @@ import numpy as np
 
 from supermap_cli.types.detections import Hypothesis
 
-<<<<<<< HEAD
-_LIKELIER = 0.55  # ratio of the chances of a look-alike and of the one listed before it
-_CLOSE = 0.95  # ratio of the scores of a thing's usual name and of the synonym that comes first
-=======
 _LIKELIER = 0.55
 """Ratio of the chances of a look-alike and of the one listed before it; chosen so that of a long list the first is
 taken in not quite half of the cases, 1 - 0.55, and the second in a quarter.
 """
->>>>>>> cleanup
+_CLOSE = 0.95
+"""Ratio of the scores of a thing's usual name and of the synonym that comes first; chosen so that both stay likely."""
 
 
 @cache
