@@ -29,6 +29,8 @@ def measure_depth(view: RenderedView, sensor: DepthSensor, rng: np.random.Genera
     lost |= rng.random(exact.shape, dtype=np.float32) < sensor.lost_share
     lost |= (measured < sensor.nearest_m) | (measured > sensor.farthest_m)
     lost.flat[edge[fate < _HOLES_AT_EDGES]] = True
+    if view.returns is not None:
+        lost |= ~view.returns
     measured[lost] = 0
     return measured
 
