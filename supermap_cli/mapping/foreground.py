@@ -168,7 +168,7 @@ def _own_surfaces(
     step_m = edge_step_m(depth, view.parameters)
     surface = solid & (view.farthest_m[window] - view.nearest_m[window] < step_m)
     count, label = cv2.connectedComponents(surface.astype(np.uint8), connectivity=4)
-    label = np.asarray(label)
+    label = np.asarray(label, np.int64)
     sizes = np.bincount(label.ravel(), minlength=count).astype(np.float64)
     within = np.bincount(label[own], minlength=count).astype(np.float64)
     sizes[0] = within[0] = 0

@@ -17,7 +17,7 @@ from supermap_cli.simulation.motion.routes import plan_route
 from supermap_cli.simulation.rigs import SimulatedRig
 from supermap_cli.simulation.route import Route
 from supermap_cli.simulation.scenario import Scenario, SimulatedTraversal
-from supermap_cli.simulation.world import Stay, World
+from supermap_cli.simulation.world import Fixture, Stay, World
 from supermap_cli.simulation.worlds.building import CORRIDOR, make_building
 from supermap_cli.simulation.worlds.furnishing import Interior, RecipeLine
 
@@ -56,13 +56,18 @@ class RandomStreams:
 class FurnishedBuilding:
     """A furnished building, and the routes of the robot and of people in it."""
 
-    def __init__(self, streams: RandomStreams, recipes: Recipes) -> None:
-        self.streams = streams
+    def __init__(self, streams: RandomStreams, fixtures: tuple[Fixture, ...], interior: Interior) -> None:
+        self.streams, self.fixtures, self.interior = streams, fixtures, interior
+
+    @classmethod
+    def of_recipes(cls, streams: RandomStreams, recipes: Recipes) -> FurnishedBuilding:
+        """A building whose rooms hold exactly what recipes say."""
         furniture = streams.of(Stream.FURNITURE)
         by_room = recipes(furniture)
-        plan, self.fixtures = make_building(streams.of(Stream.BUILDING), [name for name in by_room if name != CORRIDOR])
-        self.interior = Interior(plan, self.fixtures)
-        self.interior.furnish(by_room, furniture)
+        plan, fixtures = make_building(streams.of(Stream.BUILDING), [name for name in by_room if name != CORRIDOR])
+        interior = Interior(plan, fixtures)
+        interior.furnish(by_room, furniture)
+        return cls(streams, fixtures, interior)
 
     def traversal(
         self, name: str, start_ns: int, seconds: float, *, focus: Sequence[FloatArray] = (), number: int = 0

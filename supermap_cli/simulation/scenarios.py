@@ -114,7 +114,7 @@ def _drawn(maker: Maker, usual_s: float, seed: int, seconds: float | None) -> Sc
 
 
 def _office(streams: RandomStreams, seconds: float) -> Scenario:
-    building, rig = FurnishedBuilding(streams, office_recipes), rgbd_rig()
+    building, rig = FurnishedBuilding.of_recipes(streams, office_recipes), rgbd_rig()
     traversal = building.traversal("office", MONDAY_NS, seconds)
     bystanders = building.bystanders(traversal, rig)
     people = [bystanders.pass_through(f"person-{number}") for number in (1, 2)]
@@ -122,12 +122,18 @@ def _office(streams: RandomStreams, seconds: float) -> Scenario:
 
 
 def _office_twice(streams: RandomStreams, seconds: float) -> Scenario:
-    return _twice("office-twice", FurnishedBuilding(streams, office_recipes), OFFICE_CHANGES, seconds, with_people=True)
+    return _twice(
+        "office-twice", FurnishedBuilding.of_recipes(streams, office_recipes), OFFICE_CHANGES, seconds, with_people=True
+    )
 
 
 def _demo(streams: RandomStreams, seconds: float) -> Scenario:
     return _twice(
-        "demo", FurnishedBuilding(streams, lambda _: {"office": DEMO_ROOM}), DEMO_CHANGES, seconds, with_people=False
+        "demo",
+        FurnishedBuilding.of_recipes(streams, lambda _: {"office": DEMO_ROOM}),
+        DEMO_CHANGES,
+        seconds,
+        with_people=False,
     )
 
 
@@ -153,7 +159,7 @@ def _panorama(streams: RandomStreams, seconds: float) -> Scenario:
     """Someone carries the backpack elsewhere in its room; while the robot is somewhere else, a trash can goes and a
     bucket comes. The places of all of them are free before and after.
     """
-    building = FurnishedBuilding(streams, lambda _: PANORAMA_ROOMS)
+    building = FurnishedBuilding.of_recipes(streams, lambda _: PANORAMA_ROOMS)
     interior = building.interior
     bag = next(placed for placed in interior.placed if placed.piece.label == "backpack")
     interior.another_place(bag, ON_FLOOR_OR_WALL, bag.room, streams.of(Stream.CHANGES), at_least_m=1.8)
@@ -201,7 +207,7 @@ def _unobserved(things: Sequence[PlacedPiece], route_visibility: RouteVisibility
 
 
 def _tiny(streams: RandomStreams, seconds: float) -> Scenario:
-    building, rig = FurnishedBuilding(streams, lambda _: {"office": TINY_ROOM}), rgbd_rig()
+    building, rig = FurnishedBuilding.of_recipes(streams, lambda _: {"office": TINY_ROOM}), rgbd_rig()
     table = building.interior.placed[0].T_world_thing[:2, 3]
     traversal = building.traversal("tiny", MONDAY_NS, seconds, focus=[table])
     person = building.bystanders(traversal, rig).pass_through("person-1")

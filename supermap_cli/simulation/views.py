@@ -13,7 +13,8 @@ class RayHits:
 
     `distance` (n,) float32 in lengths of the direction, inf where nothing is hit; `normals` (n, 3) float32 in the
     world, towards the ray's origin; `slant_cos` (n,) float32, the cosine between ray and normal, 0 where nothing is
-    hit; `rgb` (n, 3) uint8, or `None` where colour was not asked for.
+    hit; `rgb` (n, 3) uint8, or `None` where colour was not asked for; `returns` (n,) whether the surface sends enough
+    light back for its depth to be measured, `None` where all surfaces of the world do.
     """
 
     distance: Float32Array
@@ -21,12 +22,14 @@ class RayHits:
     normals: Float32Array
     slant_cos: Float32Array
     rgb: UInt8Array | None
+    returns: BoolArray | None = None
 
 
 @dataclass(frozen=True)
 class RenderedView:
     """One exact image: `depth_m` (h, w) float32 in the camera's measure, 0 = nothing there; `thing` (h, w) int32 as in
-    `RayHits`; `slant_cos` (h, w) float32, the cosine between ray and surface normal; `rgb` (h, w, 3) uint8.
+    `RayHits`; `slant_cos` (h, w) float32, the cosine between ray and surface normal; `rgb` (h, w, 3) uint8;
+    `returns` (h, w) as in `RayHits`.
     """
 
     stamp_ns: int
@@ -34,6 +37,7 @@ class RenderedView:
     thing: Int32Array
     slant_cos: Float32Array
     rgb: UInt8Array
+    returns: BoolArray | None = None
 
     def __post_init__(self) -> None:
         shape = self.depth_m.shape

@@ -8,7 +8,7 @@ towards -y. Times are sensor time in nanoseconds, the same clock for all travers
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Literal
 
@@ -24,12 +24,19 @@ Pattern = Literal["plain", "speckle", "stripes", "checks", "grain", "print"]
 
 @dataclass(frozen=True)
 class Material:
-    """How a surface looks: `rgb` 0..255, a pattern of size `scale_m` that darkens and lightens it by `contrast`."""
+    """How a surface looks: `rgb` 0..255, a pattern of size `scale_m` that darkens and lightens it by `contrast`.
+
+    `depth_return` is the share of it from which a depth camera or a LiDAR gets light back, the rest being patches of a
+    few centimetres. A surface that is `see_through` is clear glass: both of them measure what is behind it, and images
+    show that through it. Neither is part of what a material prints as, which names its pattern.
+    """
 
     rgb: tuple[float, float, float]
     pattern: Pattern = "plain"
     scale_m: float = 0.1
     contrast: float = 0.15
+    depth_return: float = field(default=1.0, repr=False)
+    see_through: bool = field(default=False, repr=False)
 
 
 @dataclass(frozen=True)

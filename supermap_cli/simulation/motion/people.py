@@ -28,6 +28,7 @@ _ACCELERATION = 1.2  # m/s^2
 _TURNING_RATE = np.radians(150)  # rad/s on the spot
 _STANDING_S = 0.6  # s at rest after a turn
 _LIFTING_S = 1.2  # s to pick something up, or to put it down
+_SWAY = np.radians(12)  # rad, each of two slow turns to and fro of who stands
 _REACH_M = 1.6
 """m from where a person can stop to the thing that is fetched: an arm's length and a step."""
 
@@ -94,6 +95,28 @@ def walking_person(
     return _thing(thing_id, limbs), _limb_motions(thing_id, limbs, gait, holding, start_ns)
 
 
+def person_on_path(
+    thing_id: str, path_xy: FloatArray, rng: np.random.Generator, *, start_ns: int, speed: float
+) -> tuple[SimulatedThing, tuple[Motion, ...]]:
+    """A person who walks along a path (k, 2) from `start_ns` on."""
+    limbs = _body(rng)
+    gait = _walk(path_xy, speed)
+    return _thing(thing_id, limbs), _limb_motions(thing_id, limbs, gait, np.zeros(len(gait.speed)), start_ns)
+
+
+def standing_person(
+    thing_id: str, xy: FloatArray, rng: np.random.Generator, start_ns: int, end_ns: int
+) -> tuple[SimulatedThing, tuple[Motion, ...]]:
+    """A person who stands at a point (2,) all the time, and turns a little to and fro."""
+    limbs = _body(rng)
+    count = 2 + int((end_ns - start_ns) / 1e9 / _STEP_S)
+    slow = np.arange(count) * _STEP_S * 2 * np.pi
+    heading, sways = rng.uniform(-np.pi, np.pi), rng.uniform(8.0, 20.0, 2)
+    turned = heading + _SWAY * (np.sin(slow / sways[0]) + np.sin(slow / sways[1]))
+    gait = _Gait(np.column_stack([np.tile(xy, (count, 1)), turned]), np.zeros(count), np.zeros(count))
+    return _thing(thing_id, limbs), _limb_motions(thing_id, limbs, gait, np.zeros(count), start_ns)
+
+
 def carried_by_person(  # noqa: PLR0917 - who, what, from where, to where, and in what building
     person_id: str,
     thing: SimulatedThing,
@@ -107,13 +130,14 @@ def carried_by_person(  # noqa: PLR0917 - who, what, from where, to where, and i
     come_from_xy: FloatArray,
     leave_to_xy: FloatArray,
     speed: float = 1.0,
+    free: FreeSpace | None = None,
 ) -> CarryMotion:
     """A person comes to where a thing stands (`T_from`), carries it before the hip to where it shall (`T_to`), leaves.
 
-    The person stops at the free place nearest to the thing, at most 1.6 m off. Raises `ValueError` when there is none,
-    or no way.
+    The person stops at the free place nearest to the thing, at most 1.6 m off. `free` is where a person can go, if that
+    is known already. Raises `ValueError` when there is none, or no way.
     """
-    free = FreeSpace(plan, obstacles, clearance_m=PERSON_CLEARANCE_M)
+    free = free or FreeSpace(plan, obstacles, clearance_m=PERSON_CLEARANCE_M)
     limbs = _body(rng)
     fetch_xy, bring_xy = (free.nearest_free(T[:2, 3], within_m=_REACH_M) for T in (T_from, T_to))
     come = _turning_to(_walk(free.path(come_from_xy, fetch_xy), speed), T_from[:2, 3])

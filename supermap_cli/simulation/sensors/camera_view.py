@@ -36,4 +36,5 @@ def render(
     if not valid.all():
         for image in (depth_m, thing, slant_cos, rgb):
             image[~valid] = 0
-    return RenderedView(stamp_ns, depth_m, thing, slant_cos, rgb)
+    returns = None if hits.returns is None else hits.returns.reshape(valid.shape)
+    return RenderedView(stamp_ns, depth_m, thing, slant_cos, rgb, returns)

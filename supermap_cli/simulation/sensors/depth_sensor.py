@@ -49,6 +49,8 @@ def measure_depth(view: RenderedView, sensor: DepthSensor, rng: np.random.Genera
     lost.flat[edge[fate < sensor.edge_holes]] = True
     if sensor.blind_patches:
         lost |= _blind(view, rng)
+    if view.returns is not None:
+        lost |= ~view.returns
     measured[lost] = 0
     return measured
 

@@ -106,6 +106,8 @@ class LidarSensor:
             hits = scene.cast(middle_ns, T[block, :3, 3], directions[block], colour=True)
             range_m = hits.distance + noise_m[block]
             kept = (range_m >= self.lidar.nearest_m) & (range_m <= self.lidar.farthest_m)
+            if hits.returns is not None:
+                kept &= hits.returns
             points.append((beams[block][kept] * range_m[kept, None]).astype(np.float32))
             returned.append(stamps_ns[block][kept])
             intensity.append(_intensity(hits)[kept])

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from supermap_cli.geometry.arrays import Float32Array, FloatArray, IntArray, UInt8Array
+from supermap_cli.geometry.arrays import BoolArray, Float32Array, FloatArray, IntArray, UInt8Array
 from supermap_cli.geometry.open3d_loader import load_open3d
 from supermap_cli.geometry.se3 import transform_points
 from supermap_cli.simulation.sensors.appearance import Paint, Shading, join_paints, paint
+from supermap_cli.simulation.sensors.weak_returns import returns_in_patches
 from supermap_cli.simulation.views import RayHits
 from supermap_cli.simulation.world import Shape, World
 
@@ -20,6 +21,7 @@ _KEPT_GROUPS = 4  # of standing surfaces, kept for traversals that take turns
 _BLOCK = 1 << 16  # rays cast at once
 _PIXEL_RAD = 0.002  # rad between neighbouring rays of a 640-pixel camera 69 degrees wide
 _AT_REST = np.eye(4)
+_GLASS_SHARE = 0.3  # of a pixel's colour that is the glass's own, not that of what is behind it
 
 
 @dataclass(frozen=True)
@@ -33,18 +35,23 @@ class _Body:
 
 class Scene:
     """The world's surfaces. Standing things share one stage, which is built anew only when something else stands
-    there; every thing that moves has a stage of its own, which only rays that pass near it are cast into.
+    there; every thing that moves has a stage of its own, which only rays that pass near it are cast into. Glass of what
+    stands is a stage that rays go through: they end behind it.
     """
 
     def __init__(self, world: World) -> None:
         self.world = world
+        shapes = [*(fixture.shape for fixture in world.fixtures), *(thing.shape for thing in world.things)]
+        materials = [material for shape in shapes for material in shape.materials]
+        self._weak = any(material.depth_return < 1 for material in materials)
+        self._glazed = any(material.see_through for material in materials)
         self._fixtures = [_Body(0, fixture.shape, paint(fixture.shape)) for fixture in world.fixtures]
         self._things = [_Body(k + 1, thing.shape, paint(thing.shape)) for k, thing in enumerate(world.things)]
         self._movers = [
             (_Body(world.index[motion.thing_id] + 1, motion.shape, paint(motion.shape)), motion)
             for motion in world.motions
         ]
-        self._standing: OrderedDict[tuple[int, ...], _SurfaceGroup] = OrderedDict()
+        self._standing: OrderedDict[tuple[int, ...], tuple[_SurfaceGroup, _SurfaceGroup | None]] = OrderedDict()
 
     def cast(
         self,
@@ -59,7 +66,7 @@ class Scene:
 
         `pixel_rad` is the angle between neighbouring rays: patterns finer than that are blurred.
         """
-        standing, moving = self._surface_group(stamp_ns), list(self._moving(stamp_ns))
+        (standing, glass), moving = self._surface_group(stamp_ns), list(self._moving(stamp_ns))
         blocks = []
         for rays in _Rays.of(origins, directions, pixel_rad).blocks():
             hits = standing.cast(rays, colour=colour)
@@ -67,17 +74,24 @@ class Scene:
                 near = rays.passing(stage.center, stage.radius_m)
                 if len(near):
                     _keep_nearer(hits, near, stage.cast(rays.chosen(near), colour=colour))
+            if glass is not None:
+                _look_through(hits, glass.cast(rays, colour=colour))
             blocks.append(hits)
         return _joined(blocks)
 
-    def _surface_group(self, stamp_ns: int) -> _SurfaceGroup:
-        """Fixtures and standing things; the last few are kept, as traversals may take turns."""
+    def _surface_group(self, stamp_ns: int) -> tuple[_SurfaceGroup, _SurfaceGroup | None]:
+        """Fixtures and standing things, and their glass; the last few are kept, as traversals may take turns."""
         standing = tuple(k for k, stay in enumerate(self.world.stays) if stay.covers(stamp_ns))
         if standing not in self._standing:
             stays = [self.world.stays[k] for k in standing]
-            self._standing[standing] = _SurfaceGroup(
-                [(body, _AT_REST) for body in self._fixtures]
-                + [(self._things[self.world.index[stay.thing_id]], stay.T_world_thing) for stay in stays]
+            bodies = [(body, _AT_REST) for body in self._fixtures]
+            bodies += [(self._things[self.world.index[stay.thing_id]], stay.T_world_thing) for stay in stays]
+            glass = list(_parts(bodies, see_through=True)) if self._glazed else []
+            if glass:
+                bodies = list(_parts(bodies, see_through=False))
+            self._standing[standing] = (
+                _SurfaceGroup(bodies, weak=self._weak),
+                _SurfaceGroup(glass, weak=False) if glass else None,
             )
             if len(self._standing) > _KEPT_GROUPS:
                 self._standing.popitem(last=False)
@@ -92,7 +106,7 @@ class Scene:
             if T_world_body is not None:
                 now.setdefault(body.thing, []).append((body, T_world_body))
         for bodies in now.values():
-            yield _SurfaceGroup(bodies)
+            yield _SurfaceGroup(bodies, weak=self._weak)
 
 
 @dataclass(frozen=True)
@@ -140,7 +154,7 @@ class _Rays:
 class _SurfaceGroup:
     """Painted bodies in their places, for as long as nothing moves: `center` (3,) and `radius_m` bound them all."""
 
-    def __init__(self, placed: Sequence[tuple[_Body, FloatArray]]) -> None:
+    def __init__(self, placed: Sequence[tuple[_Body, FloatArray]], *, weak: bool) -> None:
         shapes = [(transform_points(T, body.shape.vertices), body.shape.triangles) for body, T in placed]
         vertices = np.concatenate([np.empty((0, 3)), *(vertices for vertices, _ in shapes)])
         counts = [len(triangles) for _, triangles in shapes]
@@ -154,6 +168,7 @@ class _SurfaceGroup:
         things = np.array([*(body.thing for body, _ in placed), 0], np.int32)
         self._thing = np.repeat(things, [*counts, 1])
         self._paint = join_paints([body.paint for body, _ in placed])
+        self._depth_return = _depth_returns(body for body, _ in placed) if weak else None
         self._shading = Shading.of(_normals(vertices[triangles]))
         self._core = load_open3d().core
         self._surfaces = load_open3d().t.geometry.RaycastingScene()
@@ -179,7 +194,19 @@ class _SurfaceGroup:
             light = self._shading.light(triangle, inside, slant_cos, range_m)
             footprint_m = range_m * np.float32(rays.pixel_rad)
             rgb = self._paint.rgb_at(triangle, found["primitive_uvs"].numpy(), footprint_m, light)
-        return RayHits(distance, self._thing.take(triangle), normals, slant_cos, rgb)
+        returns = None if self._depth_return is None else self._returns(rays, distance, triangle)
+        return RayHits(distance, self._thing.take(triangle), normals, slant_cos, rgb, returns)
+
+    def _returns(self, rays: _Rays, distance: Float32Array, triangle: IntArray) -> BoolArray:
+        """(n,) whether light comes back; only surfaces that do not send it all back are looked at closely."""
+        returns = np.ones(len(triangle), bool)
+        if self._depth_return is not None:
+            share = self._depth_return.take(triangle)
+            weak = np.flatnonzero(share < 1)
+            some = rays.chosen(weak)
+            points = some.origins + some.directions * distance[weak, None]
+            returns[weak] = returns_in_patches(points, some.directions / some.lengths[:, None], share[weak])
+        return returns
 
 
 def _joined(blocks: Sequence[RayHits]) -> RayHits:
@@ -187,12 +214,14 @@ def _joined(blocks: Sequence[RayHits]) -> RayHits:
     if len(blocks) == 1:
         return blocks[0]
     rgb = [block.rgb for block in blocks if block.rgb is not None]
+    returns = [block.returns for block in blocks if block.returns is not None]
     return RayHits(
         np.concatenate([block.distance for block in blocks]),
         np.concatenate([block.thing for block in blocks]),
         np.concatenate([block.normals for block in blocks]),
         np.concatenate([block.slant_cos for block in blocks]),
         np.concatenate(rgb) if rgb else None,
+        np.concatenate(returns) if returns else None,
     )
 
 
@@ -227,3 +256,38 @@ def _keep_nearer(hits: RayHits, at: IntArray, others: RayHits) -> None:
     hits.slant_cos[into] = others.slant_cos[nearer]
     if hits.rgb is not None and others.rgb is not None:
         hits.rgb[into] = others.rgb[nearer]
+    if hits.returns is not None and others.returns is not None:
+        hits.returns[into] = others.returns[nearer]
+
+
+def _look_through(hits: RayHits, glass: RayHits) -> None:
+    """Where glass is nearer than what rays end on, it tints that; before bare fixtures it is the glass's thing that an
+    image shows.
+    """
+    before = np.flatnonzero(glass.distance < hits.distance)
+    bare = before[hits.thing[before] == 0]
+    hits.thing[bare] = glass.thing[bare]
+    if hits.rgb is not None and glass.rgb is not None:
+        mixed = (1 - _GLASS_SHARE) * hits.rgb[before] + _GLASS_SHARE * glass.rgb[before]
+        hits.rgb[before] = mixed.astype(np.uint8)
+
+
+def _parts(placed: Sequence[tuple[_Body, FloatArray]], *, see_through: bool) -> Iterator[tuple[_Body, FloatArray]]:
+    """The glass of bodies, or all the rest of them."""
+    for body, T_world_body in placed:
+        shape = body.shape
+        wanted = np.array([material.see_through == see_through for material in shape.materials])[shape.material]
+        if wanted.all():
+            yield body, T_world_body
+        elif wanted.any():
+            part = Shape(shape.vertices, shape.triangles[wanted], shape.material[wanted], shape.materials)
+            yield _Body(body.thing, part, paint(part)), T_world_body
+
+
+def _depth_returns(bodies: Iterable[_Body]) -> Float32Array:
+    """Per triangle the share of light that it sends back, and 1 for rays that hit nothing."""
+    shares = [
+        np.array([material.depth_return for material in body.shape.materials], np.float32)[body.shape.material]
+        for body in bodies
+    ]
+    return np.concatenate([*shares, np.ones(1, np.float32)])

@@ -71,7 +71,7 @@ class Opening:
 
 
 @dataclass(frozen=True)
-class _FloorPlan:
+class FloorPlan:
     """Rooms and the openings in their walls, before any surfaces are made."""
 
     rooms: tuple[Room, ...]
@@ -80,9 +80,10 @@ class _FloorPlan:
 
     @property
     def area_m2(self) -> float:
+        """Of all floors."""
         return float(sum(np.prod(room.high - room.low) for room in self.rooms))
 
-    def mapped(self, onto: Callable[[FloatArray], FloatArray]) -> _FloorPlan:
+    def mapped(self, onto: Callable[[FloatArray], FloatArray]) -> FloorPlan:
         """Mirrored, turned or moved: `onto` maps points (2,)."""
 
         def corners(low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -95,7 +96,7 @@ class _FloorPlan:
             low, high = corners(opening.low, opening.high)
             through = onto(opening.through) - onto(np.zeros(2))
             openings.append(replace(opening, low=low, high=high, through=through))
-        return _FloorPlan(rooms, tuple(openings), self.wall_m)
+        return FloorPlan(rooms, tuple(openings), self.wall_m)
 
 
 def make_building(rng: np.random.Generator, room_names: Sequence[str]) -> tuple[BuildingPlan, tuple[Fixture, ...]]:
@@ -104,7 +105,11 @@ def make_building(rng: np.random.Generator, room_names: Sequence[str]) -> tuple[
     A single room has no corridor, and its door is shut. The lowest corner of all rooms is the world's origin.
     """
     layout = _single_room(rng, room_names[0]) if len(room_names) == 1 else _along_corridor(rng, room_names)
-    layout = _turned_at_random(rng, layout)
+    return built(rng, turned_at_random(rng, layout))
+
+
+def built(rng: np.random.Generator, layout: FloorPlan) -> tuple[BuildingPlan, tuple[Fixture, ...]]:
+    """The building of a floor plan: its height and its colours are drawn."""
     height_m = round(between(rng, 2.6, 2.9), 3)
     doorways = tuple(
         Doorway(opening.room, opening.beyond, opening.center, opening.through, opening.width_m - 2 * JAMB_M)
@@ -115,14 +120,14 @@ def make_building(rng: np.random.Generator, room_names: Sequence[str]) -> tuple[
     return BuildingPlan(layout.rooms, doorways, height_m), fixtures
 
 
-def _single_room(rng: np.random.Generator, name: str) -> _FloorPlan:
+def _single_room(rng: np.random.Generator, name: str) -> FloorPlan:
     wall = round(between(rng, 0.12, 0.18), 3)
     room = Room(name, np.zeros(2), np.round([between(rng, 4.8, 6.0), between(rng, 4.4, 5.4)], 3))
-    door = replace(_doorway(rng, room, wall, up=True), beyond=None, closed=True)
-    return _FloorPlan((room,), (door, *_windows(rng, room, wall, up=True)), wall)
+    door = replace(doorway(rng, room, wall, up=True), beyond=None, closed=True)
+    return FloorPlan((room,), (door, *windows(rng, room, wall, up=True)), wall)
 
 
-def _along_corridor(rng: np.random.Generator, room_names: Sequence[str]) -> _FloorPlan:
+def _along_corridor(rng: np.random.Generator, room_names: Sequence[str]) -> FloorPlan:
     """Rooms above (and often one below) a corridor that runs along x, drawn until the area fits."""
     fair = AREA_M2[0] / 3 * (len(room_names) - 1), AREA_M2[1] / 3 * len(room_names)
     while True:
@@ -133,7 +138,7 @@ def _along_corridor(rng: np.random.Generator, room_names: Sequence[str]) -> _Flo
             return layout
 
 
-def _draw_along_corridor(rng: np.random.Generator, names: Sequence[str]) -> _FloorPlan:
+def _draw_along_corridor(rng: np.random.Generator, names: Sequence[str]) -> FloorPlan:
     wall, across = round(between(rng, 0.12, 0.18), 3), round(between(rng, 1.8, 2.3), 3)
     above = len(names) if rng.random() < 0.35 else len(names) - 1
     upper = list(_row(rng, names[:above], wall))
@@ -146,10 +151,10 @@ def _draw_along_corridor(rng: np.random.Generator, names: Sequence[str]) -> _Flo
     corridor = Room(CORRIDOR, np.zeros(2), np.array([length, across]))
     lift = np.array([0.0, across + wall])
     upper = [Room(room.name, room.low + lift, room.high + lift) for room in upper]
-    openings = [_doorway(rng, room, wall, up=up) for rooms, up in ((upper, True), (lower, False)) for room in rooms]
+    openings = [doorway(rng, room, wall, up=up) for rooms, up in ((upper, True), (lower, False)) for room in rooms]
     for rooms, up in ((upper, True), (lower, False)):
-        openings.extend(opening for room in rooms for opening in _windows(rng, room, wall, up=up))
-    return _FloorPlan((*upper, *lower, corridor), tuple(openings), wall)
+        openings.extend(opening for room in rooms for opening in windows(rng, room, wall, up=up))
+    return FloorPlan((*upper, *lower, corridor), tuple(openings), wall)
 
 
 def _row(rng: np.random.Generator, names: Sequence[str], wall: float) -> Iterator[Room]:
@@ -161,7 +166,7 @@ def _row(rng: np.random.Generator, names: Sequence[str], wall: float) -> Iterato
         x = round(x + width + wall, 3)
 
 
-def _doorway(rng: np.random.Generator, room: Room, wall: float, *, up: bool) -> Opening:
+def doorway(rng: np.random.Generator, room: Room, wall: float, *, up: bool) -> Opening:
     """A doorway in the side that faces the corridor: the lower one of a room that lies above it (`up`)."""
     width = round(between(rng, 1.0, 1.12), 3)
     x = round(between(rng, room.low[0] + 0.25, room.high[0] - 0.25 - width), 3)
@@ -170,7 +175,7 @@ def _doorway(rng: np.random.Generator, room: Room, wall: float, *, up: bool) -> 
     return Opening(room.name, np.array([x, y]), np.array([x + width, y + wall]), through, beyond=CORRIDOR)
 
 
-def _windows(rng: np.random.Generator, room: Room, wall: float, *, up: bool) -> Iterator[Opening]:
+def windows(rng: np.random.Generator, room: Room, wall: float, *, up: bool) -> Iterator[Opening]:
     """One or two windows in the side away from the corridor."""
     y = room.high[1] if up else room.low[1] - wall
     count = 2 if room.high[0] - room.low[0] > 4.8 and rng.random() < 0.6 else 1
@@ -182,14 +187,15 @@ def _windows(rng: np.random.Generator, room: Room, wall: float, *, up: bool) -> 
         yield Opening(room.name, np.array([x, y]), np.array([round(x + width, 3), y + wall]), through)
 
 
-def _turned_at_random(rng: np.random.Generator, layout: _FloorPlan) -> _FloorPlan:
+def turned_at_random(rng: np.random.Generator, layout: FloorPlan) -> FloorPlan:
+    """Mirrored, and turned by right angles; its lowest corner is the origin."""
     mirror, swap = rng.choice([-1.0, 1.0], 2), rng.random() < 0.5
     turned = layout.mapped(lambda xy: (mirror * xy)[::-1] if swap else mirror * xy)
     corner = np.min([room.low for room in turned.rooms], axis=0)
     return turned.mapped(lambda xy: xy - corner)
 
 
-def _walls_and_floors(rng: np.random.Generator, layout: _FloorPlan, height_m: float) -> tuple[Fixture, ...]:
+def _walls_and_floors(rng: np.random.Generator, layout: FloorPlan, height_m: float) -> tuple[Fixture, ...]:
     """Walls, floor and ceiling; every room has its own colours."""
     cells = _Cells(layout)
     tints = [Material(tinted(rng, pick(rng, _TINTS), 6), "speckle", 0.25, 0.1) for _ in layout.rooms]
@@ -216,7 +222,7 @@ def _floor_material(rng: np.random.Generator, room: str) -> Material:
 class _Cells:
     """The grid that all edges of rooms, walls and openings make: what lies in each of its columns."""
 
-    def __init__(self, layout: _FloorPlan) -> None:
+    def __init__(self, layout: FloorPlan) -> None:
         edges = [np.stack([room.low, room.high]) for room in layout.rooms]
         edges += [room + np.array([[-1], [1]]) * layout.wall_m for room in edges]
         edges += [np.stack([opening.low, opening.high]) for opening in layout.openings]
@@ -247,7 +253,7 @@ class _Cells:
         return within
 
 
-def _doors_and_windows(rng: np.random.Generator, layout: _FloorPlan) -> Iterator[Fixture]:
+def _doors_and_windows(rng: np.random.Generator, layout: FloorPlan) -> Iterator[Fixture]:
     for opening in layout.openings:
         if opening.closed:
             label, shape = "door", closed_door(rng, opening.width_m, layout.wall_m)
@@ -262,7 +268,7 @@ def _placed(shape: Shape, opening: Opening) -> Shape:
     return shape.moved(opening.T_world_opening)
 
 
-def _hinge_side(layout: _FloorPlan, opening: Opening) -> int:
+def _hinge_side(layout: FloorPlan, opening: Opening) -> int:
     """The side (-1 or 1 along the wall) on which more of the room's wall is left for the leaf to lie against."""
     room = next(room for room in layout.rooms if room.name == opening.room)
     middle, at = room.center @ opening.along, opening.center @ opening.along

@@ -84,14 +84,17 @@ class HostPlace(ABC):
 
 @dataclass(frozen=True)
 class AlongWall(RoomPlace):
-    """On the floor with its back to a wall, anywhere along it or (`corner`) at one of its ends."""
+    """On the floor with its back to a wall, anywhere along it or (`corner`) at one of its ends; `side` names the wall:
+    0 at the lowest y, 1 at the highest x, 2 at the highest y, 3 at the lowest x.
+    """
 
     corner: bool = False
     gap_m: Range = (0.02, 0.07)
+    side: int | None = None
 
     def within(self, room: Room, piece: Piece, rng: np.random.Generator) -> Spot | None:
         """Somewhere along one of the walls."""
-        wall, reach = _wall(room, rng), piece.size[0] / 2 + 0.02
+        wall, reach = _wall(room, rng, self.side), piece.size[0] / 2 + 0.02
         if wall.length_m < 2 * reach:
             return None
         along = between(rng, reach, wall.length_m - reach)
@@ -103,13 +106,14 @@ class AlongWall(RoomPlace):
 
 @dataclass(frozen=True)
 class Hung(RoomPlace):
-    """On a wall, its lower edge at a height of `low_m`."""
+    """On a wall, its lower edge at a height of `low_m`; `side` as in `AlongWall`."""
 
     low_m: Range
+    side: int | None = None
 
     def within(self, room: Room, piece: Piece, rng: np.random.Generator) -> Spot | None:
         """Somewhere on one of the walls."""
-        wall, reach = _wall(room, rng), piece.size[0] / 2 + 0.1
+        wall, reach = _wall(room, rng, self.side), piece.size[0] / 2 + 0.1
         if wall.length_m < 2 * reach:
             return None
         return Spot(wall.pose(between(rng, reach, wall.length_m - reach), 0.004, between(rng, *self.low_m)))
@@ -128,6 +132,22 @@ class OnFloor(RoomPlace):
             return None
         x, y = rng.uniform(room.low + reach, room.high - reach)
         return Spot(_pose(float(x), float(y), 0.0, between(rng, -np.pi, np.pi)))
+
+
+@dataclass(frozen=True)
+class FromCeiling(RoomPlace):
+    """Hung from a ceiling at `height_m`, 2 cm below it, `from_wall_m` or more from all walls."""
+
+    height_m: float
+    from_wall_m: float = 0.3
+
+    def within(self, room: Room, piece: Piece, rng: np.random.Generator) -> Spot | None:
+        """Somewhere over the room's floor."""
+        spot = OnFloor(self.from_wall_m).within(room, piece, rng)
+        if spot is None:
+            return None
+        spot.T_world_thing[2, 3] = self.height_m - 0.021 - piece.size[2]
+        return spot
 
 
 @dataclass(frozen=True)
@@ -247,12 +267,12 @@ class _Wall:
         return _pose(float(x), float(y), z_m, float(np.arctan2(inwards[0], -inwards[1])))
 
 
-def _wall(room: Room, rng: np.random.Generator) -> _Wall:
+def _wall(room: Room, rng: np.random.Generator, side: int | None = None) -> _Wall:
     """One of the four, the longer the likelier."""
     corners = np.array([room.low, [room.high[0], room.low[1]], room.high, [room.low[0], room.high[1]]])
     sides = np.roll(corners, -1, axis=0) - corners
     lengths = np.linalg.norm(sides, axis=1)
-    k = int(rng.choice(4, p=lengths / lengths.sum()))
+    k = int(rng.choice(4, p=lengths / lengths.sum())) if side is None else side
     return _Wall(corners[k], sides[k] / lengths[k], float(lengths[k]))
 
 
