@@ -92,7 +92,7 @@ class MapTransform:
     def map_object(self, instance: InstanceRecord, number: int) -> MapObject:
         """An object as it was at the end of the other map, under a number of this one."""
         restored = restore_object(instance)
-        restored.number = number
+        restored.number, restored.seen_apart = number, {}
         restored.voxels = restored.voxels.carried(self.T_map_other)
         cells = restored.existence.viewpoints.cells
         rotated = ViewpointHistory({self._rotated_cell(name): cell for name, cell in cells.items()})

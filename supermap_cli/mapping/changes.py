@@ -105,5 +105,6 @@ def instance_record(obj: MapObject, merged_into: int | None = None) -> InstanceR
             state_empty_before_ns=obj.state.empty_before_ns,
             gone_ns=obj.gone_ns,
             best_crop=obj.best_crop,
+            seen_apart={str(number): images for number, images in sorted(obj.seen_apart.items())},
         ).to_document(),
     )

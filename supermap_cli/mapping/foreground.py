@@ -37,6 +37,14 @@ class ForegroundParameters:
     )
     plane_sigmas: float = parameter(3.0, "1", "deviations of the depth within which a point lies on a plane", "99.7 %")
     plane_m: float = parameter(0.01, "m", "distance from a plane allowed on top: what is not quite flat", "chosen")
+    before_share: float = parameter(
+        0.8,
+        "1",
+        "share of the mask's other points that must lie on the camera's side of a plane: a thing stands before what is "
+        "behind it, and a part of its own front that the mask missed lies before the rest of it",
+        "visibility",
+        at_most=1.0,
+    )
     own_share: float = parameter(
         0.6, "1", "share of a surface inside the mask from which all of it is the thing's", "chosen", at_most=1.0
     )
@@ -81,9 +89,13 @@ def foreground(
     beside = np.flatnonzero((~own & ~masked[window])[v, u])
     on_plane = np.zeros(depth.shape, dtype=bool)
     tolerance_m = parameters.plane_sigmas * view.sigma_m(points[:, 2]) + parameters.plane_m
+    in_mask = own[v, u]
     for normal, offset in _planes(points, beside, (u, v), tolerance_m, parameters):
-        near = np.abs(points @ normal - offset) < tolerance_m
-        on_plane[v[near], u[near]] = True
+        height_m = (points @ normal - offset) * (-1 if offset > 0 else 1)
+        rest = height_m[in_mask & (np.abs(height_m) >= tolerance_m)]
+        if np.count_nonzero(rest > 0) >= parameters.before_share * len(rest):
+            near = np.abs(height_m) < tolerance_m
+            on_plane[v[near], u[near]] = True
     left = _own_surfaces(view, window, measured & ~on_plane, own, parameters)
     if np.count_nonzero(left) < parameters.min_points or _spanned(left, own) < parameters.span_share:
         return None
@@ -167,8 +179,8 @@ def _own_surfaces(
     depth = view.depth_m[window]
     step_m = edge_step_m(depth, view.parameters)
     surface = solid & (view.farthest_m[window] - view.nearest_m[window] < step_m)
-    count, label = cv2.connectedComponents(surface.astype(np.uint8), connectivity=4)
-    label = np.asarray(label, np.int64)
+    count, components = cv2.connectedComponents(surface.astype(np.uint8), connectivity=4)
+    label = np.asarray(components, np.int64)
     sizes = np.bincount(label.ravel(), minlength=count).astype(np.float64)
     within = np.bincount(label[own], minlength=count).astype(np.float64)
     sizes[0] = within[0] = 0

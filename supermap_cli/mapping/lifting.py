@@ -6,7 +6,7 @@ of one cluster (`mask_core`, `clusters`).
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -101,6 +101,11 @@ class LiftedDetection:
     truncated: bool
     voxel_m: float = voxel_map.DEFAULT.finest_voxel_m
     parameters: LiftingParameters = DEFAULT
+
+    def with_points(self, kept: BoolArray) -> LiftedDetection:
+        """The same with those (n,) of its points."""
+        points = self.points_map[kept]
+        return replace(self, points_map=points, rgb=self.rgb[kept], centroid_map=percentiles(points, (50,))[0])
 
     @cached_property
     def extent_m(self) -> float:

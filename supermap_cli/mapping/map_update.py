@@ -124,8 +124,10 @@ class MapUpdate:
         for first, second in near_pairs(self.objects, matched, self.parameters.duplicates):
             if first.number not in self.objects.by_number or second.number not in self.objects.by_number:
                 continue
-            apart = self.pairs.seen_apart(first.number, second.number)
-            as_one = self.pairs.seen_as_one(first.number, second.number)
+            if self.pairs.surely_two(first, second):
+                continue
+            apart = second.number in first.seen_apart
+            as_one = self.pairs.seen_as_one(first, second)
             if as_one or same_object(first, second, seen_apart=apart, parameters=self.parameters.duplicates):
                 kept, joined = older_first(first, second)
                 self.transitions.merge(kept, joined, stamp_ns)

@@ -6,6 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 
+import numpy as np
+
 from supermap_cli.mapping import lifecycle
 from supermap_cli.mapping.association import (
     Affinity,
@@ -20,7 +22,7 @@ from supermap_cli.mapping.detection_fusion import DetectionFusion
 from supermap_cli.mapping.keyframe_view import KeyframeView
 from supermap_cli.mapping.lifting import LiftedDetection
 from supermap_cli.mapping.objects import MapObject, ObjectMap
-from supermap_cli.mapping.pair_evidence import PairEvidence
+from supermap_cli.mapping.pair_evidence import PairEvidence, set_apart
 from supermap_cli.mapping.parameters import MappingParameters
 from supermap_cli.mapping.splitting import (
     SplitEvidence,
@@ -133,12 +135,31 @@ class ObjectMerging:
         parts: Mapping[int, Sequence[LiftedDetection]] = NO_PARTS,
     ) -> None:
         for row, number, fit in pairs:
-            obj = self.objects[number]
+            obj, detection = self.objects[number], detections[row]
             whole = fit.explained > self.parameters.splitting.whole_share
             if obj.confirmed and obj.present and not obj.is_dynamic and whole:
                 self.splits.add_one_mask(number, view.viewpoint_of(obj))
-            self.fusion.fuse(view, obj, detections[row], fit, parts.get(number, ()))
-            matched[number] = detections[row]
+            own = self._without_neighbours(view, obj, detection)
+            self.fusion.fuse(view, obj, own, fit, parts.get(number, ()))
+            matched[number] = detection
+
+    def _without_neighbours(self, view: KeyframeView, obj: MapObject, detection: LiftedDetection) -> LiftedDetection:
+        """The detection without the points that lie on objects of which images have shown that they are others: one
+        mask may cover two things that stand side by side.
+        """
+        neighbours = [
+            self.objects[number]
+            for number in obj.seen_apart
+            if number in view.views and number in self.objects.by_number and self.objects[number].present
+        ]
+        taken = np.zeros(len(detection.points_map), dtype=bool)
+        for other in neighbours:
+            if self.pairs.surely_two(obj, other):
+                taken |= other.shape.near(detection.points_map)
+        taken &= ~obj.shape.near(detection.points_map)
+        if not taken.any() or len(taken) - np.count_nonzero(taken) < detection.parameters.min_points:
+            return detection
+        return detection.with_points(~taken)
 
     def _split(
         self, view: KeyframeView, whole: MapObject, first: LiftedDetection, second: LiftedDetection
@@ -158,7 +179,7 @@ class ObjectMerging:
         self.objects.add(new)
         whole.voxels_changed()
         self.transitions.split(whole, new)
-        self.pairs.set_apart(whole.number, new.number, self.splits.images(whole.number))
+        set_apart(whole, new, self.splits.images(whole.number))
         self.splits.forget(whole.number)
         return new
 

@@ -123,7 +123,8 @@ class MapObject:
 
     It was seen from `first_seen_ns` to `last_seen_ns`, `observations` times; `pending` are the observations made before
     it was confirmed. `track_ids` are its tracks by camera, for each camera has a tracker of its own. `best_crop` is how
-    good the best picture is that was kept of it in this traversal and place.
+    good the best picture is that was kept of it in this traversal and place. `seen_apart` says of other objects, by
+    number, how many images of all traversals have shown each of the two with a mask of its own.
     """
 
     number: int
@@ -143,6 +144,7 @@ class MapObject:
     motion: MotionState = field(default_factory=MotionState)
     visit: VisitCount = field(default_factory=VisitCount)
     best_crop: float = 0.0
+    seen_apart: dict[int, int] = field(default_factory=dict)
     parameters: ObjectParameterSets = field(default=DEFAULT_SETS, repr=False)
     _shape: ObjectShape | None = field(default=None, repr=False)
     _changed: set[int] = field(default_factory=set, repr=False)

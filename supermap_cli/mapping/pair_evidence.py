@@ -39,13 +39,13 @@ DEFAULT = PairEvidenceParameters()
 
 @dataclass
 class PairEvidence:
-    """Counts for pairs of object numbers, the smaller first.
+    """Counts of images for pairs of objects: apart, in which each had a detection of its own, and as one.
 
-    `apart`: images in which each had a detection of its own; `spanned`: images in which the detection of one covered
-    what was seen of the other as well, as the mask of a chair covers the back and the seat that were first seen alone.
+    The former are kept with the objects (`MapObject.seen_apart`), for they hold for later traversals too. `spanned`, by
+    their numbers, the smaller first: images in which the detection of one covered what was seen of the other as well,
+    as the mask of a chair covers the back and the seat that were first seen alone.
     """
 
-    apart: dict[tuple[int, int], int] = field(default_factory=dict)
     spanned: dict[tuple[int, int], int] = field(default_factory=dict)
     parameters: PairEvidenceParameters = field(default=DEFAULT, repr=False, compare=False)
 
@@ -70,35 +70,35 @@ class PairEvidence:
                 if other.number in matched:
                     apart = obj.number < other.number and boxes_apart(detection, matched[other.number], parameters)
                     if apart:
-                        self._count(self.apart, obj, other)
+                        set_apart(obj, other, obj.seen_apart.get(other.number, 0) + 1)
                 elif share_inside(detection, views[other.number]) > parameters.spanned_share:
-                    self._count(self.spanned, obj, other)
+                    key = _key(obj, other)
+                    self.spanned[key] = self.spanned.get(key, 0) + 1
 
-    @staticmethod
-    def _count(counts: dict[tuple[int, int], int], first: MapObject, second: MapObject) -> None:
-        key = (min(first.number, second.number), max(first.number, second.number))
-        counts[key] = counts.get(key, 0) + 1
+    def surely_two(self, first: MapObject, second: MapObject) -> bool:
+        """Whether images have shown the two side by side often enough, and no fewer under one mask."""
+        apart = first.seen_apart.get(second.number, 0)
+        return apart >= self.parameters.sure_images and apart >= self.spanned.get(_key(first, second), 0)
 
-    def set_apart(self, first: int, second: int, images: int) -> None:
-        """Two objects that were one come with the images that have shown them side by side."""
-        self.apart[min(first, second), max(first, second)] = images
-
-    def seen_apart(self, first: int, second: int) -> bool:
-        """Whether images have shown the two side by side."""
-        return (min(first, second), max(first, second)) in self.apart
-
-    def seen_as_one(self, first: int, second: int) -> bool:
+    def seen_as_one(self, first: MapObject, second: MapObject) -> bool:
         """Whether images have shown the two under one mask often enough, and clearly more often than apart."""
-        key = (min(first, second), max(first, second))
-        spanned = self.spanned.get(key, 0)
+        spanned = self.spanned.get(_key(first, second), 0)
         enough = spanned >= self.parameters.sure_images
-        return enough and spanned > self.parameters.apart_factor * self.apart.get(key, 0)
+        return enough and spanned > self.parameters.apart_factor * first.seen_apart.get(second.number, 0)
 
     def forget(self, number: int) -> None:
         """Drop an object's pairs."""
-        for counts in (self.apart, self.spanned):
-            for key in [key for key in counts if number in key]:
-                del counts[key]
+        for key in [key for key in self.spanned if number in key]:
+            del self.spanned[key]
+
+
+def _key(first: MapObject, second: MapObject) -> tuple[int, int]:
+    return min(first.number, second.number), max(first.number, second.number)
+
+
+def set_apart(first: MapObject, second: MapObject, images: int) -> None:
+    """So many images have shown two objects side by side."""
+    first.seen_apart[second.number] = second.seen_apart[first.number] = images
 
 
 def bounds_within(first: MapObject, second: MapObject, gap_m: float) -> bool:

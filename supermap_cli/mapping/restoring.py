@@ -56,4 +56,5 @@ def restore_object(instance: InstanceRecord) -> MapObject:
         ),
         visit=VisitCount(earlier_ns=instance.last_seen_ns),
         best_crop=state.best_crop,
+        seen_apart={int(number): images for number, images in state.seen_apart.items()},
     )

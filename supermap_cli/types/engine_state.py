@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields
+from dataclasses import MISSING, asdict, dataclass, field, fields
 from typing import Any
 
 from supermap_cli.errors import MemoryStoreError
@@ -17,7 +17,8 @@ from supermap_cli.errors import MemoryStoreError
 class EngineState:
     """`label_counts` and `label_weight` are those of the label belief. `viewpoints`: cell of viewing directions ->
     supporting views, all views, and the sum of their log likelihood ratios. `state_*` is the current state, `gone_ns`
-    the stamp since which there is none; `best_crop` is the quality of the best image crop.
+    the stamp since which there is none; `best_crop` is the quality of the best image crop; `seen_apart` says in how
+    many images other objects, by number, were seen beside it with masks of their own.
     """
 
     label_counts: Mapping[str, float]
@@ -28,6 +29,7 @@ class EngineState:
     state_empty_before_ns: int | None
     gone_ns: int | None
     best_crop: float
+    seen_apart: Mapping[str, int] = field(default_factory=dict)
 
     def to_document(self) -> dict[str, object]:
         """JSON numbers and strings only."""
@@ -38,7 +40,8 @@ class EngineState:
         """Read what `to_document` wrote. Raises `MemoryStoreError` for anything else."""
         try:
             document = _with_label_counts(document)
-            values = {field.name: document[field.name] for field in fields(cls)}
+            values = {name: document[name] for name in _REQUIRED}
+            values["seen_apart"] = {str(int(number)): int(n) for number, n in document.get("seen_apart", {}).items()}
             state = cls(
                 **values | {"viewpoints": {name: _cell(stored) for name, stored in values["viewpoints"].items()}}
             )
@@ -61,6 +64,9 @@ class EngineState:
             and all(map(math.isfinite, reals))
             and all(isinstance(number, int) for number in integers)
         )
+
+
+_REQUIRED = tuple(each.name for each in fields(EngineState) if each.default_factory is MISSING)
 
 
 def _with_label_counts(document: Mapping[str, Any]) -> Mapping[str, Any]:

@@ -33,8 +33,16 @@ def test_where_nobody_has_looked_nothing_was_seen_empty() -> None:
     assert FreeSpaceMemory().last_seen_empty(around(1.5, 0, 1), 0.02, s.ns(10)) is None
 
 
+ELSEWHERE = s.looking((0, 1.4, 1.2), (2, 0, 1.0))
+
+
 def test_the_air_before_a_wall_was_seen_empty() -> None:
-    assert memory_of((3, EYE, s.ROOM)).last_seen_empty(around(1.5, 0, 1), 0.02, s.ns(10)) == s.ns(3)
+    memory = memory_of((2, ELSEWHERE, s.ROOM), (3, EYE, s.ROOM))
+    assert memory.last_seen_empty(around(1.5, 0, 1), 0.02, s.ns(10)) == s.ns(3)
+
+
+def test_one_view_alone_is_no_proof() -> None:
+    assert memory_of((3, EYE, s.ROOM)).last_seen_empty(around(1.5, 0, 1), 0.02, s.ns(10)) is None
 
 
 @pytest.mark.parametrize(
@@ -51,8 +59,8 @@ def test_the_place_of_a_thing_that_stood_there_was_not_empty() -> None:
 
 
 def test_it_is_the_latest_view_before_that_time() -> None:
-    elsewhere = s.looking((0, 1.4, 1.2), (2, 0, 1.0))
-    memory = memory_of((3, EYE, s.ROOM), (5, elsewhere, s.ROOM))
+    from_the_right = s.looking((0, -1.4, 1.2), (2, 0, 1.0))
+    memory = memory_of((2, from_the_right, s.ROOM), (3, EYE, s.ROOM), (5, ELSEWHERE, s.ROOM))
     assert memory.last_seen_empty(around(1.5, 0, 1), 0.02, s.ns(10)) == s.ns(5)
     assert memory.last_seen_empty(around(1.5, 0, 1), 0.02, s.ns(5)) == s.ns(3)
     assert memory.last_seen_empty(around(1.5, 0, 1), 0.02, s.ns(3)) is None
