@@ -45,6 +45,13 @@ class ForegroundParameters:
         "visibility",
         at_most=1.0,
     )
+    clear_factor: float = parameter(
+        3.0,
+        "1",
+        "how many tolerances the mask's other points must lie off a plane, in the median: of a bowl or a board, which "
+        "rise from it by a little, noise would take a part",
+        "chosen",
+    )
     own_share: float = parameter(
         0.6, "1", "share of a surface inside the mask from which all of it is the thing's", "chosen", at_most=1.0
     )
@@ -69,13 +76,14 @@ DEFAULT = ForegroundParameters()
 
 
 def foreground(
-    view: DepthView, mask: RegionMask, masked: BoolArray, parameters: ForegroundParameters = DEFAULT
+    view: DepthView, mask: RegionMask, core: BoolArray, masked: BoolArray, parameters: ForegroundParameters = DEFAULT
 ) -> RegionMask | None:
     """The pixels of the thing that a mask is of; `None` where depth cannot tell them from what is around.
 
-    `masked` (h, w): pixels in any mask of the image; what lies in those of others is not the surroundings.
+    `core`: the mask without its rim, on its region; `masked` (h, w): pixels in any mask of the image; what lies in
+    those of others is not the surroundings.
     """
-    window, own = _window(view, mask, parameters)
+    window, own, core = _window(view, mask, core, parameters)
     depth = view.depth_m[window]
     measured = depth > 0
     inside = own & measured
@@ -92,11 +100,12 @@ def foreground(
     in_mask = own[v, u]
     for normal, offset in _planes(points, beside, (u, v), tolerance_m, parameters):
         height_m = (points @ normal - offset) * (-1 if offset > 0 else 1)
-        rest = height_m[in_mask & (np.abs(height_m) >= tolerance_m)]
-        if np.count_nonzero(rest > 0) >= parameters.before_share * len(rest):
+        if _stands_before(height_m[in_mask], tolerance_m[in_mask], parameters):
             near = np.abs(height_m) < tolerance_m
             on_plane[v[near], u[near]] = True
-    left = _own_surfaces(view, window, measured & ~on_plane, own, parameters)
+    left = _own_surfaces(view, window, measured & ~on_plane, own, core, parameters)
+    if not on_plane.any() and not np.count_nonzero(left & ~own):
+        return None
     if np.count_nonzero(left) < parameters.min_points or _spanned(left, own) < parameters.span_share:
         return None
     rows, columns = np.flatnonzero(left.any(axis=1)), np.flatnonzero(left.any(axis=0))
@@ -104,10 +113,19 @@ def foreground(
     return RegionMask(int(origin[0] + columns[0]), int(origin[1] + rows[0]), np.ascontiguousarray(tight))
 
 
+def _stands_before(height_m: FloatArray, tolerance_m: FloatArray, parameters: ForegroundParameters) -> bool:
+    """Whether what a mask (n,) shows off a plane stands clearly before it, and does not just rise from it a little."""
+    off = np.abs(height_m) >= tolerance_m
+    rest = height_m[off]
+    if np.count_nonzero(rest > 0) < parameters.before_share * len(rest):
+        return False
+    return len(rest) > 0 and float(np.median(rest / tolerance_m[off])) > parameters.clear_factor
+
+
 def _window(
-    view: DepthView, mask: RegionMask, parameters: ForegroundParameters
-) -> tuple[tuple[slice, slice], BoolArray]:
-    """The part of the image about a mask, and the mask on it."""
+    view: DepthView, mask: RegionMask, core: BoolArray, parameters: ForegroundParameters
+) -> tuple[tuple[slice, slice], BoolArray, BoolArray]:
+    """The part of the image about a mask, and the mask and its core on it."""
     h, w = mask.pixels.shape
     height, width = view.depth_m.shape
     scale = pixel_scale(view.camera, view.parameters)
@@ -115,9 +133,10 @@ def _window(
     ring = max(1, round(float(ring_px)))
     top, left = max(0, mask.v0 - ring), max(0, mask.u0 - ring)
     bottom, right = min(height, mask.v0 + h + ring), min(width, mask.u0 + w + ring)
-    own = np.zeros((bottom - top, right - left), dtype=bool)
-    own[mask.v0 - top : mask.v0 - top + h, mask.u0 - left : mask.u0 - left + w] = mask.pixels
-    return (slice(top, bottom), slice(left, right)), own
+    own, inner = np.zeros((2, bottom - top, right - left), dtype=bool)
+    at = (slice(mask.v0 - top, mask.v0 - top + h), slice(mask.u0 - left, mask.u0 - left + w))
+    own[at], inner[at] = mask.pixels, core
+    return (slice(top, bottom), slice(left, right)), own, inner
 
 
 def _planes(
@@ -173,9 +192,14 @@ def _best_plane(points: FloatArray, tolerance_m: FloatArray, least: int) -> tupl
 
 
 def _own_surfaces(
-    view: DepthView, window: tuple[slice, slice], solid: BoolArray, own: BoolArray, parameters: ForegroundParameters
+    view: DepthView,
+    window: tuple[slice, slice],
+    solid: BoolArray,
+    own: BoolArray,
+    core: BoolArray,
+    parameters: ForegroundParameters,
 ) -> BoolArray:
-    """The pixels of the surfaces that lie mostly inside the mask, and of others that do as far as it goes."""
+    """The pixels of the surfaces that lie mostly inside the mask, and of others that do within its core."""
     depth = view.depth_m[window]
     step_m = edge_step_m(depth, view.parameters)
     surface = solid & (view.farthest_m[window] - view.nearest_m[window] < step_m)
@@ -194,7 +218,7 @@ def _own_surfaces(
     whole[_reaching_beyond(label, window, view.depth_m.shape)] = False
     partly = ~whole & (share >= parameters.rival_share * share[main])
     whole[0] = partly[0] = False
-    left: BoolArray = whole[label] | (partly[label] & own) | edges
+    left: BoolArray = whole[label] | (partly[label] & core) | edges
     return left
 
 

@@ -129,13 +129,14 @@ def lift(
         mask = detections.masks[index]
         if mask is None or not mask.pixels.any():
             continue
-        own = None if masked is None else foreground(view, mask, masked, sets.foreground)
-        mask = mask if own is None else own
         rim_px = erosion_px(
             int(np.count_nonzero(mask.pixels)), pixel_scale(keyframe.camera, view.parameters), sets.mask_core
         )
-        clear = foreground_rim(view, mask, rim_px) if own is None else _near_side(view, mask)
-        core = mask.pixels if own is not None else erode(mask.pixels, rim_px, sets.mask_core) | clear
+        clear = foreground_rim(view, mask, rim_px)
+        core = erode(mask.pixels, rim_px, sets.mask_core) | clear
+        own = None if masked is None else foreground(view, mask, core, masked, sets.foreground)
+        if own is not None:
+            mask, core, clear = own, own.pixels, _near_side(view, own)
         if view.returns is None:
             one = _lift_core(keyframe, view, mask, core, clear, sets=sets)
         else:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from supermap_cli.mapping.depth import depth_view
 from supermap_cli.mapping.foreground import foreground
+from supermap_cli.mapping.mask_core import erode
 from supermap_cli.types.detections import cut_mask
 from support import scenes as s
 
@@ -63,7 +64,8 @@ def found(scene: s.Scene, mask: Mask, masked: Mask | None = None) -> Mask | None
     """The foreground as an image; `None` where it is not told from what is around."""
     region = cut_mask(mask)
     assert region is not None
-    own = foreground(depth_view(scene.keyframe, 6.0), region, mask if masked is None else masked)
+    core = erode(region.pixels, 1)
+    own = foreground(depth_view(scene.keyframe, 6.0), region, core, mask if masked is None else masked)
     if own is None:
         return None
     image = np.zeros(mask.shape, dtype=bool)
