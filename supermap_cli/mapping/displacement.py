@@ -42,6 +42,13 @@ class DisplacementParameters:
         2.0, "1", "how much more they must add up to for an object that was found in its place in this visit", TUNED
     )
     settled_views: int = parameter(3, "1", "keyframes that must have found it in its place for that", TUNED)
+    settled_span_s: float = parameter(
+        2.0,
+        "s",
+        "time that views of such an object beside its place must span: an error of the pose, of the mask or between "
+        "the clocks of colour and depth lasts for a turn of the camera",
+        "as belief.error_duration_s",
+    )
     min_views: int = parameter(
         2, "1", "moments in a row that must show it beside its place: one may have a bad pose", TUNED
     )
@@ -101,6 +108,8 @@ def observe_displacement(
 def is_displaced(obj: MapObject, parameters: DisplacementParameters = DEFAULT) -> bool:
     """Whether the views in a row that showed it beside its place are enough."""
     evidence = obj.displacement
+    if _is_settled(obj, parameters) and evidence.last_ns - evidence.first_ns < parameters.settled_span_s * 1e9:
+        return False
     return evidence.views >= parameters.min_views and evidence.gain >= sure_gain(obj, parameters)
 
 

@@ -103,7 +103,7 @@ def foreground(
         if _stands_before(height_m[in_mask], tolerance_m[in_mask], parameters):
             near = np.abs(height_m) < tolerance_m
             on_plane[v[near], u[near]] = True
-    left = _own_surfaces(view, window, measured & ~on_plane, own, core, parameters)
+    left = _own_surfaces(view, window, measured & ~on_plane, own=own, core=core, parameters=parameters)
     if not on_plane.any() and not np.count_nonzero(left & ~own):
         return None
     if np.count_nonzero(left) < parameters.min_points or _spanned(left, own) < parameters.span_share:
@@ -195,6 +195,7 @@ def _own_surfaces(
     view: DepthView,
     window: tuple[slice, slice],
     solid: BoolArray,
+    *,
     own: BoolArray,
     core: BoolArray,
     parameters: ForegroundParameters,

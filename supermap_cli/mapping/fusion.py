@@ -12,12 +12,15 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from supermap_cli.geometry.arrays import BoolArray
+from supermap_cli.geometry.voxels import connected_components, pack_keys, voxel_keys
 from supermap_cli.mapping.association import pixels_in_region
 from supermap_cli.mapping.belief import Viewpoint
 from supermap_cli.mapping.lifting import LiftedDetection
 from supermap_cli.mapping.objects import MapObject
 from supermap_cli.mapping.recall import RecallModel, ScoreModel, miss_log_ratio
 from supermap_cli.mapping.visibility import ObjectView
+from supermap_cli.mapping.voxel_map import VoxelMap
 from supermap_cli.types.parameters import TUNED, parameter
 
 
@@ -43,6 +46,15 @@ class FusionParameters:
         2.0, "1", "voxels seen outside more than this many times as often as inside are dropped", TUNED
     )
     max_outside: float = parameter(2.0, "1", "views outside that are allowed on top of this", TUNED)
+    loose_gap_m: float = parameter(
+        0.06, "m", "gap between voxels over which an object's parts hang together: two coarse voxels", "depth and pose"
+    )
+    loose_share: float = parameter(
+        0.05,
+        "1",
+        "share of an object's voxels below which a part that hangs together with no other is a stray",
+        "chosen",
+    )
 
 
 DEFAULT = FusionParameters()
@@ -82,8 +94,28 @@ def fuse_points(obj: MapObject, detection: LiftedDetection, parameters: FusionPa
     kept = (voxels.log_odds > parameters.min_log_odds) & (voxels.outside <= most_outside)
     if kept.any():
         voxels.keep(kept)
+    if len(obj.voxels) and _reaches_beyond(obj, detection, parameters.loose_gap_m):
+        voxels.keep(hanging_together(voxels, parameters))
     voxels.fit_voxel(obj.parameters.voxel_map)
     obj.voxels_changed()
+
+
+def _reaches_beyond(obj: MapObject, detection: LiftedDetection, gap_m: float) -> bool:
+    """Whether a detection's points lie clearly outside of what the object measured before."""
+    low, high = detection.points_map.min(axis=0), detection.points_map.max(axis=0)
+    return bool((low < obj.shape.low - gap_m).any() or (high > obj.shape.high + gap_m).any())
+
+
+def hanging_together(voxels: VoxelMap, parameters: FusionParameters = DEFAULT) -> BoolArray:
+    """(n,) which voxels belong to parts of an object that are more than strays: one bad mask, or a depth between two
+    surfaces, leaves a few voxels far from all others, and they would be its box.
+    """
+    edge_m = max(parameters.loose_gap_m, 2 * voxels.voxel_m)
+    codes, inverse = np.unique(pack_keys(voxel_keys(voxels.centers(), edge_m)), return_inverse=True)
+    part = connected_components(codes)[inverse]
+    share = np.bincount(part) / len(part)
+    kept: BoolArray = (share >= min(parameters.loose_share, float(share.max())))[part]
+    return kept
 
 
 def fuse_detection(obj: MapObject, detection: LiftedDetection, scores: ScoreModel, viewpoint: Viewpoint) -> None:
