@@ -104,6 +104,7 @@ def foreground(
             near = np.abs(height_m) < tolerance_m
             on_plane[v[near], u[near]] = True
     left = _own_surfaces(view, window, measured & ~on_plane, own=own, core=core, parameters=parameters)
+    left &= own | ~masked[window]
     if not on_plane.any() and not np.count_nonzero(left & ~own):
         return None
     if np.count_nonzero(left) < parameters.min_points or _spanned(left, own) < parameters.span_share:

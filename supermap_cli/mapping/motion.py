@@ -31,6 +31,14 @@ class MotionParameters:
     acceleration_density: float = parameter(
         0.5, "m2/s3", "spectral density of the acceleration: in a second, a walk turns or slows by 0.7 m/s", TUNED
     )
+    dynamic_share: float = parameter(
+        0.2,
+        "1",
+        "probability of moving by itself from which what has moved before the robot's eyes is taken to: things are "
+        "carried far less often than people are called by a wrong name",
+        "prior",
+        at_most=1.0,
+    )
     walking_mps: float = parameter(0.3, "m/s", "slower than this is standing about", TUNED)
     walking_sigmas: float = parameter(2.0, "1", "deviations that a walk's speed must exceed its uncertainty by", TUNED)
     recent_detections: int = parameter(4, "1", "detections that decide whether something moves now", TUNED, at_least=3)

@@ -156,8 +156,15 @@ class MapObject:
 
     @property
     def is_dynamic(self) -> bool:
-        """Whether it moves by itself."""
-        return self.label in DYNAMIC_CLASSES
+        """Whether it moves by itself: it is called so, or as likely as not so that its moving decides."""
+        return self.label in DYNAMIC_CLASSES or (self.state.index > 0 and self._may_be_dynamic)
+
+    @property
+    def _may_be_dynamic(self) -> bool:
+        """Whether it may well be of a class that moves by itself."""
+        probabilities = self.labels.probabilities()
+        dynamic = sum(share for label, share in probabilities.items() if label in DYNAMIC_CLASSES)
+        return dynamic > self.parameters.motion.dynamic_share
 
     @property
     def is_moving(self) -> bool:

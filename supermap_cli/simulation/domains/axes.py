@@ -19,6 +19,8 @@ AXES: Mapping[str, Axis] = {axis.name: axis for axis in (*RIG_AXES, *DETECTOR_AX
 RANDOM = "random"
 """What `--domain` takes in place of NAME=LEVEL to draw the levels of all axes that are not named."""
 
+_USUAL_SHARE = 0.5
+
 
 def choose_levels(given: Sequence[str], seed: int) -> dict[str, str]:
     """`["masks=hull", "random"]` -> a level for each axis named, and for all others where `random` is given too.
@@ -37,11 +39,16 @@ def choose_levels(given: Sequence[str], seed: int) -> dict[str, str]:
 
 
 def random_levels(seed: int) -> dict[str, str]:
-    """A level of every axis, each drawn from a generator of its own, so that a further axis changes no other."""
-    return {
-        axis.name: str(np.random.default_rng((seed, crc32(axis.name.encode()))).choice(list(axis.levels)))
-        for axis in AXES.values()
-    }
+    """A level of every axis, each drawn from a generator of its own, so that a further axis changes no other. The usual
+    level is drawn half of the time: a recording is rarely odd in every respect.
+    """
+    return {axis.name: _random_level(axis, seed) for axis in AXES.values()}
+
+
+def _random_level(axis: Axis, seed: int) -> str:
+    rng = np.random.default_rng((seed, crc32(axis.name.encode())))
+    others = [level for level in axis.levels if level != axis.usual]
+    return axis.usual if rng.random() < _USUAL_SHARE else str(rng.choice(others))
 
 
 def apply_levels(domain: Domain, levels: Mapping[str, str]) -> Domain:
