@@ -185,17 +185,22 @@ class ViewpointCell:
 
 @dataclass(frozen=True)
 class OutcomeRun:
-    """The last views as far as they had one outcome: that the object was `detected` or not, how many, since when."""
+    """The last views as far as they had one outcome: that the object was `detected` or not, since when, and of how many
+    viewpoint cells in turn; `cell` is the last one.
+    """
 
     detected: bool = False
     views: int = 0
     began_ns: int = 0
+    cell: str = ""
 
-    def extended(self, stamp_ns: int, *, detected: bool, duration_s: float) -> OutcomeRun:
-        """The run after one more view; it goes on for `duration_s` at most."""
+    def extended(self, stamp_ns: int, cell: str, *, detected: bool, duration_s: float) -> OutcomeRun:
+        """The run after one more view; it goes on for `duration_s` at most. Views of one cell after another count once:
+        how far they repeat one another is for the cell to say (`ViewpointCell.evidence`).
+        """
         if self.views > 0 and detected == self.detected and stamp_ns - self.began_ns < duration_s * 1e9:
-            return OutcomeRun(detected, self.views + 1, self.began_ns)
-        return OutcomeRun(detected, 1, stamp_ns)
+            return OutcomeRun(detected, self.views + (cell != self.cell), self.began_ns, cell)
+        return OutcomeRun(detected, 1, stamp_ns, cell)
 
     @property
     def weight(self) -> float:
@@ -208,8 +213,8 @@ class ViewpointHistory:
     """From where an object has been looked at, and with what outcome: evidence from nearly one place is correlated,
     and so is that of views in quick succession.
 
-    A detector that errs goes on to err for a while: the k-th view of a run with one outcome counts 1 / sqrt(k), from
-    wherever it was. The views of one cell count by their square root, in whatever order they come: a long stare does
+    A detector that errs goes on to err for a while: views from the k-th cell of a run with one outcome count
+    1 / sqrt(k). The views of one cell count by their square root, in whatever order they come: a long stare does
     not grow to certainty, and neither a lucky first view nor an unlucky one decides.
     """
 
@@ -221,25 +226,26 @@ class ViewpointHistory:
         """Take in a view with a detection: how much its word on the label weighs, in (0, 1], and how far it moves the
         log-odds of existence.
         """
-        self._extend_run(viewpoint, detected=True)
-        cell = viewpoint.cell(self.parameters)
+        cell = self._extend_run(viewpoint, detected=True)
         gain = self._add(cell, ViewpointCell(1, 1, log_ratio * self.run.weight))
         n = self.cells[cell].supports
         return float(np.sqrt(n) - np.sqrt(n - 1)), gain
 
     def add_miss(self, viewpoint: Viewpoint, log_ratio: float) -> float:
         """Take in a view without a detection: how far it moves the log-odds of existence."""
-        self._extend_run(viewpoint, detected=False)
-        return self._add(viewpoint.cell(self.parameters), ViewpointCell(0, 1, log_ratio * self.run.weight))
+        cell = self._extend_run(viewpoint, detected=False)
+        return self._add(cell, ViewpointCell(0, 1, log_ratio * self.run.weight))
 
     def absorb(self, other: ViewpointHistory) -> None:
         """Add another object's viewpoints."""
         for name, cell in other.cells.items():
             self.cells[name] = self.cells.get(name, ViewpointCell()) + cell
 
-    def _extend_run(self, viewpoint: Viewpoint, *, detected: bool) -> None:
-        duration_s = self.parameters.error_duration_s
-        self.run = self.run.extended(viewpoint.stamp_ns, detected=detected, duration_s=duration_s)
+    def _extend_run(self, viewpoint: Viewpoint, *, detected: bool) -> str:
+        """The cell of the view."""
+        cell, duration_s = viewpoint.cell(self.parameters), self.parameters.error_duration_s
+        self.run = self.run.extended(viewpoint.stamp_ns, cell, detected=detected, duration_s=duration_s)
+        return cell
 
     def _add(self, cell: str, view: ViewpointCell) -> float:
         before = self.cells.get(cell, ViewpointCell())

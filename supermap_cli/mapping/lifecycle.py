@@ -22,7 +22,7 @@ class LifecycleParameters:
 
     initial_log_odds: float = parameter(-1.0, "1", "existence before its first detection: more likely not there", TUNED)
     confirm_log_odds: float = parameter(
-        1.0, "1", "existence from which a tentative object enters the map: odds of 2.7 to 1", TUNED
+        2.0, "1", "existence from which a tentative object enters the map: odds of 7 to 1", TUNED
     )
     confirm_observations: int = parameter(2, "1", "detections it must have: one may be an error", TUNED)
     confirm_span_s: float = parameter(
