@@ -26,6 +26,11 @@ LEAST_SAMPLES = 8
 _WINDOW_NS = 1_000_000_000
 """ns of log time in which a pair of images is looked for at every sample."""
 
+_ONE_MOMENT_NS = 3_000_000
+"""ns; colour and depth further apart than this show the camera's turn (at 65 degrees/s two pixels in 3 ms, at a focal
+length of 580) as if it were a wrong calibration.
+"""
+
 _SPACING_NS = 500_000_000
 """ns between the colour stamps of two samples, at least, so that they show different views."""
 
@@ -60,14 +65,14 @@ def fitted_rig(opened: OpenedRecording, opened_camera: OpenedCamera) -> CameraRi
 
 
 def sample_pairs(opened: OpenedRecording, camera: OpenedCamera) -> Iterator[tuple[UInt8Array, Float32Array]]:
-    """Decoded colour and depth images of nearly one stamp in order of time, evenly spread over the whole recording.
+    """Decoded colour and depth images of one moment in order of time, evenly spread over the whole recording.
 
     Colour stamps are half a second apart at least. A recording too short for `LEAST_SAMPLES` of them yields none.
     """
     color, depth = camera.color, camera.depth
     if depth is None:
         return
-    tolerance_ns = opened.request.sync_tolerance_s * 1e9
+    tolerance_ns = min(opened.request.sync_tolerance_s * 1e9, _ONE_MOMENT_NS)
     first_ns, last_ns = opened.storage.start_ns, opened.storage.end_ns - _WINDOW_NS
     count = min(SAMPLES, (last_ns - first_ns) // _SPACING_NS + 1)
     if count < LEAST_SAMPLES:
