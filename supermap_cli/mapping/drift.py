@@ -73,6 +73,25 @@ class DriftParameters:
     correlated_points: float = parameter(
         25.0, "1", "points that say no more than one: they share their camera's faults", TUNED, at_least=1
     )
+    jump_matched: float = parameter(
+        0.6,
+        "1",
+        "share of a keyframe on known surfaces below which the odometry may have jumped",
+        "chosen",
+        at_most=1.0,
+    )
+    jump_gain: float = parameter(
+        0.2,
+        "1",
+        "how much more of a keyframe must lie on known surfaces after a jump is put right than without: what is new "
+        "ground lies on none either way",
+        "chosen",
+        at_most=1.0,
+    )
+    jump_sigma_m: float = parameter(
+        0.3, "m", "deviation of the place after a jump, as of a wheel that slips or a loop that is closed", "chosen"
+    )
+    jump_sigma_deg: float = parameter(5.0, "deg", "deviation of the heading after one", "chosen")
     odometry_m: float = parameter(0.003, "m", "drift of the place between two keyframes", TUNED)
     odometry_m_per_m: float = parameter(0.03, "m/m", "drift of the place by the way gone", TUNED)
     odometry_deg: float = parameter(0.05, "deg", "drift of the heading between two keyframes", TUNED)
@@ -159,11 +178,25 @@ class DriftCorrection:
         center = transform_points(self.T_map_drifted, T_drifted_base[None, :3, 3])[0]
         if len(sample) >= parameters.min_points and (surface := self._local_surface(center)) is not None:
             found = refine(surface, sample, self.T_map_drifted, center, covariance, parameters=parameters)
+            if found is None or found.matched < parameters.jump_matched:
+                found = self._after_jump(surface, sample, center, covariance, found)
             if found is not None and found.matched >= parameters.min_matched:
                 self.T_map_drifted, self._covariance = found.T_map_drifted, found.covariance
         near = seen.within(view.T_frame_camera[:3, 3], parameters.keep_range_m)
         self._add_surfaces(near.moved(self.T_map_drifted))
         return self.T_map_drifted @ T_drifted_base
+
+    def _after_jump(
+        self, surface: Surface, sample: Structure, center: FloatArray, covariance: FloatArray, found: Refined | None
+    ) -> Refined | None:
+        """The correction if the odometry has jumped, where the surfaces say so clearly; else the one `found` without."""
+        parameters = self.parameters
+        wide = covariance + _covariance(parameters.jump_sigma_m, parameters.jump_sigma_deg)
+        jumped = refine(surface, sample, self.T_map_drifted, center, wide, parameters=parameters)
+        without = 0.0 if found is None else found.matched
+        if jumped is None or jumped.matched < max(parameters.jump_matched, without + parameters.jump_gain):
+            return found
+        return jumped
 
     def mark(self) -> DriftMark:
         """Where it is now."""
