@@ -189,7 +189,7 @@ class DriftCorrection:
     def _after_jump(
         self, surface: Surface, sample: Structure, center: FloatArray, covariance: FloatArray, found: Refined | None
     ) -> Refined | None:
-        """The correction if the odometry has jumped, where the surfaces say so clearly; else the one `found` without."""
+        """The correction if the odometry has jumped, where the surfaces say so clearly; else the one `found`."""
         parameters = self.parameters
         wide = covariance + _covariance(parameters.jump_sigma_m, parameters.jump_sigma_deg)
         jumped = refine(surface, sample, self.T_map_drifted, center, wide, parameters=parameters)
