@@ -125,7 +125,9 @@ def affinity(
         others_per_m2 = parameters.people_per_m2 if same_kind else parameters.things_per_m2
         log_ratio = course_log_ratio(detection, course, others_per_m2)
     else:
-        overlap = parameters.overlap_weight * np.sqrt(covered * explained) + parameters.no_overlap
+        # Called otherwise, either must lie on the other: a keyboard lies on a desk and is none.
+        shared = np.sqrt(covered * explained) if agreement >= parameters.same_kind else min(covered, explained)
+        overlap = parameters.overlap_weight * shared + parameters.no_overlap
         log_ratio = overlap + distance_log_ratio(detection.centroid_map, candidate, covered, parameters)
     log_ratio += float(np.log((agreement + parameters.label_floor) / parameters.label_by_chance))
     track_id = candidate.track_ids.get(camera_id, -1)
