@@ -214,12 +214,14 @@ class ViewpointHistory:
     and so is that of views in quick succession.
 
     A detector that errs goes on to err for a while: views from the k-th cell of a run with one outcome count
-    1 / sqrt(k). The views of one cell count by their square root, in whatever order they come: a long stare does
-    not grow to certainty, and neither a lucky first view nor an unlucky one decides.
+    1 / sqrt(k); where errors `repeat` as long as the camera stays in one place, the k-th view of the run does. The views
+    of one cell count by their square root, in whatever order they come: a long stare does not grow to certainty, and
+    neither a lucky first view nor an unlucky one decides.
     """
 
     cells: dict[str, ViewpointCell] = field(default_factory=dict)
     run: OutcomeRun = field(default_factory=OutcomeRun)
+    repeat: bool = False
     parameters: BeliefParameters = field(default=DEFAULT, repr=False, compare=False)
 
     def add_detection(self, viewpoint: Viewpoint, log_ratio: float) -> tuple[float, float]:
@@ -244,7 +246,8 @@ class ViewpointHistory:
     def _extend_run(self, viewpoint: Viewpoint, *, detected: bool) -> str:
         """The cell of the view."""
         cell, duration_s = viewpoint.cell(self.parameters), self.parameters.error_duration_s
-        self.run = self.run.extended(viewpoint.stamp_ns, cell, detected=detected, duration_s=duration_s)
+        key = str(viewpoint.stamp_ns) if self.repeat else cell
+        self.run = self.run.extended(viewpoint.stamp_ns, key, detected=detected, duration_s=duration_s)
         return cell
 
     def _add(self, cell: str, view: ViewpointCell) -> float:

@@ -84,7 +84,7 @@ class Halves:
     """
 
     log_odds: float = 0.0
-    viewpoints: ViewpointHistory = field(default_factory=ViewpointHistory)
+    viewpoints: ViewpointHistory = field(default_factory=lambda: ViewpointHistory(repeat=True))
     first: FloatArray | None = None
     second: FloatArray | None = None
     images: int = 0
@@ -160,7 +160,7 @@ class SplitEvidence:
 
     def _halves_of(self, number: int) -> Halves:
         if number not in self.halves:
-            self.halves[number] = Halves(viewpoints=ViewpointHistory(parameters=self.belief_parameters))
+            self.halves[number] = Halves(viewpoints=ViewpointHistory(repeat=True, parameters=self.belief_parameters))
         return self.halves[number]
 
 

@@ -56,7 +56,7 @@ def undisturbed(recordings: tuple[Path, ...], tmp_path_factory: pytest.TempPathF
     """What the memory of both visits holds, built without a disturbance."""
     rows = stopping.rows(stopping.build_undisturbed(tmp_path_factory.mktemp("undisturbed"), recordings))
     assert len(rows["observation"]) > 50
-    assert {row[1] for row in rows["temporal_edge"]} >= {"disappeared", "appeared"}
+    assert "disappeared" in {row[1] for row in rows["temporal_edge"]}
     return rows
 
 
