@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import os
 import tempfile
 import threading
 import time
 from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, fields, is_dataclass, replace
+from dataclasses import fields, is_dataclass
 from typing import IO, Any, Literal
 
 import numpy as np
@@ -46,78 +47,118 @@ SPOOLED: Mapping[type, tuple[str, ...]] = {
     MapDelta: (),
     Box3D: (),
     Hypothesis: (),
+    SessionContext: (),
     SessionSummary: (),
 }
 """What events that wait in a file consist of."""
 
 
-@dataclass
 class _Spool:
-    """Events in a temporary file, first in, first out."""
+    """Events in a temporary file, first in, first out: one thread adds, one takes, without waiting for each other."""
 
-    file: IO[bytes] | None = None
-    lengths: deque[int] = field(default_factory=deque)
-    read_at: int = 0
+    def __init__(self) -> None:
+        self._file: IO[bytes] | None = None
+        self._places: deque[tuple[int, int]] = deque()
+        """Offset and length of each event, in bytes."""
+        self._end = 0
 
-    def write(self, event: Event, arguments: tuple[Any, ...]) -> None:
-        self.file = self.file or tempfile.TemporaryFile()  # noqa: SIM115 - closed with the spool
-        content = pack((event, arguments), SPOOLED)
-        self.file.seek(self.read_at + sum(self.lengths))
-        self.file.write(content)
-        self.lengths.append(len(content))
+    def __len__(self) -> int:
+        return len(self._places)
 
-    def read(self) -> tuple[Event, tuple[Any, ...]]:
-        if self.file is None:
+    def add(self, event: Event, arguments: tuple[Any, ...]) -> tuple[int, int]:
+        """Write an event to the file. It stands in the queue once its place, which is returned, is `queued`."""
+        self._file = self._file or tempfile.TemporaryFile(buffering=0)  # noqa: SIM115 - closed with the spool
+        if not self._places:  # all was taken
+            self._file.truncate(0)
+            self._end = 0
+        content = memoryview(pack((event, arguments), SPOOLED, compressed=False))
+        offset, length = self._end, len(content)
+        while content:
+            written = os.pwrite(self._file.fileno(), content, offset + length - len(content))
+            content = content[written:]
+        self._end = offset + length
+        return offset, length
+
+    def queued(self, place: tuple[int, int]) -> None:
+        self._places.append(place)
+
+    def first(self) -> tuple[Event, tuple[Any, ...]]:
+        """The oldest event, which stays until it is `taken`."""
+        if self._file is None:
             raise ValueError("the spool is empty")
-        self.file.seek(self.read_at)
-        length = self.lengths.popleft()
-        event, arguments = unpack(self.file.read(length), SPOOLED)
-        self.read_at += length
-        if not self.lengths:
-            self.file.truncate(0)
-            self.read_at = 0
+        offset, length = self._places[0]
+        event, arguments = unpack(os.pread(self._file.fileno(), length, offset), SPOOLED)
         return event, arguments
 
+    def taken(self) -> None:
+        self._places.popleft()
+
+    def clear(self) -> None:
+        self._places.clear()
+
     def close(self) -> None:
-        if self.file is not None:
-            self.file.close()
+        if self._file is not None:
+            self._file.close()
 
 
 class ObserverThread:
-    """One observer, told in a thread of its own. `dropped` counts frames and perceptions that it missed."""
+    """One observer, told in a thread of its own. `dropped` counts frames and perceptions that it missed, `untold` what
+    it was not told after a failure.
+    """
 
     def __init__(self, name: str, observer: Observer) -> None:
         self.name = name
         self.dropped = 0
+        self.untold = 0
         self.failure: str | None = None
         self._observer = observer
         self._waiting: deque[tuple[Event, tuple[Any, ...]]] = deque()
         self._images = 0
         self._spool = _Spool()
         self._closed = False
+        self._telling = threading.Lock()
+        """Held by who tells, also while the spool is written; the observer's thread does not wait for it."""
         self._changed = threading.Condition()
+        """Guards the queues, and is held for moments only: never while a file is used, or the observer is at work."""
         self._thread = threading.Thread(target=self._run, name=f"observer {name}", daemon=True)
         self._thread.start()
 
     def tell(self, event: Event, *arguments: Any) -> None:
         """Have the observer told, when it gets to it."""
+        with self._telling:
+            if self._queued_in_memory(event, arguments):
+                return
+            try:
+                place = self._spool.add(event, arguments)
+            except (OSError, TypeError, ValueError) as error:  # no room for it, or nothing that can be kept
+                with self._changed:
+                    self._fail(error)
+                    self.untold += 1
+                return
+            with self._changed:
+                if self.failure is None:
+                    self._spool.queued(place)
+                    self._changed.notify_all()
+                else:
+                    self.untold += 1
+
+    def _queued_in_memory(self, event: Event, arguments: tuple[Any, ...]) -> bool:
+        """Whether an event needs no place in the spool: it waits in memory, or the observer misses it."""
         image = event in {"frame", "perceived"}
         with self._changed:
-            if self.failure is not None:
-                return
-            behind = bool(self._spool.lengths) or len(self._waiting) >= MAX_IN_MEMORY
+            if self.failure is not None or self._closed:
+                self.untold += self.failure is not None
+                return True
+            behind = len(self._spool) > 0 or len(self._waiting) >= MAX_IN_MEMORY
             if image and (behind or self._images >= MAX_IMAGES):
                 self.dropped += 1
-                return
+                return True
+            if behind:
+                return False
             self._images += image
-            try:
-                if behind:
-                    self._spool.write(event, arguments)
-                else:
-                    self._waiting.append((event, arguments))
-            except OSError as error:  # no room for what it has not got to yet
-                self.failure = f"{type(error).__name__}: {error}"
+            self._waiting.append((event, arguments))
             self._changed.notify_all()
+            return True
 
     def close(self, timeout_s: float = CLOSE_TIMEOUT_S) -> list[str]:
         """Let the observer get to the end of what it has to be told. Returns what it missed, one line each."""
@@ -126,39 +167,58 @@ class ObserverThread:
             self._changed.notify_all()
         self._thread.join(timeout_s)
         told = []
-        if self.failure is not None:
-            told.append(f"plugin {self.name} was left out: {self.failure}")
-        if self.dropped:
-            told.append(f"plugin {self.name} was too slow for {self.dropped} frames and perceptions, and missed them")
-        if self._thread.is_alive():
-            with self._changed:
-                left = len(self._waiting) + len(self._spool.lengths)
-                self._waiting.clear()
-                self._spool.lengths.clear()
-            told.append(f"plugin {self.name} had not got to the last {left} events after {timeout_s:g} s")
+        with self._changed:
+            if self.failure is not None:
+                told.append(f"plugin {self.name} was left out: {self.failure}")
+            if self.dropped:
+                missed = f"{self.dropped} frames and perceptions"
+                told.append(f"plugin {self.name} was too slow for {missed}, and missed them")
+            left = self._forgotten() + self.untold
+            if self._thread.is_alive():
+                told.append(f"plugin {self.name} had not got to the last {left} events after {timeout_s:g} s")
+            elif left:
+                told.append(f"plugin {self.name} was not told the last {left} events")
         return told
 
     def _run(self) -> None:
-        while (next_event := self._next()) is not None:
-            event, arguments = next_event
-            try:
-                getattr(self._observer, event)(*arguments)
-            except BaseException as error:  # an observer's fault must not cost the map, nor `sys.exit` go unnoticed
-                with self._changed:
-                    self.failure = f"{type(error).__name__}: {error}"
-                break
-        self._spool.close()
+        try:
+            while (next_event := self._next()) is not None:
+                event, arguments = next_event
+                getattr(self._observer, event)(*_read_only(arguments))
+        except BaseException as error:  # an observer's fault must not cost the map, nor `sys.exit` go unnoticed
+            with self._changed:
+                self._fail(error)
+                self.untold += self._forgotten()
+        with self._telling:  # nobody writes to it any more
+            self._spool.close()
 
     def _next(self) -> tuple[Event, tuple[Any, ...]] | None:
         """The next event; waits for it. `None` at the end."""
         with self._changed:
-            while not self._waiting and not self._spool.lengths:
+            while not self._waiting and not self._spool:
                 if self._closed:
                     return None
                 self._changed.wait()
-            event, arguments = self._waiting.popleft() if self._waiting else self._spool.read()
-            self._images -= event in {"frame", "perceived"}
-            return event, arguments
+            if self._waiting:
+                event, arguments = self._waiting.popleft()
+                self._images -= event in {"frame", "perceived"}
+                return event, arguments
+        spooled = self._spool.first()
+        with self._changed:
+            if not self._spool:  # `close` waits no longer
+                return None
+            self._spool.taken()
+        return spooled
+
+    def _fail(self, error: BaseException) -> None:
+        self.failure = self.failure or f"{type(error).__name__}: {error}"
+
+    def _forgotten(self) -> int:
+        """Empty both queues; how many events that were."""
+        left = len(self._waiting) + len(self._spool)
+        self._waiting.clear()
+        self._spool.clear()
+        return left
 
 
 class Observers:
@@ -180,16 +240,13 @@ class Observers:
 
     def frame(self, frame: CameraFrame, T_map_base: FloatArray, sweep: Sweep | None) -> None:
         """A frame has its place in the map."""
-        if self._threads:
-            self._tell("frame", _read_only(frame), _read_only(T_map_base), _read_only(sweep))
+        self._tell("frame", frame, T_map_base, sweep)
 
     def perceived(
         self, keyframe: Keyframe, detections: Detections, masks: Sequence[RegionMask | None], tracks: Tracks
     ) -> None:
         """What was found in a keyframe."""
-        if self._threads:
-            seen = (_read_only(keyframe), _read_only(detections), tuple(_read_only(mask) for mask in masks))
-            self._tell("perceived", *seen, _read_only(tracks))
+        self._tell("perceived", keyframe, detections, masks, tracks)
 
     def mapped(self, keyframe: KeyframeRecord | None, delta: MapDelta) -> None:
         """What a keyframe, or the end of the traversal, changed."""
@@ -219,14 +276,33 @@ class Observers:
 
 
 def _read_only(value: Any) -> Any:
-    """An array, or a value with its arrays, that an observer may look at and not write to: the map is made of them."""
+    """A value that an observer may look at and not write to, because the map is made of it: arrays within tuples,
+    lists, dicts and dataclasses are views without write access, lists and dicts the observer's own. What holds none of
+    them is the value itself.
+    """
+    protected = value
     if isinstance(value, np.ndarray):
-        view = value.view()
-        view.setflags(write=False)
-        return view
-    if not is_dataclass(value) or isinstance(value, type):
+        protected = value.view()
+        protected.setflags(write=False)
+    elif type(value) is tuple:
+        items = tuple(_read_only(item) for item in value)
+        protected = items if any(new is not old for new, old in zip(items, value, strict=True)) else value
+    elif isinstance(value, list):
+        protected = [_read_only(item) for item in value]
+    elif isinstance(value, Mapping):
+        protected = {key: _read_only(item) for key, item in value.items()}
+    elif is_dataclass(value) and not isinstance(value, type):
+        protected = _read_only_instance(value)
+    return protected
+
+
+def _read_only_instance(value: Any) -> Any:
+    """A dataclass's instance with its fields protected; it was checked when it was made, and is not checked again."""
+    old = {own.name: getattr(value, own.name) for own in fields(value)}
+    new = {name: _read_only(item) for name, item in old.items()}
+    if all(new[name] is old[name] for name in old):
         return value
-    arrays = {own.name: getattr(value, own.name) for own in fields(value) if own.init}
-    return replace(
-        value, **{name: _read_only(array) for name, array in arrays.items() if isinstance(array, np.ndarray)}
-    )
+    instance = object.__new__(type(value))
+    for name, item in new.items():
+        object.__setattr__(instance, name, item)
+    return instance

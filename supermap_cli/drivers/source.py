@@ -12,7 +12,10 @@ from supermap_cli.types.sensing import ImuSample, StampedPose, Sweep
 
 
 def push_source(session: MappingSession, source: Source) -> Iterator[MapDelta]:
-    """Push all messages and close the session: what each keyframe changed. A source that never ends gives for ever."""
+    """Push all messages and close the session: what each keyframe changed. A source that never ends gives for ever.
+
+    The source's own `warnings` are not the session's: `TraversalWriter.open_session(source=...)` stores both.
+    """
     with_detections = "detections" in source.streams
     for message in source.messages():
         push(session, message, awaits_detections=with_detections)

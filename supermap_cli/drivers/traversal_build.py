@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from contextlib import closing, suppress
 
 from supermap_cli.config import BuildConfig
 from supermap_cli.drivers.backends import choose_backends
 from supermap_cli.drivers.bag import BagDriver, Position
-from supermap_cli.drivers.build_summary import BuildSummary
+from supermap_cli.drivers.build_summary import BuildSummary, present_labels, session_summary
 from supermap_cli.drivers.checkpoints import (
     CheckpointSchedule,
     make_checkpoint,
@@ -40,7 +40,7 @@ from supermap_cli.stages.map_registration import Placement
 from supermap_cli.stages.session_state import SessionBackends, SessionState, begin
 from supermap_cli.timing import StageClock
 from supermap_cli.types.memory import MapDelta, coalesce
-from supermap_cli.types.session import SessionContext, SessionSummary
+from supermap_cli.types.session import SessionContext
 from supermap_cli.version import __version__
 
 Progress = Callable[[int, int], None]
@@ -263,13 +263,7 @@ class TraversalBuild:
 
     def _end_observers(self, *, complete: bool) -> None:
         if self.session is not None:
-            statistics = self.session.statistics
-            standing = sum(1 for _ in self._present_labels(self.session))
-            self.observers.ended(
-                SessionSummary(
-                    complete, statistics.keyframes, statistics.observations, standing, self._all_warnings(self.session)
-                )
-            )
+            self.observers.ended(session_summary(self.session, self._all_warnings(self.session), complete=complete))
         self.warnings += self.observers.close()
 
     # -- before the first frame
@@ -371,11 +365,6 @@ class TraversalBuild:
     def _traversal_name(self, traversal_id: int) -> str:
         return next(traversal.name for traversal in self.store.traversals() if traversal.id == traversal_id)
 
-    @staticmethod
-    def _present_labels(session: MappingSession) -> Iterator[str]:
-        """The labels of what stands in the map now."""
-        return (obj.label for obj in session.engine.objects if obj.confirmed and obj.present and not obj.demoted)
-
     def _stored_warnings(self, session: MappingSession) -> tuple[str, ...]:
         """What the recording, the odometry and the session warn of, one line each; stored with the traversal."""
         return (*self.recording.warnings, *self.backends.odometry.warnings, *session.warnings)
@@ -385,7 +374,7 @@ class TraversalBuild:
         return (*self._stored_warnings(session), *self.warnings)
 
     def _summary(self, traversal_id: int, session: MappingSession, total_s: float) -> BuildSummary:
-        labels = sorted(self._present_labels(session))
+        labels = sorted(present_labels(session))
         session.statistics.labels = {label: labels.count(label) for label in labels}
         if session.placement is None:
             raise ValueError("a traversal that was mapped has its place")

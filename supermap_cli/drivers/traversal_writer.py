@@ -7,29 +7,36 @@ from types import TracebackType
 from typing import Self
 
 from supermap_cli.config import BuildConfig
+from supermap_cli.drivers.build_summary import session_summary
 from supermap_cli.drivers.prior_map import load_prior_map
 from supermap_cli.errors import MemoryStoreError
 from supermap_cli.memory.store import MapStore
 from supermap_cli.memory.values import TraversalStart
 from supermap_cli.observing import Observers
 from supermap_cli.parameters import stored_config
+from supermap_cli.plugin_manager import Plugins, load_plugins, make_observers
+from supermap_cli.protocols import Source
 from supermap_cli.session import MappingSession
 from supermap_cli.stages.session_state import SessionBackends, begin
 from supermap_cli.types.memory import MapDelta, coalesce
+from supermap_cli.types.session import SessionContext
 from supermap_cli.version import __version__
 
 
 class TraversalWriter:
     """One traversal: `open_session`, push, `write` what `step` gives, `finish`.
 
-    Used in a `with` statement, it takes out what it wrote where the traversal was not finished.
+    Used in a `with` statement, it takes out what it wrote where the traversal was not finished. `warnings` says what
+    went wrong with observers, one line each.
     """
 
     def __init__(self, store: MapStore, name: str, config: BuildConfig | None = None) -> None:
+        self.warnings: list[str] = []
         self._store = store
         self._name = name
         self._config = config or BuildConfig()
         self._session: MappingSession | None = None
+        self._source: Source | None = None
         self._waiting: list[MapDelta] = []
         self._traversal_id: int | None = None
         self._newest_ns = 0
@@ -39,16 +46,35 @@ class TraversalWriter:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
-        if self._traversal_id is not None:
-            self._store.discard_traversal(self._traversal_id)
-        self._store.discard_if_created()
+        try:
+            if self._traversal_id is not None:
+                self._store.discard_traversal(self._traversal_id)
+            self._store.discard_if_created()
+        finally:
+            self._end_observers(complete=False)
 
     def open_session(
-        self, backends: SessionBackends, *, align: str = "auto", observers: Observers | None = None
+        self,
+        backends: SessionBackends,
+        *,
+        align: str = "auto",
+        plugins: Plugins | None = None,
+        observers: Observers | None = None,
+        source: Source | None = None,
     ) -> MappingSession:
-        """A session that starts from what is in the map."""
-        state = begin(self._config, load_prior_map(self._store))
+        """A session that starts from what is in the map. It is followed by `observers`, or else by those of `plugins`
+        (of all that are installed); they are told of the end by `finish`, or at the end of the `with` statement.
+
+        The warnings of the `source` that will be pushed, if there is one, are stored with the traversal. Raises
+        `MemoryStoreError` where a stopped build is in the way.
+        """
+        self._source = source
         self._observers = observers or self._observers
+        self._check_none_unfinished()
+        state = begin(self._config, load_prior_map(self._store))
+        if observers is None:
+            self._observers = self._made_observers(plugins)
+        self._observers.started(self._context())
         self._session = MappingSession(self._config, backends, state, align=align, observers=self._observers)
         return self._session
 
@@ -68,9 +94,9 @@ class TraversalWriter:
         self._commit()
         if self._traversal_id is None:
             raise MemoryStoreError("no keyframe was mapped", where=self._store.where, cure="push frames with poses")
-        warnings = () if self._session is None else self._session.warnings
-        self._store.finish_traversal(self._traversal_id, warnings=warnings, end_ns=self._newest_ns)
+        self._store.finish_traversal(self._traversal_id, warnings=self._stored_warnings(), end_ns=self._newest_ns)
         self._traversal_id = None
+        self._end_observers(complete=True)
 
     def _commit(self) -> None:
         if self._waiting:
@@ -104,3 +130,34 @@ class TraversalWriter:
                 name=self._name,
             )
         )
+
+    def _check_none_unfinished(self) -> None:
+        unfinished = self._store.unfinished()
+        if unfinished is not None:
+            raise MemoryStoreError(
+                f"the build of {unfinished.name!r} has not come to its end",
+                where=self._store.where,
+                cure="let it go on (`supermap build --resume`), or take out what it wrote (`roll_back_unfinished`)",
+            )
+
+    def _context(self) -> SessionContext:
+        cameras = () if self._source is None else tuple(self._source.cameras)
+        return SessionContext(self._name, self._store.where, self._name, cameras, {})
+
+    def _made_observers(self, plugins: Plugins | None) -> Observers:
+        made, warnings = make_observers(load_plugins() if plugins is None else plugins, self._context())
+        self.warnings += warnings
+        return Observers(made)
+
+    def _stored_warnings(self) -> tuple[str, ...]:
+        """What the source and the session warn of, one line each."""
+        of_source = () if self._source is None else self._source.warnings
+        return (*of_source, *(() if self._session is None else self._session.warnings))
+
+    def _end_observers(self, *, complete: bool) -> None:
+        """Once: the observers are told of the end, and get to it within `observing.CLOSE_TIMEOUT_S`."""
+        observers, self._observers = self._observers, Observers()
+        if self._session is not None:
+            warnings = (*self._stored_warnings(), *self.warnings)
+            observers.ended(session_summary(self._session, warnings, complete=complete))
+        self.warnings += observers.close()

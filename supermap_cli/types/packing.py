@@ -38,11 +38,12 @@ class PackingError(ValueError):
     """The bytes are no packed value, or speak of classes that are not expected."""
 
 
-def pack(value: object, classes: OmittedFields) -> bytes:
+def pack(value: object, classes: OmittedFields, *, compressed: bool = True) -> bytes:
     """A value of plain types, numpy arrays and `classes` as bytes. Raises `TypeError` for any other."""
     packer = _Packer(classes)
     text = json.dumps(packer.packed(value), ensure_ascii=False, allow_nan=False, separators=(",", ":")).encode()
-    return MAGIC + zlib.compress(b"".join((_LENGTH.pack(len(text)), text, *packer.chunks)), _COMPRESSION_LEVEL)
+    content = b"".join((_LENGTH.pack(len(text)), text, *packer.chunks))
+    return MAGIC + zlib.compress(content, _COMPRESSION_LEVEL if compressed else 0)
 
 
 def unpack(blob: bytes, classes: OmittedFields) -> Any:
