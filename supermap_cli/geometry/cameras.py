@@ -59,6 +59,10 @@ class Camera(Protocol):
         """(n, 2) pixels and (n,) depths in the measure of `depth_of` -> (n, 3) points in the optical frame."""
         ...
 
+    def rays(self) -> Float32Array:
+        """(height, width, 3) float32 such that point = ray * depth; NaN where a pixel sees nothing."""
+        ...
+
     def valid_mask(self) -> BoolArray:
         """(height, width) which pixels see the world (inside a fisheye's circle, say)."""
         ...

@@ -214,9 +214,9 @@ class ViewpointHistory:
     and so is that of views in quick succession.
 
     A detector that errs goes on to err for a while: views from the k-th cell of a run with one outcome count
-    1 / sqrt(k); where errors `repeat` as long as the camera stays in one place, the k-th view of the run does. The views
-    of one cell count by their square root, in whatever order they come: a long stare does not grow to certainty, and
-    neither a lucky first view nor an unlucky one decides.
+    1 / sqrt(k); where errors `repeat` as long as the camera stays in one place, the k-th view of the run does. The
+    views of one cell count by their square root, in whatever order they come: a long stare does not grow to certainty,
+    and neither a lucky first view nor an unlucky one decides.
     """
 
     cells: dict[str, ViewpointCell] = field(default_factory=dict)

@@ -76,7 +76,7 @@ class DriftParameters:
     jump_matched: float = parameter(
         0.6,
         "1",
-        "share of a keyframe on known surfaces below which the odometry may have jumped",
+        "share of a keyframe on known surfaces below which, if more of the last one did, the odometry may have jumped",
         "chosen",
         at_most=1.0,
     )
@@ -136,7 +136,7 @@ class DriftMark:
     """Where a drift correction is after one keyframe: with the first `known` surfaces, all else follows.
 
     `near_known` of them had been known when those around `near_at` (3,) were laid out last (-1: never), and `fresh`
-    have come since.
+    have come since. `matched` is the share of its last keyframe that lay on known surfaces.
     """
 
     T_map_drifted: FloatArray
@@ -146,6 +146,7 @@ class DriftMark:
     near_at: FloatArray
     near_known: int
     fresh: int
+    matched: float
 
 
 @dataclass
@@ -163,6 +164,7 @@ class DriftCorrection:
     _fresh: int = 0
     _covariance: FloatArray = field(default_factory=lambda: np.zeros((4, 4)))
     _last: FloatArray | None = None
+    _matched: float = 0.0
 
     def add_view(self, view: CoarseDepth) -> None:
         """Take in the surfaces of a depth image that is placed in the map."""
@@ -178,10 +180,12 @@ class DriftCorrection:
         center = transform_points(self.T_map_drifted, T_drifted_base[None, :3, 3])[0]
         if len(sample) >= parameters.min_points and (surface := self._local_surface(center)) is not None:
             found = refine(surface, sample, self.T_map_drifted, center, covariance, parameters=parameters)
-            if found is None or found.matched < parameters.jump_matched:
+            matched = 0.0 if found is None else found.matched
+            if matched < min(parameters.jump_matched, self._matched - parameters.jump_gain):
                 found = self._after_jump(surface, sample, center, covariance, found)
             if found is not None and found.matched >= parameters.min_matched:
                 self.T_map_drifted, self._covariance = found.T_map_drifted, found.covariance
+            self._matched = 0.0 if found is None else found.matched
         near = seen.within(view.T_frame_camera[:3, 3], parameters.keep_range_m)
         self._add_surfaces(near.moved(self.T_map_drifted))
         return self.T_map_drifted @ T_drifted_base
@@ -208,6 +212,7 @@ class DriftCorrection:
             self._near_at,
             self._near_known,
             self._fresh,
+            self._matched,
         )
 
     @classmethod
@@ -228,6 +233,7 @@ class DriftCorrection:
         resumed.known.add(Structure(points[so_far:], normals[so_far:]))
         resumed._codes = np.unique(pack_keys(voxel_keys(points, parameters.surface_m)))
         resumed._covariance, resumed._last, resumed._fresh = mark.covariance, mark.last, mark.fresh
+        resumed._matched = mark.matched
         return resumed
 
     def _step_covariance(self, T_drifted_base: FloatArray) -> FloatArray:

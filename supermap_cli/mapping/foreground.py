@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from supermap_cli.geometry.arrays import BoolArray, FloatArray, IntArray
+from supermap_cli.geometry.arrays import BoolArray, Float32Array, FloatArray, IntArray
 from supermap_cli.mapping.depth import DepthView, edge_step_m, pixel_scale
 from supermap_cli.types.detections import RegionMask
 from supermap_cli.types.parameters import parameter
@@ -30,6 +30,13 @@ class ForegroundParameters:
     )
     min_ring_px: float = parameter(10.0, "px", "least width of them, on an image 640 wide", "chosen")
     max_ring_px: float = parameter(60.0, "px", "greatest width of them", "bounds the time")
+    window_pixels: int = parameter(
+        15000,
+        "1",
+        "pixels looked at, about; of a larger window every second, third ... one",
+        "bounds the time",
+        at_least=100,
+    )
     ring_points: int = parameter(240, "1", "points of them that are looked at", "bounds the time", at_least=16)
     max_planes: int = parameter(3, "1", "planes about a thing: a floor and two walls", "rooms")
     plane_share: float = parameter(
@@ -75,6 +82,36 @@ class ForegroundParameters:
 DEFAULT = ForegroundParameters()
 
 
+@dataclass(frozen=True)
+class _Window:
+    """The part of an image about a mask, every `step`-th pixel of it across and down: (h, w) each, `rays` (h, w, 3).
+
+    `own` is the mask, `core` the mask without its rim, `others` what lies in masks of others alone.
+    """
+
+    rows: slice
+    columns: slice
+    depth_m: Float32Array
+    rays: Float32Array
+    own: BoolArray
+    core: BoolArray
+    others: BoolArray
+
+    @property
+    def at(self) -> tuple[slice, slice]:
+        """Where it lies in the image."""
+        return self.rows, self.columns
+
+    def region(self, pixels: BoolArray) -> RegionMask:
+        """Some of its pixels as a region of the image."""
+        step = self.rows.step
+        full = np.repeat(np.repeat(pixels, step, axis=0), step, axis=1)
+        full = full[: self.rows.stop - self.rows.start, : self.columns.stop - self.columns.start]
+        v, u = np.flatnonzero(full.any(axis=1)), np.flatnonzero(full.any(axis=0))
+        tight = np.ascontiguousarray(full[v[0] : v[-1] + 1, u[0] : u[-1] + 1])
+        return RegionMask(int(self.columns.start + u[0]), int(self.rows.start + v[0]), tight)
+
+
 def foreground(
     view: DepthView, mask: RegionMask, core: BoolArray, masked: BoolArray, parameters: ForegroundParameters = DEFAULT
 ) -> RegionMask | None:
@@ -83,38 +120,34 @@ def foreground(
     `core`: the mask without its rim, on its region; `masked` (h, w): pixels in any mask of the image; what lies in
     those of others is not the surroundings.
     """
-    window, own, core = _window(view, mask, core, parameters)
-    depth = view.depth_m[window]
-    measured = depth > 0
-    inside = own & measured
-    if np.count_nonzero(inside) < parameters.min_points:
+    window = _window(view, mask, core, masked, parameters)
+    measured = (window.depth_m > 0) & np.isfinite(window.rays[..., 2])
+    if np.count_nonzero(window.own & measured) < parameters.min_points:
         return None
     v, u = np.nonzero(measured)
-    origin = np.array([window[1].start, window[0].start])
-    points = view.camera.back_project(
-        np.column_stack([u, v]).astype(np.float64) + origin, depth[v, u].astype(np.float64)
-    )
-    beside = np.flatnonzero((~own & ~masked[window])[v, u])
-    on_plane = np.zeros(depth.shape, dtype=bool)
-    tolerance_m = parameters.plane_sigmas * view.sigma_m(points[:, 2]) + parameters.plane_m
-    in_mask = own[v, u]
+    depth_m = window.depth_m[v, u]
+    points = np.asarray(window.rays[v, u] * depth_m[:, None], np.float32)
+    in_mask = window.own[v, u]
+    beside = np.flatnonzero(~(in_mask | window.others[v, u]))
+    noise_m = parameters.plane_sigmas * view.sigma_m(depth_m)
+    tolerance_m: Float32Array = (noise_m + parameters.plane_m).astype(np.float32)
+    on_plane = np.zeros(measured.shape, dtype=bool)
     for normal, offset in _planes(points, beside, (u, v), tolerance_m, parameters):
         height_m = (points @ normal - offset) * (-1 if offset > 0 else 1)
         if _stands_before(height_m[in_mask], tolerance_m[in_mask], parameters):
             near = np.abs(height_m) < tolerance_m
             on_plane[v[near], u[near]] = True
-    left = _own_surfaces(view, window, measured & ~on_plane, own=own, core=core, parameters=parameters)
-    left &= own | ~masked[window]
-    if not on_plane.any() and not np.count_nonzero(left & ~own):
+    left = _own_surfaces(view, window, measured & ~on_plane, parameters) & ~window.others
+    if not on_plane.any() and not np.count_nonzero(left & ~window.own):
         return None
-    if np.count_nonzero(left) < parameters.min_points or _spanned(left, own) < parameters.span_share:
+    if np.count_nonzero(left) < parameters.min_points or _spanned(left, window.own) < parameters.span_share:
         return None
-    rows, columns = np.flatnonzero(left.any(axis=1)), np.flatnonzero(left.any(axis=0))
-    tight = left[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
-    return RegionMask(int(origin[0] + columns[0]), int(origin[1] + rows[0]), np.ascontiguousarray(tight))
+    return window.region(left)
 
 
-def _stands_before(height_m: FloatArray, tolerance_m: FloatArray, parameters: ForegroundParameters) -> bool:
+def _stands_before(
+    height_m: FloatArray | Float32Array, tolerance_m: Float32Array, parameters: ForegroundParameters
+) -> bool:
     """Whether what a mask (n,) shows off a plane stands clearly before it, and does not just rise from it a little."""
     off = np.abs(height_m) >= tolerance_m
     rest = height_m[off]
@@ -124,9 +157,8 @@ def _stands_before(height_m: FloatArray, tolerance_m: FloatArray, parameters: Fo
 
 
 def _window(
-    view: DepthView, mask: RegionMask, core: BoolArray, parameters: ForegroundParameters
-) -> tuple[tuple[slice, slice], BoolArray, BoolArray]:
-    """The part of the image about a mask, and the mask and its core on it."""
+    view: DepthView, mask: RegionMask, core: BoolArray, masked: BoolArray, parameters: ForegroundParameters
+) -> _Window:
     h, w = mask.pixels.shape
     height, width = view.depth_m.shape
     scale = pixel_scale(view.camera, view.parameters)
@@ -134,17 +166,28 @@ def _window(
     ring = max(1, round(float(ring_px)))
     top, left = max(0, mask.v0 - ring), max(0, mask.u0 - ring)
     bottom, right = min(height, mask.v0 + h + ring), min(width, mask.u0 + w + ring)
+    step = max(1, round(float(np.sqrt((bottom - top) * (right - left) / parameters.window_pixels))))
     own, inner = np.zeros((2, bottom - top, right - left), dtype=bool)
     at = (slice(mask.v0 - top, mask.v0 - top + h), slice(mask.u0 - left, mask.u0 - left + w))
     own[at], inner[at] = mask.pixels, core
-    return (slice(top, bottom), slice(left, right)), own, inner
+    own, inner = own[::step, ::step], inner[::step, ::step]
+    rows, columns = slice(top, bottom, step), slice(left, right, step)
+    return _Window(
+        rows,
+        columns,
+        view.depth_m[rows, columns],
+        view.camera.rays()[rows, columns],
+        own,
+        inner,
+        masked[rows, columns] & ~own,
+    )
 
 
 def _planes(
-    points: FloatArray,
+    points: Float32Array,
     beside: IntArray,
     uv: tuple[IntArray, IntArray],
-    tolerance_m: FloatArray,
+    tolerance_m: Float32Array,
     parameters: ForegroundParameters,
 ) -> list[tuple[FloatArray, float]]:
     """(normal (3,), offset) of the planes that the surroundings, rows `beside` of the points (n, 3), consist of.
@@ -167,7 +210,7 @@ def _planes(
     return planes
 
 
-def _best_plane(points: FloatArray, tolerance_m: FloatArray, least: int) -> tuple[FloatArray, float] | None:
+def _best_plane(points: Float32Array, tolerance_m: Float32Array, least: int) -> tuple[FloatArray, float] | None:
     """The plane with the most inliers among points (n, 3) in the order of the ring; `None` for fewer than `least`."""
     n = len(points)
     seeds = np.arange(0, n, max(1, n // 32))
@@ -192,19 +235,11 @@ def _best_plane(points: FloatArray, tolerance_m: FloatArray, least: int) -> tupl
     return normal, float(normal @ middle)
 
 
-def _own_surfaces(
-    view: DepthView,
-    window: tuple[slice, slice],
-    solid: BoolArray,
-    *,
-    own: BoolArray,
-    core: BoolArray,
-    parameters: ForegroundParameters,
-) -> BoolArray:
+def _own_surfaces(view: DepthView, window: _Window, solid: BoolArray, parameters: ForegroundParameters) -> BoolArray:
     """The pixels of the surfaces that lie mostly inside the mask, and of others that do within its core."""
-    depth = view.depth_m[window]
-    step_m = edge_step_m(depth, view.parameters)
-    surface = solid & (view.farthest_m[window] - view.nearest_m[window] < step_m)
+    own = window.own
+    step_m = edge_step_m(window.depth_m, view.parameters)
+    surface = solid & (view.farthest_m[window.at] - view.nearest_m[window.at] < step_m)
     count, components = cv2.connectedComponents(surface.astype(np.uint8), connectivity=4)
     label = np.asarray(components, np.int64)
     sizes = np.bincount(label.ravel(), minlength=count).astype(np.float64)
@@ -220,13 +255,13 @@ def _own_surfaces(
     whole[_reaching_beyond(label, window, view.depth_m.shape)] = False
     partly = ~whole & (share >= parameters.rival_share * share[main])
     whole[0] = partly[0] = False
-    left: BoolArray = whole[label] | (partly[label] & core) | edges
+    left: BoolArray = whole[label] | (partly[label] & window.core) | edges
     return left
 
 
-def _reaching_beyond(label: IntArray, window: tuple[slice, slice], shape: tuple[int, ...]) -> IntArray:
+def _reaching_beyond(label: IntArray, window: _Window, shape: tuple[int, ...]) -> IntArray:
     """The surfaces that go on beyond the window (those that end at the image's border do not)."""
-    rows, columns = window
+    rows, columns = window.at
     sides = [
         label[0] if rows.start > 0 else label[0, :0],
         label[-1] if rows.stop < shape[0] else label[0, :0],
