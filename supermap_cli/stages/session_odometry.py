@@ -38,7 +38,7 @@ class SessionOdometry:
             self._add_estimate(odometry.register_sweep(sweep))
         self._localizer.add_sweep(sweep)
 
-    def add_frame(self, frame: CameraFrame, *, awaits_detections: bool) -> None:
+    def add_frame(self, frame: CameraFrame, awaits_detections: bool) -> None:
         """A camera frame."""
         if (odometry := self._wanting("color")) is not None:
             self._add_estimate(odometry.register_frame(frame))
