@@ -84,7 +84,9 @@ class Register(Protocol):
 
 @hookspec
 def register_odometry(register: Register) -> None:
-    """Register sources of motion: `factory(options, recording) -> Odometry`."""
+    """Register sources of motion: `factory(options, recording) -> Odometry`; `recording` is `None` where sensors are
+    pushed into a session.
+    """
 
 
 @hookspec

@@ -125,7 +125,7 @@ class Odometry(Protocol):
 
     @property
     def inputs(self) -> frozenset[str]:
-        """Which of "poses", "imu", "lidar", "color" are to be pushed."""
+        """Which of "poses", "imu", "lidar", "color" (the main camera), "color.left" (camera "left") to push."""
         ...
 
     @property

@@ -9,7 +9,7 @@ A session has no thread and no database: a driver (`drivers`) pushes, and stores
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 from supermap_cli.config import BuildConfig
@@ -43,7 +43,8 @@ class MappingSession:
     """One traversal, mapped while it goes on. All that is pushed has its sensor's time, and goes forward in it.
 
     `add_detections` may come late and out of order. `step` after any push gives the changes of each keyframe that has
-    been mapped by now; the same pushes give the same map. What is held is bounded, whatever the length.
+    been mapped by now; the same pushes give the same map, whenever it is stepped. What is held is bounded by the time
+    between two steps, whatever the length.
     """
 
     def __init__(
@@ -102,44 +103,46 @@ class MappingSession:
     @property
     def warnings(self) -> tuple[str, ...]:
         """What is doubtful in what was pushed, and what was left out, one line each."""
-        placement, wait_s = self.placement, self.config.perception.wait_s
         left_out = {
             "images had no pose and were left out": self.statistics.without_pose,
             "images of the time before the traversal was placed were too many to keep": self.localizer.thinned,
-            f"images had detections that came over {wait_s:g} s late (build.perception.wait_s)": self._awaited.too_late,
         }
         counts = [f"{count} {what}" for what, count in left_out.items() if count]
-        return (*self._odometry.warnings, *(placement.warnings if placement else ()), *counts)
+        placing = self.placement.warnings if self.placement else ()
+        return (*self._odometry.warnings, *placing, *counts, *self._awaited.warnings)
 
     # -- what sensors say
 
     def add_imu(self, sample: ImuSample) -> None:
         """An IMU sample, in its own frame."""
-        self._check_open()
-        self._odometry.add_imu(sample)
+        self._push(self._odometry.add_imu, sample)
 
     def add_pose(self, pose: StampedPose) -> None:
         """A pose `T_odom_base` of the robot's own odometry."""
-        self._check_open()
-        self._odometry.add_pose(pose)
+        self._push(self._odometry.add_pose, pose)
 
     def add_sweep(self, sweep: Sweep) -> None:
         """A LiDAR sweep, not yet deskewed."""
-        self._check_open()
-        self._odometry.add_sweep(sweep)
+        self._push(self._odometry.add_sweep, sweep)
 
     def add_frame(self, frame: CameraFrame, *, awaits_detections: bool = True) -> None:
         """A camera frame of any of the cameras; one without depth takes it from the sweeps about it.
 
         One that awaits no detections contributes its depth only. Raises `SessionError` for one older than the last.
         """
-        self._check_open()
-        self.advance(frame.stamp_ns)
-        self._odometry.add_frame(frame, awaits_detections=awaits_detections)
+        self._awaited.announce(frame.stamp_ns + self.clock_shift_ns, frame.camera_id, awaits=awaits_detections)
+        self._push(self._odometry.add_frame, frame, awaits_detections)
 
     def add_detections(self, detections: Detections) -> None:
-        """What was found in the image of their stamp and camera; too late for it, they are left out and counted."""
+        """What was found in the image of their stamp and camera; too late, or of no such image, they are counted."""
+        self._check_open()
         self._awaited.add(detections.stamp_ns + self.clock_shift_ns, detections)
+
+    def _push(self, add: Callable[..., None], *message: object) -> None:
+        self._check_open()
+        add(*message)
+        for located in self.localizer.located():
+            self.add_located(located)
 
     def _check_open(self) -> None:
         if self._closed:
@@ -149,13 +152,13 @@ class MappingSession:
 
     def step(self) -> list[MapDelta]:
         """Map the keyframes that wait for nothing any more: what each of them changed."""
-        for located in self.localizer.located():
-            self.add_located(located)
         return list(self.mapped())
 
     def drain(self) -> list[MapDelta]:
-        """Map all that was pushed, with the detections that have come: what each keyframe changed."""
-        return list(self._drained())
+        """Map all frames that have a place, with the detections that have come: what each keyframe changed. Frames wait
+        on while their pose is to come, or the traversal to be placed; only `close` places it by what there is.
+        """
+        return list(self.mapped(closing=True))
 
     def close(self) -> list[MapDelta]:
         """End the traversal. Returns what the last keyframes changed, and at last what its end did.
@@ -166,11 +169,14 @@ class MappingSession:
 
     def closing(self) -> Iterator[MapDelta]:
         """The same, one by one; nothing where the session is closed already."""
-        closed, self._closed = self._closed, True
-        if closed:
+        if self._closed:
             return
+        self._closed = True
         self._odometry.finish()
-        yield from self._drained()
+        for located in self.localizer.located(closing=True):
+            self.add_located(located)
+        self._awaited.finish()
+        yield from self.mapped(closing=True)
         self.statistics.without_pose = self.localizer.without_pose
         if self._newest_ns is not None:
             self.engine.end_traversal()
@@ -179,35 +185,29 @@ class MappingSession:
             self.observers.mapped(None, delta)
             yield delta
 
-    def _drained(self) -> Iterator[MapDelta]:
-        for located in self.localizer.located(closing=True):
-            self.add_located(located)
-        yield from (self._map(*settled) for settled in self._awaited.settled(closing=True))
-
     def add_located(self, located: LocatedFrame) -> None:
         """A frame that the localizer has placed, which a driver may have asked ahead of time."""
         keyframe = located.keyframe
         if self.engine.floor_z is None and self.placement is not None:
             self.engine.floor_z = self.placement.floor_z
         self.observers.frame(located.frame, keyframe.T_map_base, located.sweep)
-        self._awaited.advance(keyframe.stamp_ns)
         self._awaited.expect(located)
 
     def advance(self, stamp_ns: int) -> None:
         """Sensor time has gone on to here."""
         self._awaited.advance(stamp_ns + self.clock_shift_ns)
 
-    def mapped(self) -> Iterator[MapDelta]:
-        """Map those of the located keyframes that wait for nothing any more, one by one."""
-        return (self._map(*settled) for settled in self._awaited.settled())
+    def mapped(self, *, closing: bool = False) -> Iterator[MapDelta]:
+        """Map those of the located keyframes that wait for nothing any more, one by one; all of them when closing."""
+        return (self._map(*settled) for settled in self._awaited.settled(closing=closing))
 
     # -- Algorithm 1
 
     def _map(self, located: LocatedFrame, detections: Detections | None) -> MapDelta:
         """Algorithm 1 for one keyframe; without detections only its depth speaks.
 
-        Ours departs in the order of two steps: who was missed is known only after the association, so ObjMerge comes
-        before ObjNegate.
+        Ours departs in the order of steps: GenerateMasks comes before Associate, and labels are fused inside ObjMerge.
+        Who was missed is known only after the association, so ObjMerge comes before ObjNegate.
         """
         keyframe = located.keyframe
         added: Sequence[LiftedDetection] = ()

@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from supermap_cli.config import BuildConfig
+from supermap_cli.drivers import source
 from supermap_cli.errors import AlignmentError, SessionError
 from supermap_cli.geometry.se3 import inverse, make_transform
 from supermap_cli.session import MappingSession
@@ -111,6 +112,36 @@ def test_detections_that_come_after_the_wait_are_counted() -> None:
     assert f"{too_late} images had detections that came over 0.2 s late (build.perception.wait_s)" in into.warnings
 
 
+def test_detections_of_images_that_were_never_pushed_are_counted_apart() -> None:
+    into = session(f.config(perception={"wait_s": 0.5}, keyframes={"placing_s": 0.1}))
+    for index, scene in enumerate(f.film(KITCHEN)):
+        found = detections_of(scene)
+        into.add_pose(pose_of(scene))
+        into.add_frame(frame_of(scene))
+        into.add_detections(found)
+        wrong_clock, other_camera = replace(found, stamp_ns=index), replace(found, camera_id="rear")
+        for unmatched in (wrong_clock, other_camera, replace(found, stamp_ns=found.stamp_ns - 5_000_000), found):
+            into.add_detections(unmatched)
+        into.step()
+    into.close()
+    assert into.statistics.perceived == 12
+    assert into.warnings[-1].startswith("48 detections belong to no image that waited for them")
+    assert not any("late" in warning for warning in into.warnings)
+
+
+def test_detections_of_an_image_without_a_pose_are_not_counted_again() -> None:
+    into = session(f.config(keyframes={"placing_s": 0.1}))
+    for index, scene in enumerate(f.film(KITCHEN, 24)):
+        if not 6 <= index < 16:
+            into.add_pose(pose_of(scene))
+        into.add_frame(frame_of(scene))
+        into.add_detections(detections_of(scene))
+        into.step()
+    into.close()
+    assert into.statistics.without_pose > 5
+    assert not any("detections" in warning for warning in into.warnings)
+
+
 @settings(max_examples=10)
 @given(st.lists(st.booleans(), min_size=12, max_size=12), st.integers(0, 4))
 def test_the_map_does_not_depend_on_when_it_is_stepped(steps: list[bool], delay: int) -> None:
@@ -127,6 +158,75 @@ def test_the_map_does_not_depend_on_when_it_is_stepped(steps: list[bool], delay:
         return told([*deltas, *into.close()]), into.warnings
 
     assert pushed(steps) == pushed([True] * 12)
+
+
+def rotation_about_y(degrees: float) -> np.ndarray:
+    c, s_ = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    return np.array([[c, 0, s_], [0, 1, 0], [-s_, 0, c]])
+
+
+@pytest.mark.parametrize("every", [10, 10**6])
+def test_the_placement_does_not_depend_on_when_it_is_stepped(every: int) -> None:
+    """Tilted odometry and noisy depth: each further image gives another placement."""
+    noise = np.random.default_rng(3)
+    T_odom_map = make_transform(rotation_about_y(4.0), [0, 0, 0])
+    messages: list[StampedPose | CameraFrame | Detections | ImuSample] = []
+    for scene in f.film(KITCHEN, 24):
+        frame = frame_of(scene)
+        assert frame.depth_m is not None
+        depth_m = frame.depth_m * (1 + 0.01 * noise.standard_normal(frame.depth_m.shape)).astype(np.float32)
+        gravity = rotation_about_y(4.0) @ (0, 0, 9.81) + noise.normal(0, 0.2, 3)
+        messages.append(ImuSample(frame.stamp_ns - SECOND_NS // 20, np.zeros(3), gravity, np.eye(4)))
+        messages += [shifted(scene, T_odom_map), replace(frame, depth_m=depth_m), detections_of(scene)]
+
+    def pushed(every: int) -> tuple[bytes, list[bytes], list[tuple[object, ...]]]:
+        into, deltas = session(f.config(keyframes={"placing_s": 1.0})), []
+        for index, message in enumerate(messages):
+            source.push(into, message)
+            if index % every == every - 1:
+                deltas += into.step()
+        deltas += into.close()
+        assert into.placement is not None
+        poses = [record.T_map_camera.tobytes() for record in coalesce(deltas).keyframes]
+        return into.placement.T_map_odom.tobytes(), poses, told(deltas)
+
+    assert pushed(every) == pushed(1)
+
+
+# -- draining
+
+
+def test_draining_while_the_traversal_is_being_placed_leaves_its_frames_waiting() -> None:
+    into, deltas = session(f.config(keyframes={"placing_s": 1.0})), []
+    for scene in f.film(KITCHEN):
+        into.add_pose(pose_of(scene))
+        into.add_frame(frame_of(scene))
+        into.add_detections(detections_of(scene))
+        deltas += into.drain()
+        assert (into.state == "placing") == (not deltas)
+    assert told([*deltas, *into.close()]) == told(
+        push(session(f.config(keyframes={"placing_s": 1.0})), f.film(KITCHEN))
+    )
+
+
+def test_draining_where_the_traversal_fits_nowhere_raises_nothing() -> None:
+    into = session_that_fits_nowhere()
+    assert into.drain() == []
+    assert into.state == "lost"
+
+
+def test_drained_frames_do_not_wait_for_their_detections_and_frames_without_a_pose_wait_for_it() -> None:
+    into, scenes = session(f.config(keyframes={"placing_s": 0.1})), f.film(KITCHEN)
+    for scene in scenes[:4]:
+        into.add_pose(pose_of(scene))
+        into.add_frame(frame_of(scene))
+    into.add_frame(frame_of(scenes[4]))
+    assert into.step() == []
+    assert len(into.drain()) == 4
+    into.add_pose(pose_of(scenes[4]))
+    assert len(into.drain()) == 1
+    into.close()
+    assert into.statistics.without_pose == 0
 
 
 # -- placing, mapping, lost
@@ -187,7 +287,7 @@ def test_a_further_traversal_is_registered_in_the_map_by_its_first_seconds() -> 
     np.testing.assert_allclose((into.placement.T_map_odom @ T_odom_map)[:3, 3], 0, atol=0.05)
 
 
-def test_a_traversal_that_fits_nowhere_is_lost_and_says_so_at_the_end() -> None:
+def session_that_fits_nowhere() -> MappingSession:
     prior = prior_of(push(session(), f.film(KITCHEN)))
     config = f.config(keyframes={"placing_s": 0.5})
     into = MappingSession(config, BACKENDS, begin(config, prior))
@@ -195,6 +295,11 @@ def test_a_traversal_that_fits_nowhere_is_lost_and_says_so_at_the_end() -> None:
         into.add_pose(pose_of(scene))
         into.add_frame(frame_of(scene), awaits_detections=False)
         assert into.step() == []
+    return into
+
+
+def test_a_traversal_that_fits_nowhere_is_lost_and_says_so_at_the_end() -> None:
+    into = session_that_fits_nowhere()
     assert into.state == "lost"
     with pytest.raises(AlignmentError):
         into.close()
@@ -221,6 +326,8 @@ def test_a_closed_session_takes_nothing_more() -> None:
     assert into.close() == []
     with pytest.raises(SessionError, match="has ended"):
         into.add_frame(frame_of(scenes[6]))
+    with pytest.raises(SessionError, match="has ended"):
+        into.add_detections(detections_of(scenes[6]))
 
 
 def test_a_session_into_which_nothing_was_pushed_ends_with_nothing() -> None:

@@ -31,8 +31,8 @@ def register_odometry(register: Register) -> None:
     register("kiss-icp", make_odometry, KissIcpOptions, needs=("lidar",))
 
 
-def make_odometry(options: KissIcpOptions, recording: Recording) -> Odometry:
-    """Make the odometry; its library is loaded here."""
+def make_odometry(options: KissIcpOptions, recording: Recording | None) -> Odometry:
+    """Make the odometry; its library is loaded here. Without a recording it works on the sweeps that are pushed."""
     from supermap_kiss_icp.odometry import KissIcpOdometry  # noqa: PLC0415 - heavy
 
     return KissIcpOdometry(recording, options)

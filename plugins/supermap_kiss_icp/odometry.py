@@ -33,8 +33,9 @@ class KissIcpOdometry:
     rooms need small voxels to be exact, large places large ones to be fast. `warnings` grows with the sweeps.
     """
 
-    def __init__(self, recording: Recording, options: KissIcpOptions) -> None:
-        self._where = str(recording.path)
+    def __init__(self, recording: Recording | None, options: KissIcpOptions) -> None:
+        self._where = "pushed sweeps" if recording is None else str(recording.path)
+        self._pushed = recording is None
         self._options = options
         self.warnings: list[str] = []
         self._registration: ScanRegistration | None = None
@@ -98,7 +99,7 @@ class KissIcpOdometry:
             raise OdometryError(
                 f"no LiDAR motion: fewer than two sweeps have {LEAST_POINTS} usable points in {LEAST_VOXELS} voxels",
                 where=self._where,
-                cure="name the point cloud's topic with --topic lidar=/x, and check min_range_m and max_range_m",
+                cure=self._cure("name the point cloud's topic with --topic lidar=/x"),
             )
 
     def _count_poor(self) -> None:
@@ -108,8 +109,12 @@ class KissIcpOdometry:
             raise OdometryError(
                 f"{self._poor} of {self._poor + self._usable} LiDAR sweeps are empty, repeated or too near",
                 where=self._where,
-                cure="check the LiDAR topic with `supermap inspect`, and min_range_m and max_range_m",
+                cure=self._cure("check the LiDAR topic with `supermap inspect`"),
             )
+
+    def _cure(self, of_a_recording: str) -> str:
+        first = "check the sweeps that are pushed" if self._pushed else of_a_recording
+        return f"{first}, and check min_range_m and max_range_m"
 
     def _clean(self, sweep: Sweep) -> Scan | None:
         return clean_scan(

@@ -30,7 +30,7 @@ def register_detectors(register: Register) -> None:
     register("recorded", _make_detector, RecordedDetectorOptions, needs=("detections",), preference=10)
 
 
-def _make_odometry(options: Options, recording: Recording) -> Odometry:  # noqa: ARG001 - it has no options
+def _make_odometry(options: Options, recording: Recording | None) -> Odometry:  # noqa: ARG001 - it has no options
     from supermap_recorded.odometry import RecordedOdometry  # noqa: PLC0415 - loaded when used
 
     return RecordedOdometry(recording)

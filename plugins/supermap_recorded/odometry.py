@@ -1,4 +1,4 @@
-"""The recording's own poses as odometry, checked."""
+"""The robot's own poses as odometry, checked: those of a recording, or pushed."""
 
 from __future__ import annotations
 
@@ -19,14 +19,15 @@ LEAST_JUMPS, MOST_JUMPS = 5, 0.1
 
 
 class RecordedOdometry:
-    """The poses of the recording's odometry topic or TF.
+    """The poses of the recording's odometry topic or TF; without a recording, those that are pushed.
 
     `warnings` grows while the poses are read: a pose that jumps (a localisation that relocated, a clock that was reset)
     is kept and reported, because a map can live with one; a trajectory that mostly jumps is an error.
     """
 
-    def __init__(self, recording: Recording) -> None:
-        self._where = str(recording.path)
+    def __init__(self, recording: Recording | None) -> None:
+        self._where = "pushed poses" if recording is None else str(recording.path)
+        self._pushed = recording is None
         self.warnings: list[str] = []
         self._last: StampedPose | None = None
         self._velocity: FloatArray = np.zeros(3)
@@ -74,17 +75,24 @@ class RecordedOdometry:
         """Raises `OdometryError` when there was no pose."""
         if self._last is None:
             raise OdometryError(
-                "no usable pose in the recording",
+                "no usable pose was pushed" if self._pushed else "no usable pose in the recording",
                 where=self._where,
-                cure="name the odometry topic with --topic odometry=/x, or use --odometry kiss-icp if there is a LiDAR",
+                cure=self._cure(
+                    "name the odometry topic with --topic odometry=/x, or use --odometry kiss-icp if there is a LiDAR"
+                ),
             )
+
+    def _cure(self, of_a_recording: str) -> str:
+        return "push poses in the order of their stamps, from one odometry" if self._pushed else of_a_recording
 
     def _check_order(self, elapsed_s: float, pose: StampedPose) -> None:
         if elapsed_s < 0:
             raise OdometryError(
                 f"the recorded poses go back in time by {-elapsed_s:.3f} s at {pose.stamp_ns} ns",
                 where=self._where,
-                cure="cut the recording there with --start and --end, or name another topic with --topic odometry=/x",
+                cure=self._cure(
+                    "cut the recording there with --start and --end, or name another topic with --topic odometry=/x"
+                ),
             )
 
     def _report_jump(self, deviation_m: float, pose: StampedPose) -> None:
@@ -92,7 +100,7 @@ class RecordedOdometry:
             raise OdometryError(
                 f"the recorded poses jump again and again ({self._jumps} of {self._steps} steps)",
                 where=self._where,
-                cure="name another odometry topic with --topic odometry=/x, or use --odometry kiss-icp",
+                cure=self._cure("name another odometry topic with --topic odometry=/x, or use --odometry kiss-icp"),
             )
         self.warnings.append(
             f"the recorded pose jumps by {deviation_m:.2f} m at {pose.stamp_ns} ns ({self._where}): things seen "

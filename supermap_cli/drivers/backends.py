@@ -30,18 +30,24 @@ class Backends:
 
 
 def session_backends(plugins: Plugins, config: BuildConfig | None = None) -> SessionBackends:
-    """Tracker, segmenter and further relations for a session that is not fed from a recording: those the configuration
-    names, else the most preferred ones. Poses are pushed.
+    """Odometry, tracker, segmenter and further relations for a session that is not fed from a recording.
+
+    Tracker and segmenter are those the configuration names, else the most preferred ones. The odometry is the one it
+    names; where it names none, the poses that are pushed are the motion.
     """
     chosen = (config or BuildConfig()).backends
     plugins.check_options(chosen.options)
     tracker = chosen.tracker or plugins.trackers.choose(())
     segmenter = chosen.segmenter or plugins.segmenters.choose({"color", "depth"})
     further = [predicate for group in plugins.hook.spatial_predicates() for predicate in group]
+    odometry = None
+    if chosen.odometry is not None:
+        odometry = plugins.odometry.make(chosen.odometry, chosen.options.get(chosen.odometry), None)
     return SessionBackends(
         lambda: plugins.trackers.make(tracker, chosen.options.get(tracker), None),
         plugins.segmenters.make(segmenter, chosen.options.get(segmenter), None),
-        predicates=tuple(further),
+        odometry,
+        tuple(further),
     )
 
 

@@ -10,7 +10,10 @@ from supermap_cli.types.sensing import CameraFrame, ImuSample, StampedPose, Swee
 
 
 def run_odometry(odometry: Odometry, recording: Recording) -> Iterator[StampedPose]:
-    """`T_odom_base`, each later than the last. Raises `OdometryError` when there is no usable motion."""
+    """`T_odom_base`, each later than the last; "color" are the main camera's frames, "color.left" those of "left".
+
+    Raises `OdometryError` when there is no usable motion.
+    """
     streams: list[Iterator[SensorMessage]] = []
     if "imu" in odometry.inputs:
         streams.append(recording.imu())
@@ -18,13 +21,21 @@ def run_odometry(odometry: Odometry, recording: Recording) -> Iterator[StampedPo
         streams.append(recording.poses())
     if "lidar" in odometry.inputs:
         streams.append(recording.sweeps())
-    if "color" in odometry.inputs:
-        streams.append(recording.frames())
+    streams += [recording.frames(camera_id=camera_id) for camera_id in _cameras(odometry, recording)]
     for message in heapq.merge(*streams, key=lambda message: message.stamp_ns):
         pose = _register(odometry, message)
         if pose is not None:
             yield pose
     odometry.finish()
+
+
+def _cameras(odometry: Odometry, recording: Recording) -> Iterator[str]:
+    """The cameras whose frames an odometry is pushed."""
+    if any(stream.partition(".")[0] == "color" for stream in odometry.inputs):
+        for camera_id in recording.cameras:
+            main = camera_id == recording.cameras[0]
+            if f"color.{camera_id}" in odometry.inputs or (main and "color" in odometry.inputs):
+                yield camera_id
 
 
 def _register(odometry: Odometry, message: SensorMessage) -> StampedPose | None:

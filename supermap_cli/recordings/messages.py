@@ -82,13 +82,17 @@ class CalibrationMessage:
 
 @dataclass(frozen=True)
 class PoseMessage:
-    """Where something is: `child_frame_id` is "" where the message does not say what. May be non-finite."""
+    """Where something is: `child_frame_id` is "" where the message does not say what. May be non-finite.
+
+    `covariance` (6, 6) is that of x, y, z and of rotations about the axes of `frame_id`, `None` where it is unknown.
+    """
 
     stamp_ns: int
     frame_id: str
     child_frame_id: str
     position: FloatArray
     orientation_xyzw: FloatArray
+    covariance: FloatArray | None = None
 
     def transform(self) -> FloatArray | None:
         """`T_frame_child`; `None` for a pose that is not finite or has a zero quaternion."""
@@ -202,7 +206,19 @@ def read_pose(message: Any, log_ns: int) -> PoseMessage:
     stamp_ns, frame_id = header_of(message, log_ns)
     pose = message.pose.pose if hasattr(message.pose, "pose") else message.pose
     child = str(getattr(message, "child_frame_id", "")).lstrip("/")
-    return PoseMessage(stamp_ns, frame_id, child, _xyz(pose.position), _xyzw(pose.orientation))
+    covariance = read_covariance(getattr(message.pose, "covariance", ()))
+    return PoseMessage(stamp_ns, frame_id, child, _xyz(pose.position), _xyzw(pose.orientation), covariance)
+
+
+def read_covariance(values: Any) -> FloatArray | None:
+    """(6, 6) of a PoseWithCovariance's 36 values, row by row; `None` for all zeros, for what is not finite and for a
+    negative variance: drivers write these where they know none.
+    """
+    covariance = np.array(values, np.float64)
+    if covariance.size != 36 or not covariance.any() or not np.isfinite(covariance).all():
+        return None
+    covariance = covariance.reshape(6, 6)
+    return None if (np.diag(covariance) < 0).any() else covariance
 
 
 def read_transforms(message: Any, log_ns: int) -> Iterator[PoseMessage]:

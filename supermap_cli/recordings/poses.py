@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+import numpy as np
+
 from supermap_cli.errors import RecordingError
+from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.recordings import messages
 from supermap_cli.recordings.motion import PoseSource
 from supermap_cli.recordings.opening import MARGIN_NS, OpenedRecording
@@ -72,7 +75,23 @@ def _from_topic(
         if T_moved_base is None:
             skipped.add(f"TF does not place {opened.base_frame!r} on {moved!r}", message.stamp_ns)
             continue
-        yield StampedPose(message.stamp_ns, T_odom_moved @ T_moved_base)
+        covariance = None
+        if message.covariance is not None:
+            covariance = carried_covariance(message.covariance, T_odom_moved[:3, :3] @ T_moved_base[:3, 3])
+        yield StampedPose(message.stamp_ns, T_odom_moved @ T_moved_base, covariance)
+
+
+def carried_covariance(covariance: FloatArray, lever_arm: FloatArray) -> FloatArray:
+    """The covariance (6, 6) of a pose, carried over to a point on the same body, `lever_arm` (3,) away.
+
+    Both are along the fixed axes of odom, as in ROS, so that nothing is turned: what the rotation is off by moves the
+    point across the lever arm.
+    """
+    x, y, z = lever_arm
+    J: FloatArray = np.eye(6)
+    J[:3, 3:] = [[0, z, -y], [-z, 0, x], [y, -x, 0]]
+    carried: FloatArray = J @ covariance @ J.T
+    return carried
 
 
 def _from_tree(opened: OpenedRecording, source: PoseSource, skipped: _SkippedPoses) -> Iterator[StampedPose]:

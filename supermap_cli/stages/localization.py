@@ -71,7 +71,8 @@ class Localizer:
     """Sensors are pushed in, frames with a place come out, in the order of their stamps.
 
     `registration` places a traversal whose placement is not known: after `placing_s` of it, and again later where that
-    fails. Frames of that time wait.
+    fails. Frames of that time wait. Every push locates what it can, so that places do not depend on when the frames are
+    taken out; until then they are held.
     """
 
     def __init__(
@@ -100,6 +101,7 @@ class Localizer:
         self._newest_by_camera: dict[str, int] = {}
         self._frames: deque[_PendingFrame] = deque()
         self._unplaced: list[_PendingFrame] = []
+        self._located: deque[LocatedFrame] = deque()
         self._unposed_sweeps: deque[Sweep] = deque()
         self._first_ns: int | None = None
         self._now_ns = 0
@@ -151,23 +153,14 @@ class Localizer:
         self._reach(frame.stamp_ns)
 
     def located(self, *, closing: bool = False) -> Iterator[LocatedFrame]:
-        """The frames that have a place by now. `closing`: nothing comes any more.
+        """The frames that have a place by now, each once. `closing`: nothing comes any more.
 
         Raises `AlignmentError` when closing and the traversal cannot be placed.
         """
-        while self._frames and (closing or self._is_ready(self._frames[0].frame)):
-            posed = self._with_pose(self._frames.popleft())
-            if posed is None:
-                self.without_pose += 1
-                self.state = "placing" if self.placement is None else "lost"
-            elif self.placement is None:
-                self._hold(posed)
-            else:
-                self.state = "mapping"
-                yield self._locate(posed, self.placement)
-            self._forget()
-        if self.placement is None and self._unplaced and (closing or self._is_time_to_place()):
-            yield from self._place(closing=closing)
+        if closing:
+            self._advance(closing=True)
+        while self._located:
+            yield self._located.popleft()
 
     def mark(self) -> LocalizationMark:
         """Where it is now."""
@@ -179,6 +172,23 @@ class Localizer:
         self._now_ns = max(self._now_ns, stamp_ns)
         if not self._frames:
             self._forget()
+        self._advance()
+
+    def _advance(self, *, closing: bool = False) -> None:
+        """Locate the frames that need wait no longer; all of them when closing."""
+        while self._frames and (closing or self._is_ready(self._frames[0].frame)):
+            posed = self._with_pose(self._frames.popleft())
+            if posed is None:
+                self.without_pose += 1
+                self.state = "placing" if self.placement is None else "lost"
+            elif self.placement is None:
+                self._hold(posed)
+            else:
+                self.state = "mapping"
+                self._located.append(self._locate(posed, self.placement))
+            self._forget()
+        if self.placement is None and self._unplaced and (closing or self._is_time_to_place()):
+            self._place(closing=closing)
 
     def _is_ready(self, frame: CameraFrame) -> bool:
         """Whether the pose at a frame's stamp, and its depth, are as well known as they will ever be."""
@@ -238,7 +248,7 @@ class Localizer:
     def _is_time_to_place(self) -> bool:
         return self._first_ns is not None and self._now_ns - self._first_ns >= self._retry_ns
 
-    def _place(self, *, closing: bool) -> Iterator[LocatedFrame]:
+    def _place(self, *, closing: bool) -> None:
         try:
             with self.clock.stage("place"):
                 placement = self.registration.place()
@@ -251,8 +261,7 @@ class Localizer:
         self.placement, self.state = placement, "mapping"
         waiting, self._unplaced = self._unplaced, []
         self._unposed_sweeps.clear()
-        for posed in waiting:
-            yield self._locate(posed, placement)
+        self._located.extend(self._locate(posed, placement) for posed in waiting)
 
     def _locate(self, posed: _PendingFrame, placement: Placement) -> LocatedFrame:
         frame, T_odom_base = posed.frame, posed.T_odom_base

@@ -8,11 +8,15 @@ from supermap_cli.types.sensing import CameraFrame, ImuSample, StampedPose, Swee
 
 
 class SessionOdometry:
-    """Pushes into both. Without an `odometry`, poses that are pushed are the motion."""
+    """Pushes into both. Without an `odometry`, poses that are pushed are the motion.
+
+    The main camera, whose frames are the odometry's "color", is that of the first frame; "color.left" is "left".
+    """
 
     def __init__(self, odometry: Odometry | None, localizer: Localizer) -> None:
         self._odometry = odometry
         self._localizer = localizer
+        self._main_camera: str | None = None
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -38,9 +42,11 @@ class SessionOdometry:
             self._add_estimate(odometry.register_sweep(sweep))
         self._localizer.add_sweep(sweep)
 
-    def add_frame(self, frame: CameraFrame, *, awaits_detections: bool) -> None:
+    def add_frame(self, frame: CameraFrame, awaits_detections: bool) -> None:
         """A camera frame."""
-        if (odometry := self._wanting("color")) is not None:
+        self._main_camera = self._main_camera or frame.camera_id
+        wanting = self._wanting("color") if frame.camera_id == self._main_camera else None
+        if (odometry := wanting or self._wanting(f"color.{frame.camera_id}")) is not None:
             self._add_estimate(odometry.register_frame(frame))
         self._localizer.add_frame(frame, awaits_detections=awaits_detections)
 

@@ -39,12 +39,12 @@ class SweepBuffer:
 
     def is_complete(self, stamp_ns: int) -> bool:
         """Whether all returns about a stamp have come, and poses for each of them."""
-        reach_ns = stamp_ns + HALF_WINDOW_NS
-        if self._newest_ns is None or self._newest_ns <= reach_ns:
-            return False
-        last_ns = max((int(sweep.point_stamps_ns.max(initial=0)) for sweep in self._about(stamp_ns)), default=stamp_ns)
         newest_pose_ns = self._trajectory.newest_ns
-        return newest_pose_ns is not None and newest_pose_ns >= max(last_ns, stamp_ns)
+        if self._newest_ns is None or self._newest_ns <= stamp_ns + HALF_WINDOW_NS:
+            return False
+        if newest_pose_ns is None or newest_pose_ns < stamp_ns:
+            return False
+        return all(int(sweep.point_stamps_ns.max(initial=0)) <= newest_pose_ns for sweep in self._about(stamp_ns))
 
     def complete(self, frame: CameraFrame) -> CameraFrame:
         """The frame with the returns about its stamp, and the depth image they make."""
