@@ -80,8 +80,14 @@ class DriftParameters:
         "chosen",
         at_most=1.0,
     )
+    jump_found: float = parameter(
+        0.75, "1", "share of a keyframe that must lie on known surfaces once a jump is put right", "chosen", at_most=1.0
+    )
+    jump_points: int = parameter(
+        600, "1", "points below which a keyframe cannot tell: a bare wall fits in many places", "four times min_points"
+    )
     jump_gain: float = parameter(
-        0.2,
+        0.3,
         "1",
         "how much more of a keyframe must lie on known surfaces after a jump is put right than without: what is new "
         "ground lies on none either way",
@@ -195,10 +201,12 @@ class DriftCorrection:
     ) -> Refined | None:
         """The correction if the odometry has jumped, where the surfaces say so clearly; else the one `found`."""
         parameters = self.parameters
+        if len(sample) < parameters.jump_points:
+            return found
         wide = covariance + _covariance(parameters.jump_sigma_m, parameters.jump_sigma_deg)
         jumped = refine(surface, sample, self.T_map_drifted, center, wide, parameters=parameters)
         without = 0.0 if found is None else found.matched
-        if jumped is None or jumped.matched < max(parameters.jump_matched, without + parameters.jump_gain):
+        if jumped is None or jumped.matched < max(parameters.jump_found, without + parameters.jump_gain):
             return found
         return jumped
 
