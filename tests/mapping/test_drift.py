@@ -80,3 +80,24 @@ def test_a_turn_is_about_the_place_and_a_shift_comes_after_it() -> None:
     T = shifted(np.eye(4), center, np.array([0.1, 0.2, 0.3, 0.5]))
     np.testing.assert_allclose(T[:3, :3] @ center + T[:3, 3], center + np.array([0.1, 0.2, 0.3]))
     assert np.arctan2(T[1, 0], T[0, 0]) == pytest.approx(0.5)
+
+
+def test_a_jump_of_the_odometry_is_put_right() -> None:
+    correction = DriftCorrection()
+    jump = shifted(np.eye(4), ORIGIN, np.array([0.25, -0.15, 0.0, np.radians(5.0)]))
+    for k in range(16):
+        drift = jump if k >= 8 else np.eye(4)
+        seen, drifted = view(WORLD, (-0.4, -0.8 + 0.1 * k, 1.3), drift)
+        found = correction.register(seen, drifted)
+    assert off_m(found, jump, drifted) < 0.05
+
+
+def test_a_bare_wall_proves_no_jump() -> None:
+    """What fits in many places fits after a wide search, too."""
+    correction = DriftCorrection()
+    for k in range(6):
+        seen, T = view(WORLD, (-0.4, -0.8 + 0.1 * k, 1.3), np.eye(4))
+        correction.register(seen, T)
+    keyframe = s.render((s.Thing("", (0.6, 5.0, 1.5), (8, 0.1, 3)),), s.looking((0, 4.0, 1.3), (0, 5.0, 1.3))).keyframe
+    bare = CoarseDepth(keyframe.depth_m, 1, keyframe.camera, keyframe.T_map_camera)
+    np.testing.assert_allclose(correction.register(bare, keyframe.T_map_camera), keyframe.T_map_camera, atol=0.02)

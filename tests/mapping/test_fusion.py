@@ -17,11 +17,12 @@ from supermap_cli.mapping.fusion import (
     fuse_mask,
     fuse_miss,
     fuse_points,
+    hanging_together,
 )
 from supermap_cli.mapping.objects import MapObject
 from supermap_cli.mapping.recall import RecallModel, ScoreModel
 from supermap_cli.mapping.visibility import ObjectView
-from supermap_cli.mapping.voxel_map import LOG_ODDS_MAX
+from supermap_cli.mapping.voxel_map import LOG_ODDS_MAX, VoxelMap
 from support import scenes as s
 
 EYE = s.looking((0, 0, 1.2), (1.6, 0, 0.4))
@@ -131,3 +132,22 @@ def test_an_object_never_loses_its_last_voxel(chair: MapObject) -> None:
     fuse_points(chair, one)
     assert len(chair.voxels)
     assert np.isfinite(chair.shape.centroid).all()
+
+
+def test_a_few_voxels_far_from_all_others_are_dropped() -> None:
+    cloud = np.stack(np.meshgrid(*[np.arange(0, 0.3, 0.02)] * 3), axis=-1).reshape(-1, 3)
+    strays = np.array([[2.0, 0, 0], [2.02, 0, 0], [2.0, 0.02, 0]])
+    voxels = VoxelMap(0.02)
+    points = np.concatenate([cloud, strays])
+    voxels.add_points(points, np.zeros(points.shape, np.uint8), 0.85)
+    kept = voxels.centers()[hanging_together(voxels)]
+    assert kept[:, 0].max() < 0.4
+    assert len(kept) > 0.95 * len(voxels)
+
+
+def test_two_large_parts_are_both_kept() -> None:
+    cloud = np.stack(np.meshgrid(*[np.arange(0, 0.2, 0.02)] * 3), axis=-1).reshape(-1, 3)
+    voxels = VoxelMap(0.02)
+    points = np.concatenate([cloud, np.add(cloud[: len(cloud) // 4], (0, 0, 0.5))])
+    voxels.add_points(points, np.zeros(points.shape, np.uint8), 0.85)
+    assert hanging_together(voxels).all()
