@@ -66,7 +66,7 @@ class EngineState:
         )
 
 
-_REQUIRED = tuple(each.name for each in fields(EngineState) if each.default_factory is MISSING)
+_REQUIRED = tuple(entry.name for entry in fields(EngineState) if entry.default_factory is MISSING)
 
 
 def _with_label_counts(document: Mapping[str, Any]) -> Mapping[str, Any]:
