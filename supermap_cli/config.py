@@ -49,7 +49,12 @@ class BackendConfig(Section):
 class KeyframeConfig(Section):
     """Which images are mapped."""
 
-    rate_hz: float = Field(default=3.0, gt=0, le=100, description="images of each camera mapped each second")
+    rate_hz: float = Field(
+        default=3.0,
+        gt=0,
+        le=100,
+        description="images of each camera of a recording mapped each second; what is pushed is mapped as it comes",
+    )
     total_rate_hz: float = Field(
         default=12.0, gt=0, le=600, description="images of all cameras of a rig mapped each second, at most"
     )
