@@ -39,7 +39,7 @@ class FreeSpaceParameters:
     min_empty_views: int = parameter(
         2,
         "1",
-        "views that must have seen a place empty: one may be noise, or see through a gap",
+        "views of one traversal that must have seen a place empty: one may be noise, or see through a gap",
         "two witnesses",
         at_least=1,
     )
@@ -153,10 +153,14 @@ class FreeSpaceMemory:
         self.add(traversal, small_view(record.stamp_ns, record.T_map_camera, camera, small, record.depth_step))
 
     def last_seen_empty(self, points_map: FloatArray, voxel_m: float, before_ns: int) -> int | None:
-        """The latest time before `before_ns` at which the place of (n, 3) points was seen empty; `None` if never, or by
-        fewer than `min_empty_views` views.
+        """The latest time before `before_ns` at which the place of (n, 3) points was seen empty; `None` if never.
+
+        One view of an earlier traversal is enough; of the running one it takes `min_empty_views`, for what turns up
+        while the robot is there is rare, and one view that is wrong is not.
         """
         sample = points_map[:: max(1, len(points_map) // self.parameters.max_points)]
+        running = max((key[0] for key in self.views), default=0)
+        traversal_of = {id(view): key[0] for key, kept in self.views.items() for view in kept}
         earlier = _facing_views(
             sample, [view for kept in self.views.values() for view in kept if view.stamp_ns < before_ns]
         )
@@ -165,8 +169,8 @@ class FreeSpaceMemory:
             share = view.share_empty(sample, voxel_m, self.parameters, self.visibility_parameters)
             if share > self.parameters.min_empty_share:
                 empty_ns.append(view.stamp_ns)
-            if len(empty_ns) >= self.parameters.min_empty_views:
-                return empty_ns[0]
+                if traversal_of[id(view)] < running or len(empty_ns) >= self.parameters.min_empty_views:
+                    return empty_ns[0]
         return None
 
 

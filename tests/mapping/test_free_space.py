@@ -45,6 +45,12 @@ def test_one_view_alone_is_no_proof() -> None:
     assert memory_of((3, EYE, s.ROOM)).last_seen_empty(around(1.5, 0, 1), 0.02, s.ns(10)) is None
 
 
+def test_one_view_of_an_earlier_traversal_is_enough() -> None:
+    memory = memory_of((3, EYE, s.ROOM))
+    memory.add_record(2, s.small_record(s.render(s.ROOM, s.looking((0, 0, 1.2), (-2, 0, 1.0)), 50).keyframe))
+    assert memory.last_seen_empty(around(1.5, 0, 1), 0.02, s.ns(60)) == s.ns(3)
+
+
 @pytest.mark.parametrize(
     ("place", "why"),
     [((3.5, 0, 1), "behind the wall"), ((-1.5, 0, 1), "behind the camera"), ((2.95, 0, 1), "at the wall")],
