@@ -100,9 +100,7 @@ def build(  # noqa: PLR0917 - a command line has many options
     restart: Annotated[
         bool, typer.Option("--restart", help="Remove what a stopped build wrote, and start again.")
     ] = False,
-    again: Annotated[
-        bool, typer.Option("--again", help="Build a recording that is in the map already once more.")
-    ] = False,
+    again: Annotated[bool, typer.Option("--again", help="Build a recording that is in the map once more.")] = False,
     as_json: JsonOption = False,
 ) -> None:
     """Build recordings into the map database, one traversal each.
@@ -133,11 +131,15 @@ def build(  # noqa: PLR0917 - a command line has many options
     summaries: list[BuildSummary] = []
     with _told_at_the_end(summaries, as_json=as_json):
         for summary in build_all(recordings, config, wanted, database_url(db), follow):
-            for warning in summary.warnings:
-                err().print(f"warning: {warning}", markup=False)
+            _print_warnings(summary)
             summaries.append(summary)
             if not as_json:
                 print_summary(summary, database_url(db))
+
+
+def _print_warnings(summary: BuildSummary) -> None:
+    for warning in summary.warnings:
+        err().print(f"warning: {warning}", markup=False)
 
 
 @dataclass(frozen=True)

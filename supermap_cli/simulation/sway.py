@@ -10,7 +10,8 @@ from supermap_cli.geometry.arrays import FloatArray
 
 _STEPS_HZ = 1.8  # steps a second of a person who walks (Bohannon 1997: 1.7 to 2.0); from side to side half as often
 
-# (amplitude, Hz) of the sinusoids of each degree of freedom: the gait, and slower motions of the arms and of looking.
+# Of the sinusoids of each degree of freedom: the gait, and slower motions of the arms and of looking:
+# (amplitude in degrees or m, Hz), chosen so that a carried camera turns by about 65 degrees/s.
 _DEGREES: dict[str, tuple[tuple[float, float], ...]] = {
     "roll": ((2.5, _STEPS_HZ / 2), (2.0, 0.37)),
     "pitch": ((1.0, _STEPS_HZ), (5.0, 0.41)),

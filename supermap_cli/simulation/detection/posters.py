@@ -17,15 +17,19 @@ from supermap_cli.types.detections import RegionMask, cut_mask
 _PICTURED = ("armchair", "backpack", "chair", "lamp", "laptop", "potted plant", "tv", "vase")
 _ROOM_M2 = 20.0  # floor for which the number of posters is given: a room
 _SAMPLED_M = 0.25  # between two places where one may hang
-_HALF_SIZE_M = ((0.2, 0.3), (0.25, 0.42))  # least and most, across and up: from A2 (0.42 x 0.59 m) to A1
-_LOWEST_M, _HIGHEST_M = 0.9, 1.5  # of their middles: where a camera 1 m up that looks slightly down sees them
-_APART_M = 1.2  # between two of them
-_FREE_M = 0.3  # of furniture, doors and windows round a middle
-_INTO_ROOM_M = 0.3  # before a wall, to tell its inner from its outer face
-_NEAREST_M, _FARTHEST_M = 0.6, 4.5  # distances from which one is mistaken for a thing
-_FLAT_M = 0.03  # off the wall's plane: still on it
-_STRETCH = 1.5  # of what lies at the side of a wide image, or above the middle of a panorama
-_RECALL_SPREAD = 0.1  # by which the posters' recalls lie above or below the mean
+_HALF_SIZE_M = ((0.2, 0.3), (0.25, 0.42))  # m, least and most, across and up: from A2 (0.42 x 0.59 m) to A1
+_LOWEST_M, _HIGHEST_M = 0.9, 1.5  # m, of their middles: where a camera 1 m up that looks slightly down sees them
+_APART_M = 1.2  # m between two of them, so that one view seldom shows both; chosen
+_FREE_M = 0.3  # m, half a poster, free of furniture, doors and windows round a middle
+_INTO_ROOM_M = 0.3  # m before a wall, more than any wall is thick, to tell its inner from its outer face
+_NEAREST_M, _FARTHEST_M = 0.6, 4.5  # m, as of phantoms: distances from which one is mistaken for a thing
+_FLAT_M = 0.03  # m, a frame's thickness, off the wall's plane: still on it
+_STRETCH = (
+    1.5  # ratio, chosen: most stretching of what lies at the side of a wide image, or above the middle of a panorama
+)
+_RECALL_SPREAD = (
+    0.1  # share of views, so that recalls are .6 to .8: by which the posters' recalls lie above or below the mean
+)
 
 
 @dataclass(frozen=True)

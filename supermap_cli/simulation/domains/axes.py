@@ -20,6 +20,7 @@ RANDOM = "random"
 """What `--domain` takes in place of NAME=LEVEL to draw the levels of all axes that are not named."""
 
 _USUAL_SHARE = 0.5
+"""Probability that a random domain has an axis at its usual level; chosen so that half of the axes are odd."""
 
 
 def choose_levels(given: Sequence[str], seed: int) -> dict[str, str]:

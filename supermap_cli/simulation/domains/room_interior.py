@@ -31,14 +31,14 @@ from supermap_cli.simulation.worlds.random_recipes import STYLED, Group, one_of
 from supermap_cli.simulation.worlds.shapes.materials import pick
 
 _ROOMS = ("first room", "second room")
-_STYLED_GROUPS = 6  # that a level of the axis `furniture` asks for
-_GLAZED_GROUPS = 3  # the same of the axis `materials`
-_FEWER_AN_ATTEMPT = 0.15  # of the things, so that a later attempt is easier
+_STYLED_GROUPS = 6  # groups of things, a third of a room, chosen: that a level of the axis `furniture` asks for
+_GLAZED_GROUPS = 3  # groups, chosen: the same of the axis `materials`
+_FEWER_AN_ATTEMPT = 0.15  # share of the things left out, chosen, so that a later attempt is easier
 _PERSON_M = (0.55, 0.55, 1.8)  # m, the room that a standing person needs
-_STANDS_DRAWN = 60
-_TWIN_ROUNDS = 4
-_LEAST_THINGS = 2
-_SHARE_BESIDE_ROWS = 0.6  # of the things that a room holds without rows
+_STANDS_DRAWN = 60  # tries at a place for a person; bounds the time
+_TWIN_ROUNDS = 4  # rounds in which twins look for a place; bounds the time
+_LEAST_THINGS = 2  # things that even the last attempt has: with fewer there is nothing to map
+_SHARE_BESIDE_ROWS = 0.6  # share, for rows take up the floor: of the things that a room holds without rows
 
 
 @dataclass(frozen=True)

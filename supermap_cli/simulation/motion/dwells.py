@@ -15,13 +15,13 @@ from supermap_cli.simulation.route import Route
 
 _CLEARANCE_M = 0.33  # m, as for other routes
 _SECONDS_A_TURN = 15.0  # s: 24 degrees/s, at which images of 5 Hz overlap by nine tenths
-_EASE_S = 1.5  # s from rest to the full rate, and back
-_OTHER_PLACE_M = 1.0  # m from where an earlier visit was
-_PASS_SPEED = 0.6  # m/s at most
-_LINES_DRAWN = 400
+_EASE_S = 1.5  # s, chosen: from rest to the full rate, and back
+_OTHER_PLACE_M = 1.0  # m, as for other second visits: from where an earlier visit was
+_PASS_SPEED = 0.6  # m/s at most, a slow walk
+_LINES_DRAWN = 400  # lines tried; bounds the time
 _STEP_S = 0.05  # s between points of a way
-_KNOT_EVERY = 5  # points
-_SHORTEST_PASS_M = 0.3  # m
+_KNOT_EVERY = 5  # points: 0.25 s, as for other routes
+_SHORTEST_PASS_M = 0.3  # m: less is a stand
 
 
 def turn_on_the_spot(  # noqa: PLR0917 - where, how and when

@@ -10,8 +10,8 @@ from supermap_cli.simulation.rigs import DepthSensor
 from supermap_cli.simulation.views import RenderedView
 
 _EDGE_M, _EDGE_SHARE = 0.03, 0.05  # m and share of the depth: the greater is the least jump of an edge
-_PATCH_PX = 6  # px: width of patches that flicker together
-_MULTIPATH_PX, _BLIND_PX = 40, 12  # px: width of patches of equal multipath, and without return
+_PATCH_PX = 6  # px, chosen: width of patches that flicker together
+_MULTIPATH_PX, _BLIND_PX = 40, 12  # px, chosen by looking: width of patches of equal multipath, and without return
 _TEXTURE_PX = 9  # px: side of the square over which texture is measured
 _TEXTURED = 6.0  # grey levels (0..255): standard deviation of the brightness from which a match is certain
 _BLIND_TEXTURED, _BLIND_PLAIN = 2.0, 0.3  # standard deviations of the noise above which a patch is blind

@@ -19,11 +19,11 @@ from supermap_cli.simulation.worlds.shapes.primitives import extruded
 
 THIN_WALL_M = 0.05
 """Thickness of a partition of boards, m: less than what most maps blur a surface by."""
-_VARIES = 0.08  # share by which each side of a room varies
+_VARIES = 0.08  # share, chosen: by which each side of a room varies
 _WINDOWED_M = 3.0  # m: narrower rooms have no window
-_PASSAGE_M = 1.25  # m left free beside a glass partition
+_PASSAGE_M = 1.25  # m, a robot and its turns: left free beside a glass partition
 _OBLIQUE_M = (1.3, 2.0)  # m that an oblique wall takes from each of two walls
-_PARTITION_THICK_M = 0.06  # m
+_PARTITION_THICK_M = 0.06  # m, two panes and their frame
 
 
 @dataclass(frozen=True)
