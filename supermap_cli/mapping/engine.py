@@ -203,10 +203,9 @@ class MappingEngine:
         self._update.update(stamp_ns, matched)
 
     def end_traversal(self) -> None:
-        """What moves by itself is believed to be nowhere from now on."""
+        """What moves by itself is believed to be nowhere from now on; identities are judged by all that was seen."""
         self.transitions.touched.clear()
-        self._update.forget_dynamic(None)
-        self._update.forget()
+        self._update.end_traversal()
 
     def take_changes(self) -> MapDelta:
         """What has changed since the last call."""

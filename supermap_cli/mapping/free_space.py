@@ -92,10 +92,12 @@ class SmallView:
         parameters: FreeSpaceParameters = DEFAULT,
         visibility_parameters: VisibilityParameters = visibility.DEFAULT,
     ) -> float:
-        """Share of (n, 3) points that rays went through; 0 where fewer than half of the points are in view."""
+        """Share of (n, 3) points that rays went through; 0 where fewer than half of the points are in view, or where
+        what they show is narrower than the rays are apart: it may stand between them.
+        """
         points_camera = transform_points(inverse(self.T_map_camera), points_map)
         pixels, seen = self.camera.project(points_camera)
-        if seen.mean() < parameters.min_in_view_share:
+        if seen.mean() < parameters.min_in_view_share or np.ptp(pixels[seen], axis=0).min() < self.step_px:
             return 0.0
         u, v = (pixels[seen] / self.step_px).astype(np.int64).T
         h, w = self.nearest_m.shape
@@ -109,9 +111,14 @@ class SmallView:
 def small_view(
     stamp_ns: int, T_map_camera: FloatArray, camera: Camera, small_m: Float32Array, step_px: int
 ) -> SmallView:
-    """Prepare a coarse depth image: a ray counts as through only if it is so for all rays around it."""
-    around = cv2.erode(np.where(small_m > 0, small_m, np.float32(np.inf)), np.ones((3, 3), np.uint8))
-    nearest_m = np.where(small_m > 0, around, np.inf).astype(np.float32)
+    """Prepare a coarse depth image: a ray counts as through only if it is so for all rays around it.
+
+    A ray without a return may have ended as near as any around it: the edge of a table mostly gives none.
+    """
+    around = np.ones((3, 3), np.uint8)
+    known_m = np.where(small_m > 0, small_m, np.float32(np.inf))
+    assumed_m = np.where(small_m > 0, small_m, cv2.erode(known_m, around))
+    nearest_m = np.where(small_m > 0, cv2.erode(assumed_m, around), np.inf).astype(np.float32)
     return SmallView(stamp_ns, T_map_camera, camera, nearest_m, step_px)
 
 

@@ -18,7 +18,7 @@ from supermap_cli.mapping.objects import MapObject, ObjectMap
 from supermap_cli.mapping.pair_evidence import PairEvidence
 from supermap_cli.mapping.parameters import MappingParameters
 from supermap_cli.mapping.recall import ScoreModel
-from supermap_cli.mapping.relocation import by_presence, relocations
+from supermap_cli.mapping.relocation import Relocation, by_presence, relocations
 from supermap_cli.mapping.splitting import SplitEvidence
 from supermap_cli.mapping.transitions import Transitions
 
@@ -90,16 +90,25 @@ class MapUpdate:
             empty_ns = self.free_space.last_seen_empty(points, obj.voxels.voxel_m, obj.state.first_seen_ns)
             obj.state.empty_before_ns = empty_ns
             obj.set_status(confirmed=True)
-        relocated = set() if "tracker" in self.ablate else self._relocate(newly)
+        relocated = set() if "tracker" in self.ablate else self._relocate_new(newly)
         for obj in newly:
             if obj.number not in relocated:
                 self.transitions.confirm(obj)
 
-    def _relocate(self, newly: Sequence[MapObject]) -> set[int]:
+    def end_traversal(self) -> None:
+        """What moves by itself is believed to be nowhere from now on; identities are judged by all that was seen."""
+        self.forget_dynamic(None)
+        if "tracker" not in self.ablate:
+            gone, found, standing = by_presence(self.objects)
+            self._relocate(relocations(gone, found, standing, self.parameters.relocation))
+        self.forget()
+
+    def _relocate_new(self, newly: Sequence[MapObject]) -> set[int]:
         """Objects found that are absent objects: they take over the identity, if the evidence singles it out.
 
         A pair is judged at the later of two events: the one confirmed, the other seen to be gone; either may be noticed
-        first. It is judged again when two that were found have turned out to be one: that may end an ambiguity.
+        first. It is judged again when two that were found have turned out to be one: that may end an ambiguity, and at
+        the end of the traversal, when both have been seen from more sides.
         """
         gone, found, standing = by_presence(self.objects)
         news = {obj.number for obj in newly} | {obj.number for obj in gone if obj.number in self.transitions.touched}
@@ -107,10 +116,13 @@ class MapUpdate:
         self.links.absorbed = set()
         if not gone or not news:
             return set()
+        matches = relocations(gone, found, standing, self.parameters.relocation)
+        return self._relocate([match for match in matches if not news.isdisjoint((match.gone, match.found))])
+
+    def _relocate(self, matches: Sequence[Relocation]) -> set[int]:
+        """Carry out what is certain, note what is possible; the numbers of the objects that were taken over."""
         taken = set()
-        for match in relocations(gone, found, standing, self.parameters.relocation):
-            if news.isdisjoint((match.gone, match.found)):
-                continue
+        for match in matches:
             old, new = self.objects[match.gone], self.objects[match.found]
             if match.certain:
                 self.transitions.relocate(old, new)

@@ -6,12 +6,14 @@ colour and times single one pair out.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
+from supermap_cli.geometry.arrays import FloatArray
+from supermap_cli.geometry.boxes import displacement_m
 from supermap_cli.mapping.objects import MapObject, ObjectMap
 from supermap_cli.types.parameters import TUNED, parameter
 
@@ -24,7 +26,14 @@ class RelocationParameters:
     candidate_log_ratio: float = parameter(
         -1.0, "1", "a pair that is less likely one object than this is no candidate", TUNED
     )
-    prior: float = parameter(1.5, "1", "log ratio of any pair: what is gone mostly went somewhere near", TUNED)
+    prior: float = parameter(1.5, "1", "log ratio of any pair: what is gone mostly stands elsewhere", TUNED)
+    moved_m: float = parameter(
+        3.0, "m", "mean distance of things that are moved within reach", "within a room; prior", at_least=0.1
+    )
+    moved_anywhere: float = parameter(
+        0.5, "1", "share of moved things that end up anywhere in the place", "even odds", at_least=0.01, at_most=1.0
+    )
+    least_area_m2: float = parameter(10.0, "m2", "least area of a place", "a small room", at_least=1.0)
     not_seen_empty: float = parameter(
         -1.0, "1", "log ratio where the new place had not been seen empty before: it may have stood there", TUNED
     )
@@ -68,28 +77,49 @@ def relocations(
 ) -> list[Relocation]:
     """Match objects that are gone with objects that turned up: an assignment over all pairs.
 
-    A pair is certain if neither another pair nor its being two things is nearly as likely; what else is likely is left
-    as a candidate. `standing` is what has stood in its place all along: an object in a place nobody had looked at may
+    A pair is certain if no assignment without it is nearly as likely; what else is likely is left as a candidate. `standing` is what has stood in its place all along: an object in a place nobody had looked at may
     well be one more of its kind.
     """
     absent, new, others = list(gone), list(found), list(standing)
     if not absent or not new:
         return []
-    scores = np.array([[resemblance(old, candidate, parameters) for candidate in new] for old in absent])
+    area_m2 = place_area_m2([*absent, *new, *others], parameters)
+    scores = np.array([[resemblance(old, candidate, area_m2, parameters) for candidate in new] for old in absent])
     for column, candidate in enumerate(new):
         if candidate.state.empty_before_ns is None:
             alike = sum(look_alike(candidate, other, parameters) for other in others)
             scores[:, column] -= np.log1p(parameters.others_weight * alike)
-    rows, columns = linear_sum_assignment(np.maximum(scores, 0.0), maximize=True)
-    assigned = set(zip(rows.tolist(), columns.tolist(), strict=True))
     likely = []
     for row, column in np.argwhere(scores > parameters.candidate_log_ratio).tolist():
-        rivals = np.concatenate([np.delete(scores[row], column), np.delete(scores[:, column], row), [0.0]])
-        certain = (row, column) in assigned and scores[row, column] - rivals.max() > parameters.margin
-        probability = 1 / (1 + np.exp(rivals - scores[row, column]).sum())
-        likely.append(Relocation(absent[row].number, new[column].number, float(probability), bool(certain)))
+        lead = assignment_lead(scores, row, column)
+        probability = float(1 / (1 + np.exp(-lead)))
+        likely.append(Relocation(absent[row].number, new[column].number, probability, lead > parameters.margin))
     settled = {number for pair in likely if pair.certain for number in (pair.gone, pair.found)}
     return [pair for pair in likely if pair.certain or settled.isdisjoint((pair.gone, pair.found))]
+
+
+def assignment_lead(scores: FloatArray, row: int, column: int) -> float:
+    """By how much the best assignment with a pair of `scores` (n, m) beats the best one without it (log ratio).
+
+    Whatever scores below 0 is left unassigned. Of several look-alikes no pair decides alone: what the others would have
+    to be counts too.
+    """
+    gains = np.maximum(scores, 0.0)
+    rest = np.delete(np.delete(gains, row, axis=0), column, axis=1)
+    with_pair = float(scores[row, column]) + _best_total(rest)
+    gains[row, column] = 0.0
+    return with_pair - _best_total(gains)
+
+
+def _best_total(gains: FloatArray) -> float:
+    rows, columns = linear_sum_assignment(gains, maximize=True)
+    return float(gains[rows, columns].sum())
+
+
+def place_area_m2(objects: Sequence[MapObject], parameters: RelocationParameters = DEFAULT) -> float:
+    """Area of the level square that objects stand in."""
+    centroids = np.array([obj.shape.centroid[:2] for obj in objects])
+    return max(float(np.ptp(centroids, axis=0).max()) ** 2, parameters.least_area_m2)
 
 
 def by_presence(objects: ObjectMap) -> tuple[list[MapObject], list[MapObject], list[MapObject]]:
@@ -104,15 +134,30 @@ def by_presence(objects: ObjectMap) -> tuple[list[MapObject], list[MapObject], l
     return gone, found, [obj for obj in present if obj.first_seen_ns <= first_gone_ns]
 
 
-def resemblance(first: MapObject, second: MapObject, parameters: RelocationParameters = DEFAULT) -> float:
-    """Log ratio for an object that is gone and one found elsewhere to be one: label, size, colour, and whether it came.
+def resemblance(
+    first: MapObject, second: MapObject, area_m2: float, parameters: RelocationParameters = DEFAULT
+) -> float:
+    """Log ratio for an object that is gone and one found elsewhere to be one: label, size, colour, distance, and whether
+    it came.
 
     Sizes are compared without the thinnest side: how deep a thing is, a view from one side does not show.
     """
     if second.is_dynamic or second.first_seen_ns <= first.last_seen_ns:
         return -np.inf
     came = 0.0 if second.state.empty_before_ns is not None else parameters.not_seen_empty
-    return likeness(first, second, parameters) + parameters.prior + came + timeliness(first, second, parameters)
+    near = nearness(displacement_m(first.shape.box, second.shape.box), area_m2, parameters)
+    return likeness(first, second, parameters) + parameters.prior + near + came + timeliness(first, second, parameters)
+
+
+def nearness(distance_m: float, area_m2: float, parameters: RelocationParameters = DEFAULT) -> float:
+    """Log ratio of the densities with which a moved thing, and any other, turns up at that distance.
+
+    Moved things mostly stay near (an exponential of the level distance), some go anywhere; others come anywhere.
+    """
+    reach_m = parameters.moved_m / 2  # the mean of the level distance is twice the scale of such a density
+    density_per_m2 = np.exp(-distance_m / reach_m) / (2 * np.pi * reach_m**2)
+    anywhere = parameters.moved_anywhere
+    return float(np.log((1 - anywhere) * density_per_m2 * area_m2 + anywhere))
 
 
 def timeliness(gone: MapObject, found: MapObject, parameters: RelocationParameters = DEFAULT) -> float:

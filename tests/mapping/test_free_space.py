@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from supermap_cli.errors import MemoryStoreError
-from supermap_cli.mapping.free_space import FreeSpaceMemory, decode_small_depth
+from supermap_cli.mapping.free_space import FreeSpaceMemory, decode_small_depth, small_view
 from support import scenes as s
 
 EYE = s.looking((0, 0, 1.2), (2, 0, 1.0))
@@ -106,3 +106,20 @@ def test_stored_depth_that_is_no_png_is_a_damaged_memory() -> None:
     record = replace(s.small_record(s.render(s.ROOM, EYE).keyframe), depth_png=b"no png")
     with pytest.raises(MemoryStoreError, match="db check"):
         decode_small_depth(record)
+
+
+def test_a_thing_that_is_narrower_than_the_rays_are_apart_may_stand_between_them() -> None:
+    memory = FreeSpaceMemory()
+    for at_s, eye in ((2, ELSEWHERE), (3, EYE)):
+        memory.add_record(1, s.small_record(s.render(s.ROOM, eye, at_s).keyframe, step_px=16))  # 20 cm at 1.5 m
+    assert memory.last_seen_empty(around(1.5, 0, 1) * 2 - (1.5, 0, 1), 0.02, s.ns(10)) == s.ns(3)
+    assert memory.last_seen_empty(around(1.5, 0, 1) * 0.5 + (0.75, 0, 0.5), 0.02, s.ns(10)) is None
+
+
+def test_a_ray_without_a_return_may_have_ended_as_near_as_those_around_it() -> None:
+    depth_m = np.full((30, 40), 4.0, np.float32)
+    depth_m[16:] = 1.0  # a table's top; its far edge gives no return
+    depth_m[15] = 0.0
+    view = small_view(0, np.eye(4), s.CAMERA, depth_m, 4)
+    assert view.nearest_m[14, 20] == 1.0
+    assert view.nearest_m[10, 20] == 4.0

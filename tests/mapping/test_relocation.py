@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
+from itertools import permutations
+
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 
+from supermap_cli.mapping.relocation import assignment_lead, nearness
 from supermap_cli.types.memory import MapDelta, TemporalEdge
 from support import scenes as s
 
@@ -120,7 +126,7 @@ def test_with_two_gone_it_is_not_guessed_which_one_was_found() -> None:
     [
         s.BOX.at(2.2, 0.8),
         s.Thing("chair", (2.2, 0.8, 0.4), s.CHAIR.size, (230, 40, 40)),
-        s.Thing("chair", (2.2, 0.8, 0.15), (0.15, 0.15, 0.3), s.CHAIR.rgb),
+        s.Thing("chair", (2.2, 0.8, 0.15), (0.25, 0.25, 0.3), s.CHAIR.rgb),
     ],
     ids=["another label", "another colour", "another size"],
 )
@@ -169,3 +175,54 @@ def test_one_more_of_a_kind_in_a_place_nobody_had_looked_at_need_not_have_moved(
     delta = arc(run, *standing, far, target=(1.6, 3.4, 0.4))
     assert len(of_kind(delta, "moved")) == (0 if others else 1)
     assert len(of_kind(delta, "candidate")) == (1 if others else 0)
+
+
+def test_of_two_look_alikes_that_were_moved_a_little_each_is_the_one_nearby() -> None:
+    run = s.Run()
+    left, right = s.CHAIR.at(1.4, -1.6), s.CHAIR.at(1.4, 1.6)
+    arc(run, left, right, target=(1.4, -1.2, 0.4))
+    arc(run, left, right, target=(1.4, 1.2, 0.4))
+    moved_left, moved_right = left.at(2.2, -1.6), right.at(2.2, 1.6)
+    for _ in range(2):
+        arc(run, moved_left, moved_right, target=(1.4, -1.2, 0.4))
+        arc(run, moved_left, moved_right, target=(1.4, 1.2, 0.4))
+    assert [obj.number for obj in run.standing("chair")] == [1, 2]
+    assert s.distance_to(run.map[1], moved_left) < 0.2
+
+
+def test_what_one_look_leaves_open_the_whole_traversal_decides() -> None:
+    """Of a lamp that was found, a first look shows the top alone: it might be another, smaller one."""
+    lamp = s.Thing("lamp", (1.6, 0, 0.8), (0.3, 0.3, 1.6), (40, 90, 160))
+    elsewhere = lamp.at(2.2, 1.6)
+    run = s.Run()
+    arc(run, lamp)
+    arc(run)
+    for target_z in (2.0, 0.8):
+        for y in np.linspace(1.0, 2.2, 6):
+            run.see((*s.ROOM, elsewhere), (0.9, float(y), 1.0), (2.2, 1.6, target_z))
+    assert [edge.kind for edge in run.take().temporal_edges] == ["candidate", "appeared"]
+    run.engine.end_traversal()
+    assert [edge.kind for edge in run.take().temporal_edges] == ["merged", "moved"]
+    assert [obj.number for obj in run.standing("lamp")] == [1]
+
+
+@given(arrays(float, st.tuples(st.integers(1, 3), st.integers(1, 3)), elements=st.floats(-5, 5)), st.data())
+def test_the_lead_of_a_pair_is_that_of_the_best_assignment_with_it(scores: np.ndarray, data: st.DataObject) -> None:
+    row = data.draw(st.integers(0, scores.shape[0] - 1))
+    column = data.draw(st.integers(0, scores.shape[1] - 1))
+    padded = np.zeros((6, 6))
+    padded[: scores.shape[0], : scores.shape[1]] = np.maximum(scores, 0)
+    totals: dict[bool, list[float]] = {True: [], False: []}
+    for order in permutations(range(6)):
+        total = float(padded[np.arange(6), order].sum())
+        if order[row] == column:
+            totals[True].append(total - padded[row, column] + scores[row, column])
+        else:
+            totals[False].append(total)
+    assert assignment_lead(scores, row, column) == pytest.approx(max(totals[True]) - max(totals[False]), abs=1e-9)
+
+
+@given(st.floats(0, 30), st.floats(0, 30), st.floats(10, 2000))
+def test_what_is_nearer_is_likelier_the_same(first_m: float, second_m: float, area_m2: float) -> None:
+    near_m, far_m = sorted((first_m, second_m))
+    assert nearness(near_m, area_m2) >= nearness(far_m, area_m2)
