@@ -77,8 +77,9 @@ def relocations(
 ) -> list[Relocation]:
     """Match objects that are gone with objects that turned up: an assignment over all pairs.
 
-    A pair is certain if no assignment without it is nearly as likely; what else is likely is left as a candidate. `standing` is what has stood in its place all along: an object in a place nobody had looked at may
-    well be one more of its kind.
+    A pair is certain if no assignment without it is nearly as likely; what else is likely is left as a candidate.
+    `standing` is what has stood in its place all along: an object in a place nobody had looked at may well be one more
+    of its kind.
     """
     absent, new, others = list(gone), list(found), list(standing)
     if not absent or not new:
@@ -137,8 +138,8 @@ def by_presence(objects: ObjectMap) -> tuple[list[MapObject], list[MapObject], l
 def resemblance(
     first: MapObject, second: MapObject, area_m2: float, parameters: RelocationParameters = DEFAULT
 ) -> float:
-    """Log ratio for an object that is gone and one found elsewhere to be one: label, size, colour, distance, and whether
-    it came.
+    """Log ratio for an object that is gone and one found elsewhere to be one: label, size, colour, distance and time,
+    and whether it came.
 
     Sizes are compared without the thinnest side: how deep a thing is, a view from one side does not show.
     """
