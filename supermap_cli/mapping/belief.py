@@ -166,21 +166,38 @@ class Viewpoint:
 
 @dataclass(frozen=True)
 class ViewpointCell:
-    """The views from one cell: those that supported the object, all of them, and the sum of their log ratios."""
+    """The views from one cell: those that supported the object, all of them, the sum of their log ratios, the sum of
+    these numbers' magnitudes, and the greatest magnitude.
+    """
 
     supports: int = 0
     views: int = 0
     log_ratios: float = 0.0
+    magnitudes: float = 0.0
+    greatest: float = 0.0
+
+    @classmethod
+    def of(cls, log_ratio: float, *, detected: bool) -> ViewpointCell:
+        """One view."""
+        return cls(int(detected), 1, log_ratio, abs(log_ratio), abs(log_ratio))
 
     def __add__(self, other: ViewpointCell) -> ViewpointCell:
         return ViewpointCell(
-            self.supports + other.supports, self.views + other.views, self.log_ratios + other.log_ratios
+            self.supports + other.supports,
+            self.views + other.views,
+            self.log_ratios + other.log_ratios,
+            self.magnitudes + other.magnitudes,
+            max(self.greatest, other.greatest),
         )
 
     @property
     def evidence(self) -> float:
-        """The views say what sqrt(n) independent ones that agree with them on average would."""
-        return self.log_ratios / float(np.sqrt(self.views)) if self.views else 0.0
+        """N views that say equally much say what sqrt(n) independent ones would; one that says next to nothing is next
+        to no view, and takes nothing from what the others say.
+        """
+        if self.greatest == 0:
+            return 0.0
+        return self.log_ratios / float(np.sqrt(self.magnitudes / self.greatest))
 
 
 @dataclass(frozen=True)
@@ -229,14 +246,23 @@ class ViewpointHistory:
         log-odds of existence.
         """
         cell = self._extend_run(viewpoint, detected=True)
-        gain = self._add(cell, ViewpointCell(1, 1, log_ratio * self.run.weight))
+        gain = self._add(cell, ViewpointCell.of(log_ratio * self.run.weight, detected=True))
         n = self.cells[cell].supports
         return float(np.sqrt(n) - np.sqrt(n - 1)), gain
 
     def add_miss(self, viewpoint: Viewpoint, log_ratio: float) -> float:
         """Take in a view without a detection: how far it moves the log-odds of existence."""
         cell = self._extend_run(viewpoint, detected=False)
-        return self._add(cell, ViewpointCell(0, 1, log_ratio * self.run.weight))
+        return self._add(cell, ViewpointCell.of(log_ratio * self.run.weight, detected=False))
+
+    @property
+    def found_and_viewed(self) -> tuple[float, float]:
+        """How many independent views have detected the object, and how many there were: n of one cell count as
+        sqrt(n).
+        """
+        cells = [cell for cell in self.cells.values() if cell.views]
+        found = sum(cell.supports / float(np.sqrt(cell.views)) for cell in cells)
+        return found, sum(float(np.sqrt(cell.views)) for cell in cells)
 
     def absorb(self, other: ViewpointHistory) -> None:
         """Add another object's viewpoints."""

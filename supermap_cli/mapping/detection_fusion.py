@@ -96,7 +96,7 @@ class DetectionFusion:
             obj.labels = LabelBelief(parameters=sets.belief, size_parameters=sets.class_sizes)
         if obj.confirmed and obj.existence.log_odds > self.parameters.recall.sure_log_odds:
             self.scores.record_real(detection.score)
-        fuse_detection(obj, detection, self.scores, view.viewpoint_of(obj))
+        fuse_detection(obj, detection, self.scores, self.recall, view.viewpoint_of(obj))
         obj.observations += 1
         for share, truncated in obj.misses.unsettled:
             self.recall.record(obj.label, share, truncated, detected=False, weight=1.0)

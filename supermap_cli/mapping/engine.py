@@ -31,6 +31,7 @@ from supermap_cli.mapping.detection_fusion import DetectionFusion
 from supermap_cli.mapping.free_space import FreeSpaceMemory
 from supermap_cli.mapping.geometric_negation import negate_by_geometry
 from supermap_cli.mapping.keyframe_view import KeyframeView, move_seam, worth_lifting
+from supermap_cli.mapping.lifecycle import has_left
 from supermap_cli.mapping.lifting import LiftedDetection, lift
 from supermap_cli.mapping.map_update import IdentityLinks, MapUpdate
 from supermap_cli.mapping.mask_overlap import without_smaller
@@ -195,8 +196,10 @@ class MappingEngine:
                     self.transitions.changes.dirty.add(obj.number)
             if gone_ns is None and "semantic-fusion" not in self.ablate:
                 gone_ns = negate_by_miss(miss, view.viewpoint_of(obj), self.recall, parameters.missed_detections)
-            if gone_ns is not None:
+            if gone_ns is not None and has_left(obj, parameters.lifecycle):
                 self.transitions.mark_absent(obj, gone_ns)
+            elif gone_ns is not None:
+                obj.existence.log_odds = min(obj.existence.log_odds, parameters.lifecycle.forget_log_odds)
 
     def map_merge(self, stamp_ns: int, matched: set[int]) -> None:
         """MapMerge: confirm, relocate, merge and forget objects."""

@@ -18,7 +18,7 @@ from supermap_cli.mapping.association import pixels_in_region
 from supermap_cli.mapping.belief import Viewpoint
 from supermap_cli.mapping.lifting import LiftedDetection
 from supermap_cli.mapping.objects import MapObject
-from supermap_cli.mapping.recall import RecallModel, ScoreModel, miss_log_ratio
+from supermap_cli.mapping.recall import RecallModel, ScoreModel, miss_log_ratio, own_rate, return_log_ratio
 from supermap_cli.mapping.visibility import ObjectView
 from supermap_cli.mapping.voxel_map import VoxelMap
 from supermap_cli.types.parameters import TUNED, parameter
@@ -118,9 +118,16 @@ def hanging_together(voxels: VoxelMap, parameters: FusionParameters = DEFAULT) -
     return kept
 
 
-def fuse_detection(obj: MapObject, detection: LiftedDetection, scores: ScoreModel, viewpoint: Viewpoint) -> None:
+def fuse_detection(
+    obj: MapObject, detection: LiftedDetection, scores: ScoreModel, recall: RecallModel, viewpoint: Viewpoint
+) -> None:
     """Label and existence after a detection."""
-    log_ratio = scores.detection_log_ratio(detection.score, again=obj.observations > 0)
+    returns = 0.0
+    if obj.observations > 0:
+        rate = recall.rate_of_class(detection.hypotheses[0].label)
+        own = own_rate(rate, *obj.existence.viewpoints.found_and_viewed, recall.parameters)
+        returns = return_log_ratio(own, rate, soon=_soon(obj, viewpoint), parameters=recall.parameters)
+    log_ratio = scores.detection_log_ratio(detection.score, returns, obj.observations)
     weight = obj.existence.add_detection(viewpoint, log_ratio)
     obj.labels.update(detection.hypotheses, weight)
     obj.labels.longest_side_m = float(obj.shape.box.size.max())
@@ -128,7 +135,14 @@ def fuse_detection(obj: MapObject, detection: LiftedDetection, scores: ScoreMode
 
 def fuse_miss(obj: MapObject, expected_recall: float, viewpoint: Viewpoint, recall: RecallModel) -> None:
     """Existence after a view in which the detector did not find the object although it could have."""
-    obj.existence.add_miss(viewpoint, miss_log_ratio(expected_recall, recall.parameters))
+    own = own_rate(expected_recall, *obj.existence.viewpoints.found_and_viewed, recall.parameters)
+    soon = _soon(obj, viewpoint)
+    obj.existence.add_miss(viewpoint, miss_log_ratio(own, expected_recall, soon=soon, parameters=recall.parameters))
+
+
+def _soon(obj: MapObject, viewpoint: Viewpoint) -> bool:
+    """Whether an object was detected so short a time before that an error would still last."""
+    return viewpoint.stamp_ns - obj.last_seen_ns < obj.parameters.belief.error_duration_s * 1e9
 
 
 def area_share(view: ObjectView, image_area_px: int) -> float:

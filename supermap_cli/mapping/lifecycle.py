@@ -34,6 +34,13 @@ class LifecycleParameters:
     demote_log_odds: float = parameter(
         0.0, "1", "a confirmed object at or below this is demoted: it leaves the answers until confirmed anew", "odds"
     )
+    left_log_odds: float = parameter(
+        4.0,
+        "1",
+        "existence from which an object that stands there no more has left, in the traversal that first found it: what "
+        "was believed less was never there",
+        "as recall.sure_log_odds",
+    )
     forget_log_odds: float = parameter(-1.5, "1", "a tentative object at or below this is forgotten", TUNED)
 
 
@@ -80,3 +87,10 @@ def is_demoted(confirmed: MapObject, parameters: LifecycleParameters = DEFAULT) 
     """Whether a confirmed object is believed in no more; one that was demoted must be confirmed anew."""
     least = parameters.confirm_log_odds if confirmed.demoted else parameters.demote_log_odds
     return confirmed.existence.log_odds <= least
+
+
+def has_left(obj: MapObject, parameters: LifecycleParameters = DEFAULT) -> bool:
+    """Whether an object whose place is empty has left it, rather than never having been there: one of an earlier
+    traversal, or one that is believed in firmly.
+    """
+    return obj.visit.earlier_ns is not None or obj.existence.log_odds >= parameters.left_log_odds

@@ -31,10 +31,28 @@ class RecallParameters:
     sure_log_odds: float = parameter(
         4.0, "1", "only objects believed this firmly teach how often the detector misses what is there", TUNED
     )
+    own_trials: float = parameter(
+        2.0,
+        "1",
+        "trials that the class's rate is worth for one thing: at 2, some are found in nearly every image and others "
+        "hardly ever",
+        "even beta prior",
+        at_least=0.1,
+    )
     clutter_recall: float = parameter(
         0.35,
         "1",
-        "P(a detector fires once more at what fooled it) / P(it fires at a thing seen like that): its errors come back",
+        "P(a detector fires once more at what fooled it, within the time its errors last) / P(it fires at a thing seen "
+        "like that): its errors come back",
+        TUNED,
+        at_least=1e-3,
+        at_most=1.0,
+    )
+    later_clutter_recall: float = parameter(
+        0.05,
+        "1",
+        "the same ratio after that time: few things fool a detector for long (on the desk of TUM fr1_rpy, what was "
+        "found again later was real)",
         TUNED,
         at_least=1e-3,
         at_most=1.0,
@@ -42,7 +60,7 @@ class RecallParameters:
     min_detection: float = parameter(
         -0.3, "1", "least log ratio of a detection: a hesitant one says less against an object than a miss does", TUNED
     )
-    max_detection: float = parameter(2.5, "1", "greatest log ratio of a detection: none is proof", TUNED)
+    max_detection: float = parameter(2.5, "1", "greatest log ratio of a detection's score: none is proof", TUNED)
     prior_scores: float = parameter(100.0, "1", "detections that the prior on the scores is worth", TUNED, at_least=1)
 
 
@@ -69,6 +87,11 @@ class RecallModel:
         """P(detected | there, observable); never certain."""
         rate = self._posterior(label, self.parameters.prior_rate)
         rate = self._posterior(self.cell(label, area_share, truncated), rate)
+        return float(np.clip(rate, self.parameters.min_rate, self.parameters.max_rate))
+
+    def rate_of_class(self, label: str) -> float:
+        """P(detected | there, observable) of a class, however its things look."""
+        rate = self._posterior(label, self.parameters.prior_rate)
         return float(np.clip(rate, self.parameters.min_rate, self.parameters.max_rate))
 
     def _posterior(self, key: str, prior: float) -> float:
@@ -112,16 +135,17 @@ class ScoreModel:
         for score in scores:
             self.clutter[score_bin(score)] += 1
 
-    def detection_log_ratio(self, score: float, *, again: bool) -> float:
-        """Log P(a detection of this score | a thing is there) / P(... | something fooled the detector); `again`: it is
-        not the first there.
+    def detection_log_ratio(self, score: float, returns: float = 0.0, before: int = 0) -> float:
+        """Log P(a detection of this score | a thing is there) / P(... | something fooled the detector).
+
+        `returns` is that of its firing there at all (`return_log_ratio`), `before` the number of detections there
+        before: the scores of one thing are alike, so that n say what sqrt(n) independent ones would.
         """
         k, prior = score_bin(score), self.parameters.prior_scores
         real = (self.real[k] + prior * _share(_REAL_PRIOR, k)) / (sum(self.real) + prior)
         clutter = (self.clutter[k] + prior * _share(_CLUTTER_PRIOR, k)) / (sum(self.clutter) + prior)
-        fires = -np.log(self.parameters.clutter_recall) if again else 0.0
-        log_ratio = np.log(real / clutter) + fires
-        return float(np.clip(log_ratio, self.parameters.min_detection, self.parameters.max_detection))
+        by_score = min(float(np.log(real / clutter)), self.parameters.max_detection)
+        return max(by_score / float(np.sqrt(1 + before)) + returns, self.parameters.min_detection)
 
 
 def score_bin(score: float) -> int:
@@ -133,6 +157,31 @@ def _share(density: FloatArray, k: int) -> float:
     return float(density[k] / density.sum())
 
 
-def miss_log_ratio(expected_recall: float, parameters: RecallParameters = DEFAULT) -> float:
-    """Log P(not detected | there) / P(not detected | something fooled it); near 0 where the detector is blind."""
-    return float(np.log((1 - expected_recall) / (1 - parameters.clutter_recall * expected_recall)))
+def own_rate(rate: float, found: float, viewed: float, parameters: RecallParameters = DEFAULT) -> float:
+    """P(detected | there) of one thing that `found` of `viewed` views have found, of a class that is found at `rate`.
+
+    Beta-binomial: things of one class differ by pose, light and place, and what was mostly missed is missed again.
+    """
+    own = (rate * parameters.own_trials + found) / (parameters.own_trials + viewed)
+    return float(np.clip(own, parameters.min_rate, parameters.max_rate))
+
+
+def return_log_ratio(own: float, rate: float, *, soon: bool, parameters: RecallParameters = DEFAULT) -> float:
+    """Log P(detected once more | there) / P(... | something fooled the detector), not below 0.
+
+    `own` is the rate at which the thing is found, if it is one, and `rate` that of its class; `soon` after it was
+    detected, what fooled the detector does so still.
+    """
+    clutter = parameters.clutter_recall if soon else parameters.later_clutter_recall
+    return max(float(np.log(own / (clutter * rate))), 0.0)
+
+
+def miss_log_ratio(
+    own: float, rate: float | None = None, *, soon: bool = True, parameters: RecallParameters = DEFAULT
+) -> float:
+    """Log P(not detected | there) / P(not detected | something fooled it), not above 0; near 0 where the detector is
+    blind. `own`, `rate` and `soon` are those of `return_log_ratio`.
+    """
+    rate = own if rate is None else rate
+    clutter = parameters.clutter_recall if soon else parameters.later_clutter_recall
+    return min(float(np.log((1 - min(own, rate)) / (1 - clutter * rate))), 0.0)

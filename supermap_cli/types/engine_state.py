@@ -12,18 +12,21 @@ from typing import Any
 
 from supermap_cli.errors import MemoryStoreError
 
+ViewpointCounts = tuple[int, int, float, float, float]
+
 
 @dataclass(frozen=True)
 class EngineState:
     """`label_counts` and `label_weight` are those of the label belief. `viewpoints`: cell of viewing directions ->
-    supporting views, all views, and the sum of their log likelihood ratios. `state_*` is the current state, `gone_ns`
-    the stamp since which there is none; `best_crop` is the quality of the best image crop; `seen_apart` says in how
-    many images other objects, by number, were seen beside it with masks of their own.
+    supporting views, all views, the sum of their log likelihood ratios, that of these numbers' magnitudes, and the
+    greatest of them. `state_*` is the current state, `gone_ns` the stamp since which there is none; `best_crop` is the
+    quality of the best image crop; `seen_apart` says in how many images other objects, by number, were seen beside it
+    with masks of their own.
     """
 
     label_counts: Mapping[str, float]
     label_weight: float
-    viewpoints: Mapping[str, tuple[int, int, float]]
+    viewpoints: Mapping[str, ViewpointCounts]
     state_index: int
     state_first_seen_ns: int
     state_empty_before_ns: int | None
@@ -56,7 +59,7 @@ class EngineState:
 
     def _is_valid(self) -> bool:
         reals = [*self.label_counts.values(), self.label_weight, self.best_crop]
-        reals += [cell[2] for cell in self.viewpoints.values()]
+        reals += [real for cell in self.viewpoints.values() for real in cell[2:]]
         integers = [self.state_index, self.state_first_seen_ns]
         integers += [stamp_ns for stamp_ns in (self.state_empty_before_ns, self.gone_ns) if stamp_ns is not None]
         return (
@@ -82,9 +85,12 @@ def _with_label_counts(document: Mapping[str, Any]) -> Mapping[str, Any]:
     return {**document, "label_counts": counts, "label_weight": float(document["looks"])}
 
 
-def _cell(stored: list[float] | int) -> tuple[int, int, float]:
-    """A cell of `viewpoints`; databases of version 0.1 stored the number of supporting views only."""
+def _cell(stored: list[float] | int) -> ViewpointCounts:
+    """A cell of `viewpoints`; databases of version 0.1 stored the number of supporting views only, later ones no
+    magnitudes: all views are then taken to have said equally much.
+    """
     if isinstance(stored, int):
-        return stored, stored, 0.0
-    supports, looks, log_ratios = stored
-    return int(supports), int(looks), float(log_ratios)
+        return stored, stored, 0.0, 0.0, 0.0
+    supports, looks, log_ratios, *magnitudes = stored
+    total, greatest = magnitudes or (abs(log_ratios), abs(log_ratios) / max(looks, 1))
+    return int(supports), int(looks), float(log_ratios), float(total), float(greatest)

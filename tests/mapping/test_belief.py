@@ -157,7 +157,21 @@ def test_hits_and_misses_from_one_place_count_in_whatever_order(words: list[floa
 
     shuffled = sorted(words, key=lambda _: random.random())  # type: ignore[attr-defined]
     assert told(words) == pytest.approx(told(shuffled), abs=1e-9)
-    assert told(words) == pytest.approx(sum(words) / np.sqrt(len(words)), abs=1e-9)
+
+
+@given(st.floats(0.5, 3), st.integers(1, 30))
+def test_a_look_that_says_next_to_nothing_takes_nothing_from_the_others(word: float, more: int) -> None:
+    views = ViewpointHistory()
+    views.add_detection(seen_from(PLACE), word)
+    lost = sum(views.add_miss(seen_from(PLACE, 5.0 * k), -1e-6) for k in range(1, more))
+    assert lost == pytest.approx(0, abs=1e-3)
+
+
+@given(st.floats(0.1, 3), st.floats(0.1, 3))
+def test_a_second_hit_never_speaks_against(first: float, second: float) -> None:
+    views = ViewpointHistory()
+    views.add_detection(seen_from(PLACE), first)
+    assert views.add_detection(seen_from(PLACE, 5.0), second)[1] > 0
 
 
 def test_looks_in_quick_succession_share_their_errors_wherever_they_are_from() -> None:

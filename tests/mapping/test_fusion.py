@@ -92,22 +92,26 @@ def test_voxels_that_the_evidence_has_turned_against_are_dropped(chair: MapObjec
 
 def test_existence_rises_with_detections_and_falls_with_misses_within_bounds(chair: MapObject) -> None:
     one = s.lifted(s.render((*s.ROOM, s.CHAIR), EYE), 2, score=0.8)
-    scores, here, there = ScoreModel(), EYE[:3, 3], np.array([1.6, -2.5, 1.3])
+    scores, recall = ScoreModel(), RecallModel()
+    here, there = EYE[:3, 3], np.array([1.6, -2.5, 1.3])
     seconds = itertools.count(step=5)
 
     def at(place: NDArray[np.float64]) -> Viewpoint:
         return Viewpoint(s.ns(next(seconds)), place, chair.shape.centroid)
 
     chair.existence, chair.observations = Existence(0.0), 1
-    fuse_detection(chair, one, scores, at(here))
+    fuse_detection(chair, one, scores, recall, at(here))
     once = chair.existence.log_odds
     assert once > 0.9
-    fuse_detection(chair, one, scores, at(here))
-    assert once < chair.existence.log_odds < 2 * once
-    fuse_detection(chair, one, scores, at(there))
+    fuse_detection(chair, one, scores, recall, at(here))
+    twice = chair.existence.log_odds
+    assert once < twice
+    fuse_detection(chair, one, scores, recall, at(here))
+    assert twice < chair.existence.log_odds < 2 * twice - once
+    fuse_detection(chair, one, scores, recall, at(there))
     assert chair.existence.log_odds > 2 * once
     for _ in range(50):
-        fuse_detection(chair, one, scores, at(here))
+        fuse_detection(chair, one, scores, recall, at(here))
     assert chair.existence.log_odds == DEFAULT.max_existence
     fuse_miss(chair, 0.9, at(there), RecallModel())
     assert DEFAULT.min_existence < chair.existence.log_odds < DEFAULT.max_existence

@@ -7,7 +7,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from supermap_cli.mapping.recall import DEFAULT, RecallModel, ScoreModel, miss_log_ratio
+from supermap_cli.mapping.recall import (
+    DEFAULT,
+    RecallModel,
+    ScoreModel,
+    miss_log_ratio,
+    own_rate,
+    return_log_ratio,
+)
 
 LARGE, SMALL = 0.2, 0.001
 
@@ -59,33 +66,50 @@ def test_a_miss_where_the_detector_is_blind_says_nothing() -> None:
     assert miss_log_ratio(0.95) == pytest.approx(np.log(0.05 / (1 - 0.95 * DEFAULT.clutter_recall)))
 
 
-@given(st.floats(0.0, 0.95), st.booleans())
-def test_a_firmer_detection_says_more(score: float, again: bool) -> None:
+@given(st.floats(0.0, 0.95), st.integers(0, 50))
+def test_a_firmer_detection_says_more(score: float, before: int) -> None:
     model = ScoreModel()
-    assert model.detection_log_ratio(score + 0.05, again=again) >= model.detection_log_ratio(score, again=again)
+    assert model.detection_log_ratio(score + 0.05, 1.0, before) >= model.detection_log_ratio(score, 1.0, before)
 
 
-@given(st.floats(0.0, 1.0))
-def test_to_be_found_again_says_more_than_to_be_found_once(score: float) -> None:
-    """What fools a detector fools it again now and then; what is there is found again mostly."""
-    model = ScoreModel()
-    assert model.detection_log_ratio(score, again=True) >= model.detection_log_ratio(score, again=False)
+@given(st.floats(0.02, 0.95), st.floats(0.02, 0.95))
+def test_to_be_found_again_later_says_more_than_at_once(own: float, rate: float) -> None:
+    """What fools a detector mostly does so for a moment; what is there is found again for ever."""
+    at_once, later = (return_log_ratio(own, rate, soon=soon) for soon in (True, False))
+    assert 0 <= at_once <= later
+    if own >= rate:
+        assert at_once > 0.5
+
+
+def test_what_was_mostly_missed_is_expected_to_be_missed_again() -> None:
+    rates = [own_rate(0.5, 1, viewed) for viewed in range(1, 40)]
+    assert rates == sorted(rates, reverse=True)
+    costs = [miss_log_ratio(rate, 0.5) for rate in rates]
+    assert costs == sorted(costs)
+    assert costs[-1] == pytest.approx(0, abs=0.05)
+
+
+@given(st.integers(0, 30), st.integers(0, 30), st.floats(0.02, 0.95))
+def test_the_rate_of_one_thing_lies_between_its_classs_and_its_own(found: int, missed: int, rate: float) -> None:
+    own = own_rate(rate, found, found + missed)
+    share = found / (found + missed) if found + missed else rate
+    assert min(rate, share, 0.95) - 1e-9 <= own <= max(rate, share) + 1e-9
 
 
 def test_a_hesitant_detection_says_more_than_silence() -> None:
-    assert ScoreModel().detection_log_ratio(0.01, again=True) > miss_log_ratio(0.5)
+    assert ScoreModel().detection_log_ratio(0.01, 0.0, 3) > miss_log_ratio(0.5)
 
 
 def test_no_detection_is_proof() -> None:
-    assert ScoreModel().detection_log_ratio(1.0, again=True) <= 3.0
+    assert ScoreModel().detection_log_ratio(1.0) <= 3.0
 
 
 def test_a_small_networks_low_scores_come_to_count() -> None:
     model = ScoreModel()
-    before = model.detection_log_ratio(0.35, again=True)
+    before = model.detection_log_ratio(0.35)
     for _ in range(300):
         model.record_real(0.35)
-    after = model.detection_log_ratio(0.35, again=True)
+    after = model.detection_log_ratio(0.35)
     assert after > before
     model.record_clutter([0.35] * 600)
-    assert model.detection_log_ratio(0.35, again=True) < after
+    assert model.detection_log_ratio(0.35) < after

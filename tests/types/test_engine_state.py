@@ -9,7 +9,7 @@ import pytest
 from supermap_cli.errors import MemoryStoreError
 from supermap_cli.types.engine_state import EngineState
 
-STATE = EngineState({"chair": 4.0, "stool": 0.5}, 6.0, {"1,1,1": (3, 4, 2.5)}, 0, 10, None, None, 1.5)
+STATE = EngineState({"chair": 4.0, "stool": 0.5}, 6.0, {"1,1,1": (3, 4, 2.5, 3.5, 1.5)}, 0, 10, None, None, 1.5)
 
 
 def test_it_is_read_as_it_was_written() -> None:
@@ -31,3 +31,10 @@ def test_anything_else_is_damage(missing: str) -> None:
     del document[missing]
     with pytest.raises(MemoryStoreError, match="damaged"):
         EngineState.of(document)
+
+
+def test_cells_without_magnitudes_held_views_that_said_equally_much() -> None:
+    document = STATE.to_document()
+    assert EngineState.of(document | {"viewpoints": {"1,1,1": [3, 4, 2.5]}}).viewpoints == {
+        "1,1,1": (3, 4, 2.5, 2.5, 0.625)
+    }

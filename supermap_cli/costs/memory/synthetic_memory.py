@@ -168,7 +168,7 @@ def _instance(
     state = EngineState(
         label_counts=dict(zip((obj.label, other, "bucket"), _LABEL_COUNTS, strict=True)),
         label_weight=_LABEL_VIEWS,
-        viewpoints={f"{i},1,1": (4, 4, 4.0) for i in range(6)},
+        viewpoints={f"{i},1,1": (4, 4, 4.0, 4.0, 1.0) for i in range(6)},
         state_index=max(len(history.states) - 1, 0),
         state_first_seen_ns=history.seen[0].first_ns if newest is None else newest.first_seen_ns,
         state_empty_before_ns=None if newest is None else newest.empty_before_ns,
