@@ -27,6 +27,7 @@ from supermap_cli.mapping.clusters import (
 )
 from supermap_cli.mapping.depth import DepthView, edge_step_m, pixel_scale
 from supermap_cli.mapping.foreground import ForegroundParameters, foreground
+from supermap_cli.mapping.lidar_foreground import LidarForegroundParameters
 from supermap_cli.mapping.lidar_lifting import LidarLiftingParameters, lift_returns
 from supermap_cli.mapping.mask_core import MaskCoreParameters, erode, erosion_px, foreground_rim, off_depth_edges
 from supermap_cli.types.detections import Detections, Hypothesis, RegionMask
@@ -69,6 +70,7 @@ class LiftingParameterSets:
     mask_core: MaskCoreParameters = field(default_factory=MaskCoreParameters)
     clusters: ClusterParameters = field(default_factory=ClusterParameters)
     lidar_lifting: LidarLiftingParameters = field(default_factory=LidarLiftingParameters)
+    lidar_foreground: LidarForegroundParameters = field(default_factory=LidarForegroundParameters)
     below_lidar_fov: BelowLidarFovParameters = field(default_factory=BelowLidarFovParameters)
     finest_voxel_m: float = voxel_map.DEFAULT.finest_voxel_m
 
@@ -124,7 +126,7 @@ def lift(
 ) -> list[LiftedDetection]:
     """Lift all detections that have a mask and enough depth under it, or, with a LiDAR, stand on the floor."""
     lifted = []
-    masked = _masked(view, detections) if view.returns is None else None
+    masked = _masked(view, detections)
     for index in range(len(detections)):
         mask = detections.masks[index]
         if mask is None or not mask.pixels.any():
@@ -134,7 +136,7 @@ def lift(
         )
         clear = foreground_rim(view, mask, rim_px)
         core = erode(mask.pixels, rim_px, sets.mask_core) | clear
-        own = None if masked is None else foreground(view, mask, core, masked, sets.foreground)
+        own = foreground(view, mask, core, masked, sets.foreground) if view.returns is None else None
         if own is not None:
             mask, core, clear = own, own.pixels, _near_side(view, own)
         if view.returns is None:
@@ -146,7 +148,10 @@ def lift(
                 mask,
                 core,
                 [other for other in detections.masks if other is not None],
+                masked=masked,
                 parameters=sets.lidar_lifting,
+                foreground_parameters=sets.lidar_foreground,
+                surface_parameters=sets.foreground,
                 cluster_parameters=sets.clusters,
                 fov_parameters=sets.below_lidar_fov,
             )

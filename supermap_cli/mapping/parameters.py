@@ -23,6 +23,7 @@ from supermap_cli.mapping.fusion import FusionParameters
 from supermap_cli.mapping.icp import IcpParameters
 from supermap_cli.mapping.keyframe_view import KeyframeViewParameters
 from supermap_cli.mapping.levelling import LevellingParameters
+from supermap_cli.mapping.lidar_foreground import LidarForegroundParameters
 from supermap_cli.mapping.lidar_lifting import LidarLiftingParameters
 from supermap_cli.mapping.lifecycle import LifecycleParameters
 from supermap_cli.mapping.lifting import LiftingParameters, LiftingParameterSets
@@ -66,6 +67,7 @@ class MappingParameters:
     clusters: ClusterParameters = field(default_factory=ClusterParameters)
     lifting: LiftingParameters = field(default_factory=LiftingParameters)
     lidar_lifting: LidarLiftingParameters = field(default_factory=LidarLiftingParameters)
+    lidar_foreground: LidarForegroundParameters = field(default_factory=LidarForegroundParameters)
     below_lidar_fov: BelowLidarFovParameters = field(default_factory=BelowLidarFovParameters)
     voxel_map: VoxelMapParameters = field(default_factory=VoxelMapParameters)
     object_shape: ObjectShapeParameters = field(default_factory=ObjectShapeParameters)
@@ -103,6 +105,7 @@ class MappingParameters:
             self.mask_core,
             self.clusters,
             self.lidar_lifting,
+            self.lidar_foreground,
             self.below_lidar_fov,
             self.voxel_map.finest_voxel_m,
         )
