@@ -17,6 +17,7 @@ from supermap_cli.mapping.depth import DepthParameters
 from supermap_cli.mapping.displacement import DisplacementParameters
 from supermap_cli.mapping.drift import DriftParameters
 from supermap_cli.mapping.duplicates import DuplicatesParameters
+from supermap_cli.mapping.floor_by_feet import FloorByFeetParameters
 from supermap_cli.mapping.foreground import ForegroundParameters
 from supermap_cli.mapping.free_space import FreeSpaceParameters
 from supermap_cli.mapping.fusion import FusionParameters
@@ -69,6 +70,7 @@ class MappingParameters:
     lidar_lifting: LidarLiftingParameters = field(default_factory=LidarLiftingParameters)
     lidar_foreground: LidarForegroundParameters = field(default_factory=LidarForegroundParameters)
     below_lidar_fov: BelowLidarFovParameters = field(default_factory=BelowLidarFovParameters)
+    floor_by_feet: FloorByFeetParameters = field(default_factory=FloorByFeetParameters)
     voxel_map: VoxelMapParameters = field(default_factory=VoxelMapParameters)
     object_shape: ObjectShapeParameters = field(default_factory=ObjectShapeParameters)
     class_sizes: ClassSizeParameters = field(default_factory=ClassSizeParameters)
