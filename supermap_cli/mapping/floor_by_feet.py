@@ -65,37 +65,41 @@ DEFAULT = FloorByFeetParameters()
 
 @dataclass
 class FootRays:
-    """The rays to the foot of one track, summed up: (x, y, z) of the foot by weighted least squares.
+    """The rays to the foot of one track, summed up.
 
-    A ray from (p, p_z) that goes r (2,) aside for every metre down is at x, y = p + (p_z - z) r at a height z.
+    From p (2,) on the plane, a ray to a foot at x (2,), h beneath, goes r = (x - p) / h aside for every metre down: r
+    falls on p with a slope of -1 / h, by weighted least squares. (The other way round, where p depends on r, noise in
+    r alone would make rays of a robot that stands still meet in its camera.)
     """
 
     views: int = 0
-    normal: FloatArray = field(default_factory=lambda: np.zeros((3, 3)))
-    right: FloatArray = field(default_factory=lambda: np.zeros(3))
-    square: float = 0.0
+    weight: float = 0.0
+    at: FloatArray = field(default_factory=lambda: np.zeros(3))
+    aside: FloatArray = field(default_factory=lambda: np.zeros(2))
+    squares: FloatArray = field(default_factory=lambda: np.zeros(3))
 
-    def add(self, origin: FloatArray, aside: FloatArray, sigma_m: float) -> None:
-        """Add a ray, which is so exact on the floor."""
-        rows: FloatArray = np.column_stack([np.eye(2), aside])
-        values = origin[:2] + origin[2] * aside
+    def add(self, origin: FloatArray, aside: FloatArray, sigma: float) -> None:
+        """Add a ray, and how exact its way aside is."""
+        weight = 1 / sigma**2
         self.views += 1
-        self.normal += rows.T @ rows / sigma_m**2
-        self.right += rows.T @ values / sigma_m**2
-        self.square += float(values @ values) / sigma_m**2
+        self.weight += weight
+        self.at += weight * origin
+        self.aside += weight * aside
+        self.squares += weight * np.array([origin[:2] @ origin[:2], origin[:2] @ aside, aside @ aside])
 
-    def met(self, parameters: FloorByFeetParameters) -> FloatArray | None:
-        """Where (3,) they meet; `None` where they are nearly parallel, or do not."""
-        if self.views < parameters.met_views or np.linalg.cond(self.normal) > _SINGULAR:
+    def foot_z(self, parameters: FloorByFeetParameters) -> float | None:
+        """The height at which they meet; `None` where the robot hardly moved, or they do not meet."""
+        if self.views < parameters.met_views:
             return None
-        foot = np.linalg.solve(self.normal, self.right).astype(np.float64)
-        misfit = (self.square - float(foot @ self.right)) / (2 * self.views - 3)
-        sigma_m = float(np.sqrt(np.linalg.inv(self.normal)[2, 2]))
-        return foot if sigma_m < parameters.met_sigma_m and misfit < parameters.met_misfit**2 else None
-
-
-_SINGULAR = 1e9
-"""Condition of normal equations beyond which they say nothing: half of the digits of a double."""
+        at, aside = self.at / self.weight, self.aside / self.weight
+        about = np.array([at[:2] @ at[:2], at[:2] @ aside, aside @ aside])
+        moved, along, turned = (float(x) for x in self.squares - self.weight * about)
+        if along >= 0 or moved <= 0:
+            return None
+        height_m = -moved / along
+        misfit = (turned - along**2 / moved) / (2 * self.views - 3)
+        exact = height_m**2 / np.sqrt(moved) < parameters.met_sigma_m
+        return float(at[2]) - height_m if exact and misfit < parameters.met_misfit**2 else None
 
 
 @dataclass
@@ -130,7 +134,7 @@ class FloorByFeet:
             rays = foot_rays(keyframe, view, mask, masks, self.parameters)
             if rays is None:
                 continue
-            if index in lifted_as:
+            if index in lifted_as and lifted_as[index].measured:
                 foot = foot_below(rays, lifted_as[index].points_map, 2 * view.spacing_px / keyframe.camera.focal_px())
                 if foot is not None:
                     x, y = np.floor(foot[:2] / self.parameters.place_m).astype(int)
@@ -143,8 +147,8 @@ class FloorByFeet:
     def _agree(self) -> None:
         parameters = self.parameters
         measured = [heights for heights in self.heights_m.values() if len(heights) >= parameters.min_views]
-        met = [foot[2] for rays in self.rays.values() if (foot := rays.met(parameters)) is not None]
-        z = np.sort([float(np.median(heights)) for heights in measured] + [float(height) for height in met])
+        met = [height for rays in self.rays.values() if (height := rays.foot_z(parameters)) is not None]
+        z = np.sort([float(np.median(heights)) for heights in measured] + met)
         agreeing = np.searchsorted(z, z + 2 * parameters.same_m, side="right") - np.arange(len(z))
         if not len(z) or agreeing.max() < parameters.min_places:
             return
@@ -188,9 +192,7 @@ def foot_below(rays: MaskRays, points_map: FloatArray, width_rad: float) -> Floa
 
 
 def _downwards(rays: MaskRays, sigma_rad: float) -> tuple[FloatArray, FloatArray, float]:
-    """Origin (3,) and how far aside (2,) the middle ray goes for every metre down, and the deviation of where it meets
-    a floor one metre beneath.
-    """
+    """Origin (3,), how far aside (2,) the middle ray goes for every metre down, and the deviation of that."""
     azimuth, slope = float(np.median(rays.azimuth)), float(np.median(rays.slope))
     aside = np.array([np.cos(azimuth), np.sin(azimuth)]) / -slope
     return rays.origin, aside, sigma_rad * (1 + 1 / slope**2)

@@ -63,9 +63,9 @@ def lift_returns(
     surface_parameters: ForegroundParameters = foreground.DEFAULT,
     cluster_parameters: ClusterParameters = clusters.DEFAULT,
     fov_parameters: BelowLidarFovParameters = below_lidar_fov.DEFAULT,
-) -> tuple[FloatArray, UInt8Array, float] | None:
+) -> tuple[FloatArray, UInt8Array, float, bool] | None:
     """The returns on a mask that are the thing's, and what the image shows of it below them: points (n, 3) in the map,
-    their colours (n, 3) and their median distance.
+    their colours (n, 3), their median distance, and whether any returns are among them.
 
     `core`: the mask without its rim, on its region; `masks`: all of the image; `masked` (h, w): pixels in any of them.
     """
@@ -111,7 +111,7 @@ def lift_returns(
         chosen = np.linspace(0, len(points_map) - 1, parameters.max_points).astype(np.int64)
         points_map, u, v = points_map[chosen], u[chosen], v[chosen]
     depth_m = float(np.median(np.linalg.norm(points_map - rays.origin, axis=1)))
-    return points_map, keyframe.rgb[v, u], depth_m
+    return points_map, keyframe.rgb[v, u], depth_m, len(measured) > 0
 
 
 def _is_beyond(cluster: FloatArray, on_floor: FloatArray, origin: FloatArray, beyond_m: float) -> bool:

@@ -86,6 +86,7 @@ class LiftedDetection:
     it that is surely the object's: all but its rim, and of the rim what lies in the foreground (both on the region of
     `mask`); `rim_px` is how wide the rim is; `truncated` says that the image's border cuts it, so that its extent is
     only part of the object's; `voxel_m` is the edge of voxels that are not finer than what the sensor tells apart.
+    `measured`: depth or returns tell where it is, and not its foot alone.
     """
 
     index: int
@@ -102,6 +103,7 @@ class LiftedDetection:
     track_id: int
     truncated: bool
     voxel_m: float = voxel_map.DEFAULT.finest_voxel_m
+    measured: bool = True
     parameters: LiftingParameters = DEFAULT
 
     def with_points(self, kept: BoolArray) -> LiftedDetection:
@@ -157,7 +159,7 @@ def lift(
             )
         if one is None:
             continue
-        points, rgb, depth = one
+        points, rgb, depth, measured = one
         box = detections.boxes_xyxy[index]
         lifted.append(
             LiftedDetection(
@@ -175,6 +177,7 @@ def lift(
                 int(track_ids[index]),
                 is_truncated(box, keyframe.camera, sets.lifting),
                 sets.finest_voxel_m if view.returns is None else view.returns.parameters.range_sigma_m,
+                measured,
                 sets.lifting,
             )
         )
@@ -213,7 +216,7 @@ def _lift_core(
     clear: BoolArray,
     *,
     sets: LiftingParameterSets,
-) -> tuple[FloatArray, UInt8Array, float] | None:
+) -> tuple[FloatArray, UInt8Array, float, bool] | None:
     parameters = sets.lifting
     inner = np.flatnonzero(core & (view.depth_m[mask.window] > 0))
     v = inner // core.shape[1]
@@ -238,7 +241,7 @@ def _lift_core(
     if main.sum() < parameters.min_points:
         return None
     points_map = transform_points(keyframe.T_map_camera, points_camera[main])
-    return points_map, keyframe.rgb[v[main], u[main]], _median(depth_m[main])
+    return points_map, keyframe.rgb[v[main], u[main]], _median(depth_m[main]), True
 
 
 def _median(values: FloatArray) -> float:

@@ -9,8 +9,10 @@ from supermap_cli.geometry.cameras import EquirectangularCamera
 from supermap_cli.geometry.se3 import make_transform
 from supermap_cli.mapping.below_lidar_fov import mask_rays
 from supermap_cli.mapping.depth import depth_view
+from supermap_cli.mapping.engine import MappingEngine
 from supermap_cli.mapping.floor_by_feet import FloorByFeet, foot_below
 from supermap_cli.mapping.lidar_depth import draw_returns
+from supermap_cli.mapping.snapshot import engine_snapshot, restore_engine
 from supermap_cli.types.detections import Detections, Hypothesis, RegionMask
 from supermap_cli.types.keyframe import Keyframe
 
@@ -78,3 +80,21 @@ def test_the_returns_above_a_foot_tell_how_far_off_it_is() -> None:
     foot = foot_below(rays, np.array([[2.0, 0.0, 0.4], [2.0, 0.01, 0.5], [3.9, 1.5, 0.4]]), 0.02)
     assert foot is not None
     assert foot == pytest.approx([2.0, 0.0, FLOOR_M], abs=0.05)
+
+
+def test_a_robot_that_stands_still_meets_no_feet() -> None:
+    feet = FloorByFeet()
+    for k in range(9):
+        look(feet, 1e-4 * k, THINGS)
+    assert feet.floor_z is None
+
+
+def test_what_was_seen_of_feet_survives_a_snapshot() -> None:
+    engine, whole = MappingEngine(), FloorByFeet()
+    for x in np.linspace(-1, 1, 9):
+        if x == 0:
+            engine = restore_engine(engine_snapshot(engine))
+        look(engine.feet, float(x), THINGS)
+        look(whole, float(x), THINGS)
+    assert engine.feet.floor_z == whole.floor_z
+    assert whole.floor_z is not None
