@@ -113,4 +113,5 @@ def stored_view(record: KeyframeRecord, max_range_m: float = MAX_RANGE_M) -> Dep
         upsampled(np.asarray(nearest, np.float32)),
         upsampled(np.asarray(farthest, np.float32)),
         max_range_m,
+        np.zeros((camera.height, camera.width), bool),
     )

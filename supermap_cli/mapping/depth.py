@@ -7,6 +7,7 @@ pixel, since neither poses nor the registration of colour and depth are exact, a
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import cv2
 import numpy as np
@@ -81,8 +82,10 @@ class DepthView:
 
     A pixel's neighbourhood spans what colour and depth may be out of register by, and the pose's own error; so a point
     is compared with an interval, which is wide at depth edges and on slanted surfaces and narrow on plain ones.
-    `nearest_m` is +inf and `farthest_m` 0 where nothing returned. Of a LiDAR, `returns` are the single ones, and
-    `lowest` says down to where it saw; both are `None` of a depth camera. `floor_z` is the floor's height, if known.
+    `nearest_m` is +inf and `farthest_m` 0 where nothing returned. `far` (h, w) are the pixels whose return came from
+    beyond `max_depth_m`: it is too inexact to map, but the ray passed through all that is nearer. Of a LiDAR, `returns`
+    are the single ones, and `lowest` says down to where it saw; both are `None` of a depth camera. `floor_z` is the
+    floor's height, if known.
     """
 
     camera: Camera
@@ -91,6 +94,7 @@ class DepthView:
     nearest_m: Float32Array
     farthest_m: Float32Array
     max_depth_m: float
+    far: BoolArray
     returns: Returns | None = None
     lowest: LowestReturns | None = None
     floor_z: float | None = None
@@ -106,6 +110,12 @@ class DepthView:
     def reach_px(self) -> int:
         """How far a pixel's neighbourhood goes on every side."""
         return neighbourhood_px(self.camera, self.parameters)
+
+    @cached_property
+    def spacing_px(self) -> float:
+        """How far a LiDAR's returns lie apart on the image; a pixel for a depth camera."""
+        returns = 0 if self.returns is None else len(self.returns.u)
+        return float(np.sqrt(np.count_nonzero(self.depth_m) / returns)) if returns else 1.0
 
     def project(self, points_map: FloatArray) -> tuple[IntArray, IntArray, FloatArray, BoolArray]:
         """(n, 3) map points -> (n,) pixel u and v (0 where not on the image), (n,) depth, (n,) on the image."""
@@ -169,6 +179,7 @@ def depth_view(
         np.asarray(nearest, np.float32),
         np.asarray(farthest, np.float32),
         max_depth_m,
+        keyframe.depth_m > max_depth_m,
         None if points_camera is None else returns_on_image(camera, points_camera, max_depth_m, returns_parameters),
         None
         if points_camera is None

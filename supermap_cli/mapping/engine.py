@@ -28,6 +28,7 @@ from supermap_cli.config import Ablation, MappingConfig
 from supermap_cli.geometry.arrays import IntArray
 from supermap_cli.mapping.depth import depth_view
 from supermap_cli.mapping.detection_fusion import DetectionFusion
+from supermap_cli.mapping.floor_by_feet import FloorByFeet
 from supermap_cli.mapping.free_space import FreeSpaceMemory
 from supermap_cli.mapping.geometric_negation import negate_by_geometry
 from supermap_cli.mapping.keyframe_view import KeyframeView, move_seam, worth_lifting
@@ -53,9 +54,9 @@ from supermap_cli.types.memory import MapDelta
 class MappingEngine:
     """The map while it is being built, and the steps that a keyframe takes through it; `take_changes` after a batch.
 
-    `floor_z` metres is the floor's height in the map, where it is known. `recall` and `scores` are what this run has
-    learnt of its detector; `pairs` and `splits` what images have said of objects being one or two. All of these follow
-    the engine's `parameters`.
+    `floor_z` metres is the floor's height in the map, where rays saw it; else `feet` tells it. `recall` and `scores`
+    are what this run has learnt of its detector; `pairs` and `splits` what images have said of objects being one or
+    two. All of these follow the engine's `parameters`.
     """
 
     config: MappingConfig = field(default_factory=MappingConfig)
@@ -68,6 +69,7 @@ class MappingEngine:
     pairs: PairEvidence = field(default_factory=PairEvidence)
     splits: SplitEvidence = field(default_factory=SplitEvidence)
     links: IdentityLinks = field(default_factory=IdentityLinks)
+    feet: FloorByFeet = field(default_factory=FloorByFeet)
     parameters: MappingParameters = field(default_factory=MappingParameters)
     transitions: Transitions = field(init=False)
     _merging: ObjectMerging = field(init=False, repr=False)
@@ -78,6 +80,7 @@ class MappingEngine:
         self.objects.use(parameters.object_sets())
         self.recall.parameters = self.scores.parameters = parameters.recall
         self.pairs.parameters = parameters.pair_evidence
+        self.feet.parameters = parameters.floor_by_feet
         self.splits.use(parameters.splitting, parameters.belief)
         self.free_space.parameters = parameters.free_space
         self.free_space.visibility_parameters = parameters.visibility
@@ -109,7 +112,7 @@ class MappingEngine:
         depth = depth_view(
             keyframe,
             self._range_m(keyframe),
-            self.floor_z,
+            self.feet.floor_z if self.floor_z is None else self.floor_z,
             parameters=self.parameters.depth,
             returns_parameters=self.parameters.returns,
             fov_parameters=self.parameters.below_lidar_fov,
@@ -150,7 +153,11 @@ class MappingEngine:
         masks = without_smaller(list(detections.masks), detections.labels, parameters.mask_overlap)
         worth = worth_lifting(view, detections, parameters.association.strong_score, parameters.keyframe_view)
         chosen = tuple(mask if lifting else None for mask, lifting in zip(masks, worth, strict=True))
-        return view, lift(view.keyframe, view.depth, detections.with_masks(chosen), ids, parameters.lifting_sets())
+        chosen_ones = detections.with_masks(chosen)
+        lifted = lift(view.keyframe, view.depth, chosen_ones, ids, parameters.lifting_sets())
+        if self.floor_z is None and view.depth.returns is not None:
+            self.feet.add(view.keyframe, view.depth, chosen_ones, ids, lifted)
+        return view, lifted
 
     def obj_merge(self, view: KeyframeView, lifted: Sequence[LiftedDetection]) -> set[int]:
         """ObjMerge: assign the detections to objects and fuse them, split objects, start new ones; the numbers of those

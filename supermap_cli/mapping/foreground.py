@@ -132,9 +132,9 @@ def foreground(
     noise_m = parameters.plane_sigmas * view.sigma_m(depth_m)
     tolerance_m: Float32Array = (noise_m + parameters.plane_m).astype(np.float32)
     on_plane = np.zeros(measured.shape, dtype=bool)
-    for normal, offset in _planes(points, beside, (u, v), tolerance_m, parameters):
+    for normal, offset in planes_beside(points, beside, (u, v), tolerance_m, parameters):
         height_m = (points @ normal - offset) * (-1 if offset > 0 else 1)
-        if _stands_before(height_m[in_mask], tolerance_m[in_mask], parameters):
+        if stands_before(height_m[in_mask], tolerance_m[in_mask], parameters):
             near = np.abs(height_m) < tolerance_m
             on_plane[v[near], u[near]] = True
     left = _own_surfaces(view, window, measured & ~on_plane, parameters) & ~window.others
@@ -145,7 +145,7 @@ def foreground(
     return window.region(left)
 
 
-def _stands_before(
+def stands_before(
     height_m: FloatArray | Float32Array, tolerance_m: Float32Array, parameters: ForegroundParameters
 ) -> bool:
     """Whether what a mask (n,) shows off a plane stands clearly before it, and does not just rise from it a little."""
@@ -183,7 +183,7 @@ def _window(
     )
 
 
-def _planes(
+def planes_beside(
     points: Float32Array,
     beside: IntArray,
     uv: tuple[IntArray, IntArray],

@@ -135,7 +135,9 @@ class LowReturns:
             self._points_odom.append(transform_points(T_odom_lidar, low))
 
     def views(self) -> list[LevelView]:
-        """The level surfaces among them, as one view; none without a LiDAR, or where it sees nothing there."""
+        """One view of their level surfaces and, without normals, all of them: a table top is no floor, however little
+        a LiDAR sees of the walls beneath it. None without a LiDAR, or where it sees nothing level there.
+        """
         points = np.concatenate([np.zeros((0, 3)), *self._points_odom])
         surfaces = structure_of_points(
             points,
@@ -146,7 +148,8 @@ class LowReturns:
         facing = np.sign(surfaces.normals @ self._up_odom)[:, None]
         level_ones = np.abs(surfaces.normals @ self._up_odom) > self._parameters.min_up_cos
         faced = Structure(surfaces.points, surfaces.normals * facing).take(level_ones)
-        return [LevelView(faced, self._up_odom)] if len(faced) else []
+        all_ones = Structure(points, np.zeros_like(points)).thinned(self._parameters.voxel_m)
+        return [LevelView(join([faced, all_ones]), self._up_odom)] if len(faced) else []
 
 
 @dataclass(frozen=True)

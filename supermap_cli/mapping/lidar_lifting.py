@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from supermap_cli.geometry.arrays import BoolArray, FloatArray, IntArray, UInt8Array
+from supermap_cli.geometry.arrays import BoolArray, FloatArray, UInt8Array
 from supermap_cli.geometry.se3 import transform_points
-from supermap_cli.mapping import below_lidar_fov, clusters
+from supermap_cli.mapping import below_lidar_fov, clusters, foreground, lidar_foreground
 from supermap_cli.mapping.below_lidar_fov import (
     BelowLidarFovParameters,
     covered_below,
@@ -20,9 +20,10 @@ from supermap_cli.mapping.below_lidar_fov import (
     mask_rays,
     place_on_floor,
 )
-from supermap_cli.mapping.clusters import ClusterParameters, main_component
+from supermap_cli.mapping.clusters import ClusterParameters
 from supermap_cli.mapping.depth import DepthView
-from supermap_cli.mapping.returns import spacing_m
+from supermap_cli.mapping.foreground import ForegroundParameters
+from supermap_cli.mapping.lidar_foreground import LidarForegroundParameters, own_returns
 from supermap_cli.types.detections import RegionMask
 from supermap_cli.types.keyframe import Keyframe
 from supermap_cli.types.parameters import TUNED, parameter
@@ -56,17 +57,32 @@ def lift_returns(
     core: BoolArray,
     masks: Sequence[RegionMask],
     *,
+    masked: BoolArray,
     parameters: LidarLiftingParameters = DEFAULT,
+    foreground_parameters: LidarForegroundParameters = lidar_foreground.DEFAULT,
+    surface_parameters: ForegroundParameters = foreground.DEFAULT,
     cluster_parameters: ClusterParameters = clusters.DEFAULT,
     fov_parameters: BelowLidarFovParameters = below_lidar_fov.DEFAULT,
-) -> tuple[FloatArray, UInt8Array, float] | None:
-    """The cluster that most of the returns under the mask's core lie on, and what the image shows of it below them:
-    points (n, 3) in the map, their colours (n, 3) and their median distance.
+) -> tuple[FloatArray, UInt8Array, float, bool] | None:
+    """The returns on a mask that are the thing's, and what the image shows of it below them: points (n, 3) in the map,
+    their colours (n, 3), their median distance, and whether any returns are among them.
+
+    `core`: the mask without its rim, on its region; `masks`: all of the image; `masked` (h, w): pixels in any of them.
     """
     if view.returns is None or view.lowest is None:
         return None
     least = parameters.min_returns
-    measured, cluster = _measured_cluster(keyframe, view, mask, core, min_returns=least, parameters=cluster_parameters)
+    measured = own_returns(
+        view,
+        mask,
+        core,
+        masked,
+        parameters=foreground_parameters,
+        surface_parameters=surface_parameters,
+        cluster_parameters=cluster_parameters,
+    )
+    measured = measured if len(measured) >= least else measured[:0]
+    cluster = transform_points(keyframe.T_map_camera, view.returns.smoothed(measured))
     v, u = np.nonzero(mask.pixels)
     rays = mask_rays(keyframe.camera, keyframe.T_map_camera, u + mask.u0, v + mask.v0)
     below = view.lowest.below(rays.u, rays.v)
@@ -95,32 +111,7 @@ def lift_returns(
         chosen = np.linspace(0, len(points_map) - 1, parameters.max_points).astype(np.int64)
         points_map, u, v = points_map[chosen], u[chosen], v[chosen]
     depth_m = float(np.median(np.linalg.norm(points_map - rays.origin, axis=1)))
-    return points_map, keyframe.rgb[v, u], depth_m
-
-
-def _measured_cluster(
-    keyframe: Keyframe,
-    view: DepthView,
-    mask: RegionMask,
-    core: BoolArray,
-    *,
-    min_returns: int,
-    parameters: ClusterParameters,
-) -> tuple[IntArray, FloatArray]:
-    """Which returns (k,) lie on the cluster that the mask's core is mostly made of, and where (k, 3) in the map."""
-    if view.returns is None or view.lowest is None:
-        return np.zeros(0, np.int64), np.zeros((0, 3))
-    chosen = view.returns.under(mask, core)
-    if len(chosen) < min_returns:
-        return chosen[:0], np.zeros((0, 3))
-    focal_px = keyframe.camera.focal_px()
-    v, u = np.nonzero(core)
-    reached = int((~view.lowest.below(u + mask.u0, v + mask.v0)).sum())
-    points_camera = view.returns.smoothed(chosen)
-    depth_m = float(np.median(view.returns.depth_m[chosen]))
-    apart_m = 2 * spacing_m(len(chosen), max(reached, 1), depth_m, focal_px)
-    main = main_component(points_camera, depth_m, apart_m, parameters)
-    return chosen[main], transform_points(keyframe.T_map_camera, points_camera[main])
+    return points_map, keyframe.rgb[v, u], depth_m, len(measured) > 0
 
 
 def _is_beyond(cluster: FloatArray, on_floor: FloatArray, origin: FloatArray, beyond_m: float) -> bool:

@@ -27,6 +27,7 @@ from supermap_cli.mapping.clusters import (
 )
 from supermap_cli.mapping.depth import DepthView, edge_step_m, pixel_scale
 from supermap_cli.mapping.foreground import ForegroundParameters, foreground
+from supermap_cli.mapping.lidar_foreground import LidarForegroundParameters
 from supermap_cli.mapping.lidar_lifting import LidarLiftingParameters, lift_returns
 from supermap_cli.mapping.mask_core import MaskCoreParameters, erode, erosion_px, foreground_rim, off_depth_edges
 from supermap_cli.types.detections import Detections, Hypothesis, RegionMask
@@ -69,6 +70,7 @@ class LiftingParameterSets:
     mask_core: MaskCoreParameters = field(default_factory=MaskCoreParameters)
     clusters: ClusterParameters = field(default_factory=ClusterParameters)
     lidar_lifting: LidarLiftingParameters = field(default_factory=LidarLiftingParameters)
+    lidar_foreground: LidarForegroundParameters = field(default_factory=LidarForegroundParameters)
     below_lidar_fov: BelowLidarFovParameters = field(default_factory=BelowLidarFovParameters)
     finest_voxel_m: float = voxel_map.DEFAULT.finest_voxel_m
 
@@ -84,6 +86,7 @@ class LiftedDetection:
     it that is surely the object's: all but its rim, and of the rim what lies in the foreground (both on the region of
     `mask`); `rim_px` is how wide the rim is; `truncated` says that the image's border cuts it, so that its extent is
     only part of the object's; `voxel_m` is the edge of voxels that are not finer than what the sensor tells apart.
+    `measured`: depth or returns tell where it is, and not its foot alone.
     """
 
     index: int
@@ -100,6 +103,7 @@ class LiftedDetection:
     track_id: int
     truncated: bool
     voxel_m: float = voxel_map.DEFAULT.finest_voxel_m
+    measured: bool = True
     parameters: LiftingParameters = DEFAULT
 
     def with_points(self, kept: BoolArray) -> LiftedDetection:
@@ -124,7 +128,7 @@ def lift(
 ) -> list[LiftedDetection]:
     """Lift all detections that have a mask and enough depth under it, or, with a LiDAR, stand on the floor."""
     lifted = []
-    masked = _masked(view, detections) if view.returns is None else None
+    masked = _masked(view, detections)
     for index in range(len(detections)):
         mask = detections.masks[index]
         if mask is None or not mask.pixels.any():
@@ -134,7 +138,7 @@ def lift(
         )
         clear = foreground_rim(view, mask, rim_px)
         core = erode(mask.pixels, rim_px, sets.mask_core) | clear
-        own = None if masked is None else foreground(view, mask, core, masked, sets.foreground)
+        own = foreground(view, mask, core, masked, sets.foreground) if view.returns is None else None
         if own is not None:
             mask, core, clear = own, own.pixels, _near_side(view, own)
         if view.returns is None:
@@ -146,13 +150,16 @@ def lift(
                 mask,
                 core,
                 [other for other in detections.masks if other is not None],
+                masked=masked,
                 parameters=sets.lidar_lifting,
+                foreground_parameters=sets.lidar_foreground,
+                surface_parameters=sets.foreground,
                 cluster_parameters=sets.clusters,
                 fov_parameters=sets.below_lidar_fov,
             )
         if one is None:
             continue
-        points, rgb, depth = one
+        points, rgb, depth, measured = one
         box = detections.boxes_xyxy[index]
         lifted.append(
             LiftedDetection(
@@ -170,6 +177,7 @@ def lift(
                 int(track_ids[index]),
                 is_truncated(box, keyframe.camera, sets.lifting),
                 sets.finest_voxel_m if view.returns is None else view.returns.parameters.range_sigma_m,
+                measured,
                 sets.lifting,
             )
         )
@@ -208,7 +216,7 @@ def _lift_core(
     clear: BoolArray,
     *,
     sets: LiftingParameterSets,
-) -> tuple[FloatArray, UInt8Array, float] | None:
+) -> tuple[FloatArray, UInt8Array, float, bool] | None:
     parameters = sets.lifting
     inner = np.flatnonzero(core & (view.depth_m[mask.window] > 0))
     v = inner // core.shape[1]
@@ -233,7 +241,7 @@ def _lift_core(
     if main.sum() < parameters.min_points:
         return None
     points_map = transform_points(keyframe.T_map_camera, points_camera[main])
-    return points_map, keyframe.rgb[v[main], u[main]], _median(depth_m[main])
+    return points_map, keyframe.rgb[v[main], u[main]], _median(depth_m[main]), True
 
 
 def _median(values: FloatArray) -> float:

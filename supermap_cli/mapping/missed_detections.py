@@ -42,7 +42,7 @@ class MissedDetectionParameters:
     )
     gone_after_s: float = parameter(2.0, "s", "time that these misses must last", TUNED)
     min_found_share: float = parameter(
-        0.5, "1", "share of the keyframes before that must have found it: else it was never real", TUNED, at_most=1.0
+        0.5, "1", "share of the views before that must have found it: else it was never real", TUNED, at_most=1.0
     )
     through_log_odds: float = parameter(
         -1.0, "1", "what the few rays say that reach the top of such an object, and go through it", TUNED, at_most=0.0
@@ -159,11 +159,11 @@ def is_gone_by_misses(
     obj: MapObject, viewpoint: Viewpoint, log_ratio: float, parameters: MissedDetectionParameters = DEFAULT
 ) -> bool:
     """Take in one more view that did not find an object that no ray can reach; whether it has gone: it was found in
-    most views, and then in none for some time.
+    most views, of this visit or of earlier ones, and then in none for some time.
 
     What was never real is found now and then; it is demoted, as all that the detector imagines.
     """
-    visit, misses = obj.visit, obj.misses
+    misses = obj.misses
     if misses.log_odds == 0:
         misses.first_ns = viewpoint.stamp_ns
     misses.log_odds += misses.viewpoints.add_miss(viewpoint, log_ratio)
@@ -171,8 +171,21 @@ def is_gone_by_misses(
         obj.confirmed
         and misses.log_odds < -parameters.gone_log_odds
         and viewpoint.stamp_ns - misses.first_ns > parameters.gone_after_s * 1e9
-        and visit.supported > parameters.min_found_share * visit.in_view_at_support
+        and _found_share(obj) > parameters.min_found_share
     )
+
+
+def _found_share(obj: MapObject) -> float:
+    """Share of the views, before it went undetected, that found it: in this visit, or, of what it has not found at all,
+    in earlier ones.
+    """
+    visit = obj.visit
+    if visit.supported:
+        return visit.supported / visit.in_view_at_support
+    found = sum(cell.supports for cell in obj.existence.viewpoints.cells.values())
+    views = sum(cell.views for cell in obj.existence.viewpoints.cells.values())
+    missed = sum(cell.views for cell in obj.misses.viewpoints.cells.values())
+    return found / max(views - missed, 1) if visit.earlier_ns is not None else 0.0
 
 
 def _rays_went_through(detectability: Detectability) -> bool:

@@ -17,12 +17,14 @@ from supermap_cli.mapping.depth import DepthParameters
 from supermap_cli.mapping.displacement import DisplacementParameters
 from supermap_cli.mapping.drift import DriftParameters
 from supermap_cli.mapping.duplicates import DuplicatesParameters
+from supermap_cli.mapping.floor_by_feet import FloorByFeetParameters
 from supermap_cli.mapping.foreground import ForegroundParameters
 from supermap_cli.mapping.free_space import FreeSpaceParameters
 from supermap_cli.mapping.fusion import FusionParameters
 from supermap_cli.mapping.icp import IcpParameters
 from supermap_cli.mapping.keyframe_view import KeyframeViewParameters
 from supermap_cli.mapping.levelling import LevellingParameters
+from supermap_cli.mapping.lidar_foreground import LidarForegroundParameters
 from supermap_cli.mapping.lidar_lifting import LidarLiftingParameters
 from supermap_cli.mapping.lifecycle import LifecycleParameters
 from supermap_cli.mapping.lifting import LiftingParameters, LiftingParameterSets
@@ -66,7 +68,9 @@ class MappingParameters:
     clusters: ClusterParameters = field(default_factory=ClusterParameters)
     lifting: LiftingParameters = field(default_factory=LiftingParameters)
     lidar_lifting: LidarLiftingParameters = field(default_factory=LidarLiftingParameters)
+    lidar_foreground: LidarForegroundParameters = field(default_factory=LidarForegroundParameters)
     below_lidar_fov: BelowLidarFovParameters = field(default_factory=BelowLidarFovParameters)
+    floor_by_feet: FloorByFeetParameters = field(default_factory=FloorByFeetParameters)
     voxel_map: VoxelMapParameters = field(default_factory=VoxelMapParameters)
     object_shape: ObjectShapeParameters = field(default_factory=ObjectShapeParameters)
     class_sizes: ClassSizeParameters = field(default_factory=ClassSizeParameters)
@@ -103,6 +107,7 @@ class MappingParameters:
             self.mask_core,
             self.clusters,
             self.lidar_lifting,
+            self.lidar_foreground,
             self.below_lidar_fov,
             self.voxel_map.finest_voxel_m,
         )

@@ -86,6 +86,7 @@ def turned_depth(view: DepthView, turned: Keyframe, by_px: int) -> DepthView:
         depth_m=np.roll(view.depth_m, -by_px, axis=1),
         nearest_m=np.roll(view.nearest_m, -by_px, axis=1),
         farthest_m=np.roll(view.farthest_m, -by_px, axis=1),
+        far=np.roll(view.far, -by_px, axis=1),
         returns=returns,
         lowest=lowest,
     )

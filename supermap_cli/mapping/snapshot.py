@@ -18,6 +18,7 @@ from supermap_cli.mapping.absence import AbsenceEvidence, EmptyRun
 from supermap_cli.mapping.belief import Existence, LabelBelief, OutcomeRun, ViewpointCell, ViewpointHistory
 from supermap_cli.mapping.drift import DriftCorrection, DriftMark, DriftParameters
 from supermap_cli.mapping.engine import MappingEngine
+from supermap_cli.mapping.floor_by_feet import FloorByFeet, FootRays
 from supermap_cli.mapping.free_space import FreeSpaceMemory
 from supermap_cli.mapping.icp import IcpParameters
 from supermap_cli.mapping.map_update import IdentityLinks
@@ -47,9 +48,11 @@ CLASSES: Mapping[type, tuple[str, ...]] = {
     LabelBelief: ("_cached", "parameters", "size_parameters"),
     SplitEvidence: ("parameters", "belief_parameters"),
     **dict.fromkeys((ObjectShape, ViewpointHistory, Course, MotionState), ("parameters",)),
-    **dict.fromkeys((PairEvidence, RecallModel, ScoreModel), ("parameters",)),
+    **dict.fromkeys((PairEvidence, RecallModel, ScoreModel, FloorByFeet), ("parameters",)),
     **dict.fromkeys((ObjectStatus, OpenState, Existence, ViewpointCell, OutcomeRun, VisitCount), ()),
-    **dict.fromkeys((AbsenceEvidence, EmptyRun, DisplacementEvidence, MissEvidence, Halves, IdentityLinks), ()),
+    **dict.fromkeys(
+        (AbsenceEvidence, EmptyRun, DisplacementEvidence, MissEvidence, Halves, IdentityLinks, FootRays), ()
+    ),
     **dict.fromkeys((Observation, Hypothesis, Box3D, DriftMark), ()),
 }
 """What a snapshot consists of -> what is left out: what is worked out anew when it is asked for, and the parameters."""
@@ -68,6 +71,7 @@ def engine_snapshot(engine: MappingEngine) -> bytes:
             "pairs": engine.pairs,
             "splits": engine.splits,
             "links": engine.links,
+            "feet": engine.feet,
         },
         CLASSES,
     )
@@ -100,6 +104,7 @@ def restore_engine(
         kept["pairs"],
         kept["splits"],
         kept["links"],
+        kept["feet"],
         parameters,
     )
 

@@ -2,8 +2,8 @@
 
 With delta = d_proj - D(u), a voxel is supported for |delta| <= tau (the paper's observable), occluded for delta > tau
 (unobservable) and contradicted for delta < -tau (disappeared). Departs from the paper in that tau grows with the depth
-and the voxel, that D(u) is a range over the pixel's neighbourhood, and that voxels without a measured
-depth are none of the three.
+and the voxel, that D(u) is a range over the pixel's neighbourhood, that a return from too far away to be mapped
+contradicts what its ray passed, and that voxels without a measured depth are none of the three.
 """
 
 from __future__ import annotations
@@ -144,15 +144,17 @@ def check_visibility(
     u, v, depth, on_image = view.project(points_map)
     supported, contradicted, occluded = (np.zeros(len(u), dtype=bool) for _ in range(3))
     pixels = v * view.camera.width + u
-    measurable = np.flatnonzero(on_image & (depth <= view.max_depth_m) & (view.depth_m.ravel()[pixels] > 0))
+    witnessed = (view.depth_m.ravel()[pixels] > 0) | view.far.ravel()[pixels]
+    measurable = np.flatnonzero(on_image & (depth <= view.max_depth_m) & witnessed)
     pixels, projected = pixels[measurable], depth[measurable]
+    far = view.far.ravel()[pixels]
     measured_m, nearest, farthest = (image.ravel()[pixels] for image in (view.depth_m, view.nearest_m, view.farthest_m))
     edges_m = voxel_m if isinstance(voxel_m, float) else voxel_m[measurable]
     tau = tolerance_m(projected, edges_m, view.sigma_m(projected), parameters)
     slant = np.minimum((farthest - np.minimum(nearest, farthest)) / 2, parameters.max_slant * tau)
     contradicted[measurable] = projected < nearest - tau
-    occluded[measurable] = projected > farthest + tau
-    supported[measurable] = np.abs(projected - measured_m) <= tau + slant
+    occluded[measurable] = ~far & (projected > farthest + tau)
+    supported[measurable] = ~far & (np.abs(projected - measured_m) <= tau + slant)
     solid, unmeasured = np.ones(len(u), dtype=bool), np.zeros(len(u), dtype=bool)
     if view.lowest is not None:
         away_m = np.linalg.norm(points_map[:, :2] - view.T_map_camera[:2, 3], axis=1)

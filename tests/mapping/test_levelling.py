@@ -9,10 +9,10 @@ from scipy.spatial.transform import Rotation
 from supermap_cli.geometry.se3 import make_transform, rotation_angle_rad
 from supermap_cli.geometry.trajectory import Trajectory
 from supermap_cli.hookspecs import RecordingRequest
-from supermap_cli.mapping.levelling import LevelView, gravity_up, level, level_view, sweep_view
+from supermap_cli.mapping.levelling import LevelView, LowReturns, gravity_up, level, level_view, sweep_view
 from supermap_cli.mapping.structure import Structure, coarse_depth, join
 from supermap_cli.recordings import open_bag_recording
-from supermap_cli.types.sensing import ImuSample, StampedPose
+from supermap_cli.types.sensing import ImuSample, StampedPose, Sweep
 from support.synthetic_room import room_sweeps
 
 RECORDING = Path(__file__).parents[3] / "shared" / "data" / "redkitchen.mcap"
@@ -136,6 +136,22 @@ def test_a_lidar_levels_by_the_floor_alone() -> None:
     assert levelling.method == "structure"
     assert off_vertical_deg(levelling.T_map_odom, R) < 1.0
     assert abs((levelling.T_map_odom @ T_odom_level)[2, 3]) < 0.03
+
+
+def test_a_table_top_with_a_wall_below_it_is_no_floor() -> None:
+    """A LiDAR 1 m up that sees a table top 0.5 m up, and of the floor nothing."""
+    rng = np.random.default_rng(2)
+    top = np.column_stack([rng.uniform(1.5, 3.0, (20000, 2)), rng.normal(-0.5, 0.005, 20000)])
+    wall = np.column_stack([np.full(20000, 4.0), rng.uniform(-3, 3, 20000), rng.uniform(-0.9, 0.5, 20000)])
+    still = Trajectory([StampedPose(stamp_ns, np.eye(4)) for stamp_ns in (0, 10**9)])
+
+    def floor_seen(points: np.ndarray) -> bool:
+        low = LowReturns(still)
+        low.add(Sweep(0, "lidar", points, np.zeros(len(points), np.int64), np.eye(4)))
+        return level(low.views()).floor_seen
+
+    assert floor_seen(top)
+    assert not floor_seen(np.concatenate([top, wall]))
 
 
 @pytest.mark.skipif(not RECORDING.is_file(), reason="../shared/data/redkitchen.mcap is not there")

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
-from supermap_cli.mapping.missed_detections import MissedObject
+from supermap_cli.mapping.belief import Viewpoint
+from supermap_cli.mapping.missed_detections import MissedObject, is_gone_by_misses
+from supermap_cli.mapping.objects import VisitCount
 from supermap_cli.types.detections import Detections, no_detections
 from support import scenes as s
+from support.map_objects import map_object
 
 CHAIR_WORLD = (*s.ROOM, s.CHAIR)
 SCREEN = s.Thing("", (0.9, 0, 0.8), (0.05, 1.6, 1.8))
@@ -66,3 +70,24 @@ def test_what_is_sure_teaches_how_often_the_detector_misses(run: s.Run) -> None:
     for _ in range(5):
         missed(run, s.CHAIR, found=no_detections(s.ns(run.at_s)))
     assert run.engine.recall.expected("chair", 0.05, truncated=False) < before
+
+
+@pytest.mark.parametrize(("found_in", "gone"), [(9, True), (3, False)])
+def test_what_no_ray_reaches_and_this_visit_never_found_is_gone_if_most_earlier_views_found_it(
+    found_in: int, gone: bool
+) -> None:
+    bin_ = map_object(1, s.Thing("bin", (2.0, 0.0, 0.2), (0.3, 0.3, 0.4)))
+    bin_.visit = VisitCount(earlier_ns=s.ns(5))
+    for k in range(10):
+        view = Viewpoint(s.ns(k), np.array([np.cos(k), np.sin(k), 1.0]), np.array([2.0, 0.0, 0.2]))
+        if k < found_in:
+            bin_.existence.add_detection(view, 1.0)
+        else:
+            bin_.existence.add_miss(view, -1.0)
+    said = []
+    for k in range(100, 110):
+        view = Viewpoint(s.ns(k), np.array([2.0 + np.cos(k), np.sin(k), 1.0]), np.array([2.0, 0.0, 0.2]))
+        bin_.existence.add_miss(view, -2.0)
+        said.append(is_gone_by_misses(bin_, view, -2.0))
+    assert said[-1] == gone
+    assert not said[0]

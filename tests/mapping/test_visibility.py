@@ -62,8 +62,14 @@ def test_where_nothing_returned_nothing_is_said() -> None:
     assert verdict(view_of(), (1, 0, 1)) == "nothing"
 
 
-def test_returns_beyond_the_range_count_as_none() -> None:
-    assert verdict(view_of(WALL, max_depth_m=1.5), (1, 0, 1)) == "nothing"
+def test_a_return_beyond_the_range_says_only_that_its_ray_passed() -> None:
+    view = view_of(WALL, max_depth_m=1.5)
+    assert verdict(view, (1, 0, 1)) == "contradicted"
+    assert verdict(view, (2.0, 0, 1)) == "nothing"
+
+
+def test_beside_something_near_a_return_beyond_the_range_says_nothing() -> None:
+    assert verdict(view_of(WALL, PILLAR, max_depth_m=1.5), (1.3, 0.27, 1)) == "nothing"
 
 
 def test_points_beyond_the_range_are_not_judged() -> None:
