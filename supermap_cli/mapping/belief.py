@@ -7,11 +7,12 @@ less than independent ones.
 
 from __future__ import annotations
 
+import math
+import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.special import gammaln
 
 from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.mapping import class_sizes
@@ -133,8 +134,8 @@ def words_log_likelihood(counts: FloatArray, parameters: BeliefParameters = DEFA
     """
     right = parameters.label_concentration * parameters.right_word_share
     wrong = parameters.label_concentration * (1 - parameters.right_word_share) / (parameters.vocabulary - 1)
-    log_likelihood: FloatArray = gammaln(right + counts) - gammaln(right) - gammaln(wrong + counts) + gammaln(wrong)
-    return log_likelihood
+    constant = math.lgamma(wrong) - math.lgamma(right)
+    return np.array([math.lgamma(right + n) - math.lgamma(wrong + n) + constant for n in counts.tolist()])
 
 
 def label_agreement(hypotheses: tuple[Hypothesis, ...], belief: Mapping[str, float]) -> float:
@@ -147,21 +148,25 @@ def label_agreement(hypotheses: tuple[Hypothesis, ...], belief: Mapping[str, flo
 
 @dataclass(frozen=True)
 class Viewpoint:
-    """When and from where (`camera_map`, (3,)) an object, its middle at `centroid_map` (3,), is looked at."""
+    """When and from where (`camera_map`, (3,)) an object, its middle at `centroid_map` (3,), is looked at, and by which
+    detector; two detectors err on their own, also in one place.
+    """
 
     stamp_ns: int
     camera_map: FloatArray
     centroid_map: FloatArray
+    detector: str = ""
 
     def cell(self, parameters: BeliefParameters = DEFAULT) -> str:
-        """The cell of bearing and distance it lies in: views from one cell are correlated."""
+        """The cell of bearing and distance it lies in, of the detector's: views from one cell are correlated."""
         ray = self.camera_map - self.centroid_map
         distance = float(np.linalg.norm(ray))
         elevation_sine = np.clip(ray[2] / max(distance, 1e-6), -1, 1)
         azimuth = int(np.floor(np.degrees(np.arctan2(ray[1], ray[0])) / parameters.bearing_cell_deg))
         elevation = int(np.floor(np.degrees(np.arcsin(elevation_sine)) / parameters.bearing_cell_deg))
         logs = np.log(max(distance, parameters.min_distance_m)) / np.log(parameters.distance_cell_ratio)
-        return f"{azimuth},{elevation},{int(np.floor(logs))}"
+        whose = f"@{zlib.crc32(self.detector.encode()):08x}" if self.detector else ""
+        return f"{azimuth},{elevation},{int(np.floor(logs))}{whose}"
 
 
 @dataclass(frozen=True)
@@ -237,6 +242,11 @@ class ViewpointHistory:
         """Take in a view without a detection: how far it moves the log-odds of existence."""
         cell = self._extend_run(viewpoint, detected=False)
         return self._add(cell, ViewpointCell(0, 1, log_ratio * self.run.weight))
+
+    def last_weight(self, viewpoint: Viewpoint) -> float:
+        """How many independent looks the view that was taken in last is worth, in (0, 1]."""
+        n = self.cells[viewpoint.cell(self.parameters)].views
+        return self.run.weight * float(np.sqrt(n) - np.sqrt(n - 1))
 
     def absorb(self, other: ViewpointHistory) -> None:
         """Add another object's viewpoints."""

@@ -106,5 +106,6 @@ def instance_record(obj: MapObject, merged_into: int | None = None) -> InstanceR
             gone_ns=obj.gone_ns,
             best_crop=obj.best_crop,
             seen_apart={str(number): images for number, images in sorted(obj.seen_apart.items())},
+            found_by={name: (looks.found, looks.missed) for name, looks in sorted(obj.found_by.items())},
         ).to_document(),
     )

@@ -116,7 +116,7 @@ class MappingEngine:
         views = check_objects(depth, neighbors, self.parameters.visibility)
         if "geometric-consistency" in self.ablate:
             views = {number: view.unchecked() for number, view in views.items()}
-        return KeyframeView(keyframe, depth, views)
+        return KeyframeView(keyframe, depth, views, detector=self.recall.detector)
 
     def update_from_map(self, view: KeyframeView) -> tuple[TrackPrior, ...]:
         """UpdateFromMap: where the objects that the view's camera tracks ought to be in its image, projected as in the

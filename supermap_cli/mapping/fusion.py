@@ -18,7 +18,7 @@ from supermap_cli.mapping.association import pixels_in_region
 from supermap_cli.mapping.belief import Viewpoint
 from supermap_cli.mapping.lifting import LiftedDetection
 from supermap_cli.mapping.objects import MapObject
-from supermap_cli.mapping.recall import RecallModel, ScoreModel, miss_log_ratio
+from supermap_cli.mapping.recall import FoundBy, RecallModel, ScoreModel, miss_log_ratio
 from supermap_cli.mapping.visibility import ObjectView
 from supermap_cli.mapping.voxel_map import VoxelMap
 from supermap_cli.types.parameters import TUNED, parameter
@@ -129,6 +129,7 @@ def fuse_detection(obj: MapObject, detection: LiftedDetection, scores: ScoreMode
 def fuse_miss(obj: MapObject, expected_recall: float, viewpoint: Viewpoint, recall: RecallModel) -> None:
     """Existence after a view in which the detector did not find the object although it could have."""
     obj.existence.add_miss(viewpoint, miss_log_ratio(expected_recall, recall.parameters))
+    obj.add_look(recall.detector, FoundBy(missed=obj.existence.viewpoints.last_weight(viewpoint)))
 
 
 def area_share(view: ObjectView, image_area_px: int) -> float:

@@ -131,7 +131,8 @@ def find_missed(
         if not found:
             expected = None
             if detector_looked and obj.present and detectability.missable(parameters):
-                expected = recall.expected(obj.label, detectability.area_share, detectability.truncated)
+                of_class = recall.expected(obj.label, detectability.area_share, detectability.truncated)
+                expected = recall.expected_of(of_class, obj.found_by)
             missed.append(MissedObject(obj, detectability, expected))
     return tuple(missed)
 

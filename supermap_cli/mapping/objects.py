@@ -13,6 +13,7 @@ from supermap_cli.mapping.bounds import BoundsIndex
 from supermap_cli.mapping.class_sizes import ClassSizeParameters
 from supermap_cli.mapping.motion import MotionParameters, MotionState
 from supermap_cli.mapping.object_shape import ObjectShape, ObjectShapeParameters, measure_shape
+from supermap_cli.mapping.recall import FoundBy
 from supermap_cli.mapping.voxel_map import VoxelMap, VoxelMapParameters
 from supermap_cli.types.labels import DYNAMIC_CLASSES
 from supermap_cli.types.memory import Observation
@@ -124,7 +125,8 @@ class MapObject:
     It was seen from `first_seen_ns` to `last_seen_ns`, `observations` times; `pending` are the observations made before
     it was confirmed. `track_ids` are its tracks by camera, for each camera has a tracker of its own. `best_crop` is how
     good the best picture is that was kept of it in this traversal and place. `seen_apart` says of other objects, by
-    number, how many images of all traversals have shown each of the two with a mask of its own.
+    number, how many images of all traversals have shown each of the two with a mask of its own. `found_by` says of each
+    detector, by its identity, how often it found the object.
     """
 
     number: int
@@ -145,6 +147,7 @@ class MapObject:
     visit: VisitCount = field(default_factory=VisitCount)
     best_crop: float = 0.0
     seen_apart: dict[int, int] = field(default_factory=dict)
+    found_by: dict[str, FoundBy] = field(default_factory=dict)
     parameters: ObjectParameterSets = field(default=DEFAULT_SETS, repr=False)
     _shape: ObjectShape | None = field(default=None, repr=False)
     _changed: set[int] = field(default_factory=set, repr=False)
@@ -203,6 +206,10 @@ class MapObject:
     def solid(self) -> BoolArray:
         """(n,) which voxels are believed to be the object's, as of when its shape was measured."""
         return self.shape.solid
+
+    def add_look(self, detector: str, look: FoundBy) -> None:
+        """A detector has looked at the object."""
+        self.found_by[detector] = self.found_by.get(detector, FoundBy()) + look
 
     def set_status(
         self, *, confirmed: bool | None = None, stored: bool | None = None, demoted: bool | None = None

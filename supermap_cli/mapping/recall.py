@@ -5,7 +5,7 @@ No counterpart in the paper, where a missed detection always negates; here it we
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -43,10 +43,30 @@ class RecallParameters:
         -0.3, "1", "least log ratio of a detection: a hesitant one says less against an object than a miss does", TUNED
     )
     max_detection: float = parameter(2.5, "1", "greatest log ratio of a detection: none is proof", TUNED)
+    own_concentration: float = parameter(
+        2.0,
+        "1",
+        "looks that a class's rate is worth as a prior of one object's own: at 2, a detector may be blind to a thing",
+        "beta-Bernoulli; value: errors at one object are alike every second time, as of words (label_concentration)",
+        at_least=0.01,
+    )
     prior_scores: float = parameter(100.0, "1", "detections that the prior on the scores is worth", TUNED, at_least=1)
 
 
 DEFAULT = RecallParameters()
+
+
+@dataclass(frozen=True)
+class FoundBy:
+    """In how many looks one detector found an object, and missed it where it could have found it; looks from nearly one
+    place, or in quick succession, count as fewer.
+    """
+
+    found: float = 0.0
+    missed: float = 0.0
+
+    def __add__(self, other: FoundBy) -> FoundBy:
+        return FoundBy(self.found + other.found, self.missed + other.missed)
 
 
 @dataclass
@@ -54,11 +74,13 @@ class RecallModel:
     """Beta-Bernoulli detection rates by class, visible area and truncation.
 
     Every keyframe in which a confirmed object was observable is a trial. A cell starts as its class's overall rate, and
-    a class as the prior (a beta distribution worth `prior_trials` trials).
+    a class as the prior (a beta distribution worth `prior_trials` trials). `detector` is whose rates these are: equal
+    for detectors that err alike, empty if nobody knows.
     """
 
     hits: dict[str, float] = field(default_factory=dict)
     trials: dict[str, float] = field(default_factory=dict)
+    detector: str = ""
     parameters: RecallParameters = field(default=DEFAULT, repr=False, compare=False)
 
     def cell(self, label: str, area_share: float, truncated: bool) -> str:
@@ -70,6 +92,24 @@ class RecallModel:
         rate = self._posterior(label, self.parameters.prior_rate)
         rate = self._posterior(self.cell(label, area_share, truncated), rate)
         return float(np.clip(rate, self.parameters.min_rate, self.parameters.max_rate))
+
+    def expected_of(self, expected: float, found_by: Mapping[str, FoundBy]) -> float:
+        """P(detected | there) of one object, where things of its class that look as it does are detected with
+        probability `expected`.
+
+        One network makes the same error at the same object, so a rate of the object's own, Beta about the class's, is
+        learnt of every detector. It counts once another detector has found the object, for then the question is no
+        longer only whether this one was fooled; and it never is the better of the two.
+        """
+        if not any(record.found > 0 for name, record in found_by.items() if name != self.detector):
+            return expected
+        own, worth = found_by.get(self.detector, FoundBy()), self.parameters.own_concentration
+        rate = (worth * expected + own.found) / (worth + own.found + own.missed)
+        return float(np.clip(rate, min(self.parameters.min_rate, expected), expected))
+
+    def by_class(self) -> dict[str, list[float]]:
+        """How often things of each class were found, and how often they could have been."""
+        return {key: [self.hits.get(key, 0.0), self.trials[key]] for key in sorted(self.trials) if "|" not in key}
 
     def _posterior(self, key: str, prior: float) -> float:
         trials, prior_trials = self.trials.get(key, 0.0), self.parameters.prior_trials

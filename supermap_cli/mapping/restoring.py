@@ -14,6 +14,7 @@ from supermap_cli.mapping.objects import (
     OpenState,
     VisitCount,
 )
+from supermap_cli.mapping.recall import FoundBy
 from supermap_cli.mapping.voxel_map import voxel_map_from_cloud
 from supermap_cli.types.engine_state import EngineState
 from supermap_cli.types.memory import InstanceRecord
@@ -57,4 +58,5 @@ def restore_object(instance: InstanceRecord) -> MapObject:
         visit=VisitCount(earlier_ns=instance.last_seen_ns),
         best_crop=state.best_crop,
         seen_apart={int(number): images for number, images in state.seen_apart.items()},
+        found_by={name: FoundBy(*looks) for name, looks in state.found_by.items()},
     )

@@ -175,6 +175,15 @@ def test_a_hit_ends_a_spell_of_misses() -> None:
     assert views.add_miss(seen_from((-2.0, 0.1, 1.0), 0.6), -1.0) == -1.0
 
 
+def test_two_detectors_in_one_place_err_on_their_own() -> None:
+    one, other = (Viewpoint(round(at_s * 1e9), np.ones(3), ORIGIN, name) for at_s, name in ((0, "one"), (10, "other")))
+    history = ViewpointHistory()
+    for _ in range(5):
+        history.add_detection(one, 2.0)
+    assert history.add_detection(other, 2.0) == (1.0, pytest.approx(2.0))
+    assert history.last_weight(other) == pytest.approx(1.0)
+
+
 def test_a_camera_on_the_object_itself_is_no_error() -> None:
     assert ViewpointHistory().add_detection(Viewpoint(0, ORIGIN, ORIGIN), 1.0) == (1.0, 1.0)
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from supermap_cli.mapping.recall import DEFAULT, RecallModel, ScoreModel, miss_log_ratio
+from supermap_cli.mapping.recall import DEFAULT, FoundBy, RecallModel, ScoreModel, miss_log_ratio
 
 LARGE, SMALL = 0.2, 0.001
 
@@ -89,3 +89,29 @@ def test_a_small_networks_low_scores_come_to_count() -> None:
     assert after > before
     model.record_clutter([0.35] * 600)
     assert model.detection_log_ratio(0.35, again=True) < after
+
+
+def test_a_detector_may_be_blind_to_what_another_one_found() -> None:
+    model = RecallModel(detector="weak")
+    rates = [model.expected_of(0.8, {"strong": FoundBy(5, 1), "weak": FoundBy(0, n)}) for n in (0, 2, 20)]
+    assert rates[0] == pytest.approx(0.8)
+    assert rates == sorted(rates, reverse=True)
+    assert rates[-1] < 0.1
+
+
+def test_what_only_one_detector_found_is_judged_by_its_class() -> None:
+    model = RecallModel(detector="one")
+    assert model.expected_of(0.8, {"one": FoundBy(2, 20), "other": FoundBy(0, 5)}) == pytest.approx(0.8)
+    assert model.expected_of(0.8, {}) == pytest.approx(0.8)
+
+
+@given(st.floats(0.01, 0.95), st.floats(0, 50), st.floats(0, 50))
+def test_the_rate_of_one_object_is_never_better_than_that_of_its_class(
+    expected: float, found: float, missed: float
+) -> None:
+    own = RecallModel(detector="weak").expected_of(expected, {"strong": FoundBy(1), "weak": FoundBy(found, missed)})
+    assert 0 < own <= expected
+
+
+def test_rates_are_told_by_class() -> None:
+    assert trained("chair", 3, 1).by_class() == {"chair": [3.0, 4.0]}
