@@ -93,7 +93,9 @@ class DetectionFusion:
         """Label, existence, track and the observation itself."""
         keyframe, sets = view.keyframe, obj.parameters
         if "semantic-fusion" in self.ablate:
-            obj.labels = LabelBelief(parameters=sets.belief, size_parameters=sets.class_sizes)
+            obj.labels = LabelBelief(
+                parameters=sets.belief, size_parameters=sets.class_sizes, detector=self.recall.detector
+            )
         if obj.confirmed and obj.existence.log_odds > self.parameters.recall.sure_log_odds:
             self.scores.record_real(detection.score)
         viewpoint = view.viewpoint_of(obj)

@@ -97,6 +97,11 @@ class MappingEngine:
             parameters,
         )
 
+    def use_detector(self, detector: str) -> None:
+        """From now on these detections are of the detector with this identity: its misses and its words are its own."""
+        self.recall.detector = detector
+        self.objects.use_detector(detector)
+
     def get_neighbor_objects(self, keyframe: Keyframe) -> list[MapObject]:
         """GetNeighborObjects: those whose bounds come within the sensor's range of the camera."""
         return self.objects.within(keyframe.T_map_camera[:3, 3], self._range_m(keyframe))

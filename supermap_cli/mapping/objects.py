@@ -259,11 +259,14 @@ class MapObject:
 
 @dataclass
 class ObjectMap:
-    """All objects, tentative ones too, by number; numbers are never used twice."""
+    """All objects, tentative ones too, by number; numbers are never used twice. `detector` is the identity of the
+    detector that looks at them now.
+    """
 
     next_number: int = 1
     by_number: dict[int, MapObject] = field(default_factory=dict)
     parameters: ObjectParameterSets = field(default=DEFAULT_SETS, repr=False)
+    detector: str = ""
     _bounds: BoundsIndex = field(default_factory=BoundsIndex, repr=False)
 
     def __iter__(self) -> Iterator[MapObject]:
@@ -281,6 +284,12 @@ class ObjectMap:
         for obj in self:
             obj.use(parameters)
 
+    def use_detector(self, detector: str) -> None:
+        """From now on the words on all objects are this detector's."""
+        self.detector = detector
+        for obj in self:
+            obj.labels.detector = detector
+
     def new_number(self) -> int:
         """The number of the next object."""
         self.next_number += 1
@@ -289,6 +298,7 @@ class ObjectMap:
     def add(self, added: MapObject) -> None:
         """Enter an object; it follows the map's parameters from now on."""
         added.use(self.parameters)
+        added.labels.detector = self.detector
         self.by_number[added.number] = added
         self._bounds.add(added.number)
         added.report_changes_to(self._bounds.changed)

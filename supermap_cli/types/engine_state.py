@@ -19,7 +19,7 @@ class EngineState:
     supporting views, all views, and the sum of their log likelihood ratios. `state_*` is the current state, `gone_ns`
     the stamp since which there is none; `best_crop` is the quality of the best image crop; `seen_apart` says in how
     many images other objects, by number, were seen beside it with masks of their own; `found_by` in how many looks each
-    detector, by its identity, found it, and missed it.
+    detector, by its identity, found it, and missed it; `words` are the label counts of each detector that is known.
     """
 
     label_counts: Mapping[str, float]
@@ -32,6 +32,7 @@ class EngineState:
     best_crop: float
     seen_apart: Mapping[str, int] = field(default_factory=dict)
     found_by: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    words: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
     def to_document(self) -> dict[str, object]:
         """JSON numbers and strings only."""
@@ -51,6 +52,10 @@ class EngineState:
                 str(name): (float(found), float(missed))
                 for name, (found, missed) in document.get("found_by", {}).items()
             }
+            values["words"] = {
+                str(name): {str(label): float(count) for label, count in counts.items()}
+                for name, counts in document.get("words", {}).items()
+            }
             state = cls(
                 **values | {"viewpoints": {name: _cell(stored) for name, stored in values["viewpoints"].items()}}
             )
@@ -67,6 +72,7 @@ class EngineState:
         reals = [*self.label_counts.values(), self.label_weight, self.best_crop]
         reals += [cell[2] for cell in self.viewpoints.values()]
         reals += [looks for both in self.found_by.values() for looks in both]
+        reals += [count for counts in self.words.values() for count in counts.values()]
         integers = [self.state_index, self.state_first_seen_ns]
         integers += [stamp_ns for stamp_ns in (self.state_empty_before_ns, self.gone_ns) if stamp_ns is not None]
         return (

@@ -109,6 +109,29 @@ def test_size_alone_does_not_invent_labels() -> None:
     assert believing(said(microwave=0.9), size_m=1.0).best == "microwave"
 
 
+def test_two_detectors_that_agree_are_surer_than_one_that_repeats_itself() -> None:
+    one, two = LabelBelief(), LabelBelief()
+    for k in range(8):
+        one.update((Hypothesis("tv", 0.6), Hypothesis("microwave", 0.4)), 1.0)
+        two.detector = "first" if k < 4 else "second"
+        two.update((Hypothesis("tv", 0.6), Hypothesis("microwave", 0.4)), 1.0)
+    assert two.counts == one.counts
+    assert two.probabilities()["tv"] > one.probabilities()["tv"]
+
+
+def test_a_detector_is_expected_to_call_a_thing_as_it_did_before_whatever_it_is() -> None:
+    belief = LabelBelief(detector="first")
+    belief.update((Hypothesis("microwave", 1.0),), 3.0)
+    assert belief.expected_words() == belief.probabilities()
+    belief.detector = "second"
+    assert belief.expected_words() == belief.probabilities()
+    belief.update((Hypothesis("tv", 1.0),), 20.0)
+    assert belief.best == "tv"
+    assert belief.expected_words()["tv"] > 0.9
+    belief.detector = "first"
+    assert belief.expected_words()["microwave"] > 0.5
+
+
 @given(st.lists(hypotheses, min_size=1, max_size=4), st.lists(hypotheses, min_size=1, max_size=4))
 def test_joining_two_beliefs_is_having_seen_it_all_with_one(
     first: list[tuple[Hypothesis, ...]], second: list[tuple[Hypothesis, ...]]
