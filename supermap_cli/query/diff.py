@@ -44,6 +44,12 @@ MAX_NAMED_IDS = 12
 """Ids listed in a note."""
 
 
+MAX_NOT_LOOKED_AT = 1000
+"""Instances listed, the newest ones, where neither of two traversals looked; a note counts the others. A diff of two
+visits must not grow with the building.
+"""
+
+
 @dataclass(frozen=True)
 class IdentityCandidateView:
     """An instance that may be the same object, with the probability."""
@@ -114,13 +120,15 @@ def diff(reader: MapReader, first: str | None = None, second: str | None = None)
     before, after = sorted(sides, key=lambda side: side.at_ns)
     times = compared_times(before, after, reader.traversals)
     builder = DiffBuilder(reader, times)
-    numbers = _instances_to_compare(reader, times)
+    numbers, left_out = _instances_to_compare(reader, times)
     changes = [change for batch in batches(numbers) for change in builder.changes(batch)]
     changes.sort(key=lambda change: CHANGE_KINDS.index(change.kind))
     counts = Counter(change.kind for change in changes)
     notes = [side.note for side in sides if side.note is not None]
     notes += ["the two were put in the order of time"] if sides[0] is not before else []
     traversals = [side.traversal for side in (before, after) if side.traversal is not None] or reader.traversals
+    if left_out:
+        notes.append(f"{left_out} more stood there before where neither looked; `supermap show --at` lists them")
     notes += pruned_data_notes(traversals, clock_of(reader))
     return Diff(
         before=_side_view(before),
@@ -328,13 +336,17 @@ def _best_crop(side: Sequence[LabelledObservation]) -> int | None:
     return next((observation.id for observation in reversed(side) if observation.has_crop), None)
 
 
-def _instances_to_compare(reader: MapReader, times: ComparedTimes) -> list[int]:
-    """The instances observed on either side, those that stood there before, and those that changed in between."""
+def _instances_to_compare(reader: MapReader, times: ComparedTimes) -> tuple[list[int], int]:
+    """The instances observed on either side, those that stood there before, and those that changed in between; and how
+    many are left out of those that stood there before in a large map, where neither of two traversals looked.
+    """
     traversals = [side.traversal.id for side in (times.before, times.after) if side.traversal is not None]
     observed = reader.supported_in(traversals) if traversals else ()
-    present_before = reader.instances_placed_at(times.before.at_ns)
     changed = reader.changed_within(times.before.at_ns, times.after.at_ns)
-    return sorted({*observed, *present_before, *changed})
+    looked_at = {*observed, *changed}
+    others = [number for number in reader.instances_placed_at(times.before.at_ns) if number not in looked_at]
+    listed = others if times.before.traversal is None else others[-MAX_NOT_LOOKED_AT:]
+    return sorted({*looked_at, *listed}), len(others) - len(listed)
 
 
 def _choose_sides(reader: MapReader, first: str | None, second: str | None) -> tuple[TimePoint, TimePoint]:

@@ -103,6 +103,24 @@ def test_what_neither_visit_looked_at_is_told_apart_from_what_is_unchanged(tmp_p
     assert (change.kind, change.reason) == ("not looked at", "known from other visits; in view of neither")
 
 
+def test_a_large_map_says_how_many_more_neither_visit_looked_at(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("supermap_cli.query.diff.MAX_NOT_LOOKED_AT", 2)
+    chairs = range(1, 6)
+    delta = MapDelta(
+        instances=tuple(m.instance(number, "chair", seen=(1, 9), observations=0) for number in chairs),
+        states=tuple(m.state(number, 0, (1, 9)) for number in chairs),
+    )
+    path = m.make_memory(
+        tmp_path / "map.db", ("a", (0, 10), delta), ("b", (100, 110), MapDelta()), ("c", (200, 210), MapDelta())
+    )
+    with open_store(str(path), read_only=True) as store, store.reader() as reader:
+        found = diff(reader, "b", "c")
+    assert [change.id for change in found.changes] == ["chair-4", "chair-5"]
+    assert found.notes == ("3 more stood there before where neither looked; `supermap show --at` lists them",)
+
+
 def test_people_are_named_but_not_compared(tmp_path: Path) -> None:
     person = m.instance(1, "person", seen=(1, 9), observations=0)
     delta = MapDelta(instances=(person,), states=(m.state(1, 0, (1, 9), label="person"),), visits=(m.visit(1, 3, 3),))
