@@ -171,7 +171,8 @@ class StateComparison:
             reason = f"seen by {' and '.join(seen)}, and gone again before its end"
         else:
             return None
-        return ChangeClassification("at neither", reason, self._states_begun_by(self.after.at_ns)[-1].confidence)
+        states = self._states_begun_by(self.after.at_ns) or self.instance.states
+        return ChangeClassification("at neither", reason, states[-1].confidence if states else 0.0)
 
     def _not_looked_at(self) -> ChangeClassification | None:
         """It stood at one of the time points as far as the map knows, and neither observed it."""
