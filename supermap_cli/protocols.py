@@ -167,6 +167,18 @@ class Detector(Protocol):
 
 
 @runtime_checkable
+class IdentifiedDetector(Protocol):
+    """What a detector adds that knows which network it runs. What it misses and how it calls things is that network's,
+    also on another day.
+    """
+
+    @property
+    def identity(self) -> str:
+        """Equal for two detectors that err alike: the model's name, and a digest of its weights and words."""
+        ...
+
+
+@runtime_checkable
 class BatchDetector(Protocol):
     """What a detector adds that looks at several images at once."""
 

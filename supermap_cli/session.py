@@ -65,6 +65,7 @@ class MappingSession:
         self.config = config
         self.backends = backends
         self.engine = initial.engine
+        self.engine.use_detector(backends.detector)
         graph = initial.parameters.graph
         self.graph = SceneGraph((*PREDICATES, *backends.predicates), {}, graph.scene_graph, graph.predicates)
         self.graph.resume(initial.spatial_edges)

@@ -127,7 +127,7 @@ def test_every_role_of_a_topic_is_named() -> None:
 
 
 def test_every_verdict_of_a_diff_is_explained() -> None:
-    rows = re.findall(r"^\| ([a-z ]+) \|", section_of("docs/changes.md", "The seven verdicts"), re.MULTILINE)
+    rows = re.findall(r"^\| ([a-z ]+) \|", section_of("docs/changes.md", "The ten verdicts"), re.MULTILINE)
     kinds = set(re.findall(r"'enum': \[([^\]]+)\]", str(load_schema("diff"))))
     assert ", ".join(repr(kind) for kind in rows if kind != "verdict") in kinds
 

@@ -143,7 +143,8 @@ def test_a_thing_that_is_called_otherwise_keeps_its_id(tmp_path: Path) -> None:
     path = build_days(tmp_path / "map.db", first, later, later)
     assert ids(path) == {"chair-1", "box-1"}
     change = change_of(path, "chair-1")
-    assert (change.kind, change.label_before, change.label_after) == ("relabelled", "chair", "stool")
+    assert (change.kind, change.label_before, change.label_after) == ("unchanged", "chair", "stool")
+    assert "another reading, no change" in change.reason
     assert change_of(path, "chair-1", "day-2", "day-3").kind == "unchanged"
     _, sentences = life_of(path, "chair-1")
     assert "called chair in day-1, then stool in day-2, day-3" in sentences

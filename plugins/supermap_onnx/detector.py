@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -31,6 +32,9 @@ _MAX_HYPOTHESES = 3
 _MIN_HYPOTHESIS_RATIO = 0.2
 """Least score of a hypothesis, relative to the best one's. Chosen."""
 
+_DIGEST_CHARS = 8
+"""Characters of a model's digest in its identity. Chosen: 32 bits tell a few thousand models apart."""
+
 
 class OnnxDetector:
     """A YOLOX or YOLOv8/11 model, recognised by its tensors. Raises `DetectorError` for anything else."""
@@ -53,6 +57,12 @@ class OnnxDetector:
             )
         self._layout: Layout = layout
         self._names = class_names(options.labels, metadata, layout.classes, path)
+        self._identity = f"{path.stem} {_digest(path, self._names)}"
+
+    @property
+    def identity(self) -> str:
+        """The model file's name, and a digest of its weights and class names."""
+        return self._identity
 
     def image_stamps_ns(self, camera_id: str) -> None:
         """`None`: it can process any image."""
@@ -99,6 +109,14 @@ class OnnxDetector:
                 where=str(path),
                 cure=f"export it for one image of {self._input_size[1]}x{self._input_size[0]}",
             ) from error
+
+
+def _digest(path: Path, names: Sequence[str]) -> str:
+    """The first characters of a digest of a model and its class names: enough to tell a user's models apart."""
+    with path.open("rb") as model:
+        digest = hashlib.file_digest(model, "sha256")
+    digest.update("\n".join(names).encode())
+    return digest.hexdigest()[:_DIGEST_CHARS]
 
 
 def _open_session(path: Path, threads: int) -> Any:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from supermap_cli.commands.common import DbOption, JsonOption, database_url, err, out, print_json
-from supermap_cli.commands.tables import evidence_text, print_table
+from supermap_cli.commands.tables import evidence_text, id_text, print_table
 
 if TYPE_CHECKING:
     from supermap_cli.query.clock import Clock
@@ -17,6 +17,9 @@ if TYPE_CHECKING:
 
 MAX_ROWS, MAX_UNCHANGED = 60, 200
 """All changes are printed; undecidable and unchanged instances up to these numbers."""
+
+BRIEF_KINDS = ("unchanged", "not looked at")
+"""Of these only ids are printed, but for those that the two sides called differently."""
 
 EXAMPLES = """
 Examples:
@@ -56,11 +59,12 @@ def diff(  # noqa: PLR0917 - a command line has many options
     db: DbOption = None,
     json: JsonOption = False,
 ) -> None:
-    """Say what changed between two traversals or times, and what nobody can say.
+    """Say what changed between two traversals or times, and what nobody can say: every thing of the two has one row.
 
     A traversal stands for its end; times are those of --at ('10:21', '2026-01-05T10:21:00Z', '12 s', 'now').
 
-    "Not observed again" is not "gone": a thing has disappeared only where its place was seen empty.
+    "Not observed again" is not "gone": a thing has disappeared only where its place was seen empty. A new name is a
+    change only where another thing stands there; else it is told as another reading.
     """
     from supermap_cli.memory import open_store  # noqa: PLC0415 - keeps start-up light
     from supermap_cli.query.clock import clock_of  # noqa: PLC0415
@@ -98,7 +102,7 @@ def _print(found: Diff, clock: Clock) -> None:
     for note in found.notes:
         console.print(f"note: {note}", markup=False)
     columns = ("what", "id", "why", "when", "distance (m)#", "confidence#", "seen before", "seen after")
-    changed = [change for change in found.changes if change.kind != "unchanged"]
+    changed = [change for change in found.changes if not _is_brief(change)]
     seen_to_change = sum(found.counts[kind] for kind in CERTAIN_CHANGES)
     shown = changed[: max(seen_to_change, MAX_ROWS)]
     if shown:
@@ -107,10 +111,19 @@ def _print(found: Diff, clock: Clock) -> None:
         console.print(
             f"{len(changed) - len(shown)} more of which nobody can tell; --json and --html have all", markup=False
         )
-    unchanged = [change.id for change in found.changes if change.kind == "unchanged"]
-    if unchanged:
-        more = f" and {len(unchanged) - MAX_UNCHANGED} more" if len(unchanged) > MAX_UNCHANGED else ""
-        console.print(f"unchanged: {', '.join(unchanged[:MAX_UNCHANGED])}{more}", markup=False)
+    for kind in BRIEF_KINDS:
+        ids = [
+            id_text(change.id, change.label) for change in found.changes if change.kind == kind and _is_brief(change)
+        ]
+        if ids:
+            more = f" and {len(ids) - MAX_UNCHANGED} more" if len(ids) > MAX_UNCHANGED else ""
+            console.print(f"{kind}: {'; '.join(ids[:MAX_UNCHANGED])}{more}", markup=False)
+
+
+def _is_brief(change: ObjectChange) -> bool:
+    """Whether its id says all: neither a change nor called differently by the two sides."""
+    called = {label for label in (change.label_before, change.label_after) if label is not None}
+    return change.kind in BRIEF_KINDS and (change.kind != "unchanged" or len(called) < 2)
 
 
 def _row(change: ObjectChange, clock: Clock) -> tuple[str, ...]:
@@ -121,7 +134,7 @@ def _row(change: ObjectChange, clock: Clock) -> tuple[str, ...]:
     moved = change.kind == "moved" and change.distance_m is not None
     return (
         change.kind,
-        change.id,
+        id_text(change.id, change.label),
         change.reason + may_be,
         when,
         f"{change.distance_m:.2f}" if moved else "-",

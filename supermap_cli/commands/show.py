@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from supermap_cli.commands.common import AtOption, DbOption, JsonOption, LimitOption, database_url, out, print_json
-from supermap_cli.commands.tables import evidence_text, position_text, print_table, size_text
+from supermap_cli.commands.tables import evidence_text, id_text, position_text, print_table, size_text
 
 if TYPE_CHECKING:
     from supermap_cli.query.clock import Clock
-    from supermap_cli.query.details import ObjectDetails
+    from supermap_cli.query.details import CalledView, ObjectDetails
     from supermap_cli.query.overview import Overview
-    from supermap_cli.query.views import TraversalView
+    from supermap_cli.query.views import EvidenceView, TraversalView
 
 
 EXAMPLES = """
@@ -75,7 +75,7 @@ def _print_overview(shown: Overview, clock: Clock) -> None:
     console = out()
     rows = [
         (
-            instance.id,
+            id_text(instance.id, instance.label),
             instance.label,
             position_text(instance.position),
             size_text(instance.box),
@@ -93,12 +93,27 @@ def _print_overview(shown: Overview, clock: Clock) -> None:
         console.print(", ".join(f"{count} {label}" for label, count in shown.counts.items()), markup=False)
     if shown.unknown:
         unknown_rows = [
-            (instance.id, position_text(instance.position), instance.standing.words)
+            (id_text(instance.id, instance.label), position_text(instance.position), instance.standing.words)
             for instance in shown.unknown
             if instance.standing
         ]
         of = f"{len(unknown_rows) + shown.more_unknown} of which nobody can say"
         print_table(console, of, ("id", "position (m)", "why"), unknown_rows)
+    if shown.doubted:
+        doubted = f"{len(shown.doubted) + shown.more_doubted} doubted: once believed in, and more likely not real"
+        doubted_rows = [
+            (
+                id_text(instance.id, instance.label),
+                position_text(instance.position),
+                f"{instance.confidence:.2f}",
+                clock.brief(instance.intervals[-1].last_seen_ns),
+                _doubt_text(instance.evidence),
+            )
+            for instance in shown.doubted
+        ]
+        print_table(
+            console, doubted, ("id", "position (m)", "confidence#", "last seen", "for and against"), doubted_rows
+        )
     if shown.absent and shown.as_of is not None:
         console.print(f"{shown.absent} more had left by then, or came later", markup=False)
     elif shown.absent:
@@ -106,11 +121,18 @@ def _print_overview(shown: Overview, clock: Clock) -> None:
     print_traversals(shown.traversals, clock)
 
 
+def _doubt_text(evidence: EvidenceView) -> str:
+    """What speaks for and against an object."""
+    empty = f"seen empty in {evidence.contradicted}" if evidence.contradicted else "never seen empty"
+    return f"found in {evidence.supported} of {evidence.in_view} keyframes with its place in view, {empty}"
+
+
 def print_traversals(traversals: tuple[TraversalView, ...], clock: Clock) -> None:
-    """The table of traversals, with a column for shifted clocks where there are any."""
+    """The table of traversals, with columns for shifted clocks where there are any, and for detectors that differ."""
     from supermap_cli.memory.time_order import duration_text  # noqa: PLC0415 - keeps start-up light
 
     shifted = any(traversal.clock_shift_ns for traversal in traversals)
+    several = len({traversal.detector for traversal in traversals}) > 1
     columns = (
         "#",
         "traversal",
@@ -119,6 +141,7 @@ def print_traversals(traversals: tuple[TraversalView, ...], clock: Clock) -> Non
         "to",
         "keyframes#",
         "status",
+        *(("detector",) if several else ()),
         *(("shifted by",) if shifted else ()),
     )
     rows = [
@@ -130,6 +153,7 @@ def print_traversals(traversals: tuple[TraversalView, ...], clock: Clock) -> Non
             clock.text(traversal.end_ns),
             str(traversal.keyframes),
             traversal.status,
+            *((traversal.detector or "-",) if several else ()),
             *(
                 (f"+ {duration_text(traversal.clock_shift_ns)}" if traversal.clock_shift_ns else "-",)
                 if shifted
@@ -147,6 +171,17 @@ def print_traversals(traversals: tuple[TraversalView, ...], clock: Clock) -> Non
             out().print(f"{traversal.name}: warning: {warning}", markup=False)
 
 
+def _called_text(called: tuple[CalledView, ...]) -> str:
+    """What each traversal called it, with its detector where these differ; empty where all called it the same."""
+    if len({view.label for view in called}) < 2:
+        return ""
+    several = len({view.detector for view in called}) > 1
+    return "; ".join(
+        f"{view.label} in {view.traversal}" + (f" (by {view.detector or 'an unknown detector'})" if several else "")
+        for view in called
+    )
+
+
 def _print_details(shown: ObjectDetails, clock: Clock) -> None:
     console = out()
     if shown.merged_ids:
@@ -154,8 +189,9 @@ def _print_details(shown: ObjectDetails, clock: Clock) -> None:
     seen = shown.evidence
     beliefs = sorted(shown.label_belief.items(), key=lambda item: -item[1])[:5]
     facts = [
-        ("id", shown.id),
+        ("id", id_text(shown.id, shown.label)),
         ("label", ", ".join(f"{label} {share:.0%}" for label, share in beliefs)),
+        *([("called", called)] if (called := _called_text(shown.called)) else []),
         ("presence", f"{shown.presence} (log-odds {shown.existence_log_odds:.1f})"),
         *([] if shown.standing is None else [(f"as of {shown.as_of}", shown.standing.words)]),
         ("position (m)", position_text(shown.position)),

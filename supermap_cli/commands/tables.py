@@ -37,6 +37,15 @@ def print_table(console: Console, title: str, columns: Sequence[str], rows: Iter
     console.print()
 
 
+def id_text(text_id: str, label: str) -> str:
+    """An id, and what its object is called today where that differs: an id never changes, its word is the object's
+    first name.
+    """
+    from supermap_cli.memory.names import label_slug  # noqa: PLC0415 - keeps start-up light
+
+    return text_id if text_id.rpartition("-")[0] == label_slug(label) else f"{text_id}, now {label}"
+
+
 def position_text(position: Vector) -> str:
     """A place in metres."""
     return " ".join(f"{value:.2f}" for value in position)

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import json
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from supermap_cli.config import BuildConfig
 from supermap_cli.drivers.odometry import run_odometry
 from supermap_cli.geometry.trajectory import Trajectory
 from supermap_cli.plugin_manager import Plugins
-from supermap_cli.protocols import Detector, Odometry, Recording, Resumable, Segmenter, Tracker
+from supermap_cli.protocols import Detector, IdentifiedDetector, Odometry, Recording, Resumable, Segmenter, Tracker
 from supermap_cli.stages.session_state import SessionBackends
 
 
@@ -18,6 +19,7 @@ class Backends:
     """The plugins at work on one recording, and what they are called.
 
     `trajectory` pulls the odometry's poses from the whole recording; every camera gets a tracker of its own.
+    `detector_identity` is equal for detectors that err alike.
     """
 
     odometry: Odometry
@@ -27,6 +29,7 @@ class Backends:
     make_tracker: Callable[[], Tracker]
     resumable: bool
     names: dict[str, str]
+    detector_identity: str
 
 
 def session_backends(plugins: Plugins, config: BuildConfig | None = None) -> SessionBackends:
@@ -79,4 +82,12 @@ def choose_backends(recording: Recording, plugins: Plugins, config: BuildConfig)
         make_tracker,
         isinstance(make_tracker(), Resumable),
         names,
+        _detector_identity(detector, names["detector"], options.get(names["detector"])),
     )
+
+
+def _detector_identity(detector: Detector, name: str, options: Mapping[str, object] | None) -> str:
+    """What the detector calls itself, else the plugin with its options."""
+    if isinstance(detector, IdentifiedDetector):
+        return detector.identity
+    return f"{name} {json.dumps(options, sort_keys=True, default=str)}" if options else name

@@ -211,7 +211,12 @@ class TraversalBuild:
         )
         self._keep_on_failure = True
         total_s = time.perf_counter() - self.began
-        self.store.finish_traversal(traversal_id, self._spent_s(), self._stored_warnings(session))
+        self.store.finish_traversal(
+            traversal_id,
+            self._spent_s(),
+            self._stored_warnings(session),
+            learnt={"detector_recall": session.engine.recall.by_class()},
+        )
         return total_s
 
     def _leave_resumable(self, traversal_id: int | None) -> None:
@@ -237,7 +242,7 @@ class TraversalBuild:
         self.observers.muted = state.statistics.keyframes < self._committed
         self.session = MappingSession(
             self.config,
-            SessionBackends(self.backends.make_tracker, predicates=further),
+            SessionBackends(self.backends.make_tracker, predicates=further, detector=self.backends.detector_identity),
             state,
             observers=self.observers,
             clock=self.clock,
@@ -312,7 +317,12 @@ class TraversalBuild:
 
     def _config(self) -> dict[str, object]:
         """All settings that the map depends on, as they are stored."""
-        return {**stored_config(self.config), "used": self.backends.names, "align": self.align}
+        return {
+            **stored_config(self.config),
+            "used": self.backends.names,
+            "detector": self.backends.detector_identity,
+            "align": self.align,
+        }
 
     def _begin(self, placement: Placement, name: str | None, *, again: bool) -> int:
         start = TraversalStart(

@@ -94,7 +94,10 @@ class TraversalWriter:
         self._commit()
         if self._traversal_id is None:
             raise MemoryStoreError("no keyframe was mapped", where=self._store.where, cure="push frames with poses")
-        self._store.finish_traversal(self._traversal_id, warnings=self._stored_warnings(), end_ns=self._newest_ns)
+        learnt = {} if self._session is None else {"detector_recall": self._session.engine.recall.by_class()}
+        self._store.finish_traversal(
+            self._traversal_id, warnings=self._stored_warnings(), end_ns=self._newest_ns, learnt=learnt
+        )
         self._traversal_id = None
         self._end_observers(complete=True)
 
@@ -125,7 +128,11 @@ class TraversalWriter:
                 start_ns=start_ns,
                 end_ns=self._newest_ns,
                 T_map_odom=self._session.placement.T_map_odom,
-                config={**stored_config(self._config), "placed": self._session.placement.method},
+                config={
+                    **stored_config(self._config),
+                    "detector": self._session.backends.detector,
+                    "placed": self._session.placement.method,
+                },
                 versions={"supermap": __version__},
                 name=self._name,
             )

@@ -106,7 +106,9 @@ class MapTransform:
         return restored
 
     def _rotated_cell(self, name: str) -> str:
-        """A viewpoint cell "azimuth,elevation,distance" (`belief.Viewpoint.cell`) rotated by `yaw`."""
+        """A viewpoint cell "azimuth,elevation,distance" (`belief.Viewpoint.cell`), maybe with a detector, rotated
+        by `yaw`.
+        """
         azimuth, elevation, distance = name.split(",")
         turned = int(azimuth) + round(np.degrees(self.yaw) / _AZIMUTH_DEG)
         return f"{(turned + _AZIMUTHS // 2) % _AZIMUTHS - _AZIMUTHS // 2},{elevation},{distance}"

@@ -119,7 +119,7 @@ def affinity(
     shape = candidate.shape
     covered = shape.share_near(detection.points_map)
     explained = share_inside(detection, view) if view is not None else 0.0
-    agreement = label_agreement(detection.hypotheses, candidate.labels.probabilities())
+    agreement = label_agreement(detection.hypotheses, candidate.labels.expected_words())
     if course is not None:
         same_kind = agreement >= parameters.same_kind
         others_per_m2 = parameters.people_per_m2 if same_kind else parameters.things_per_m2

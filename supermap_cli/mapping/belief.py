@@ -7,11 +7,12 @@ less than independent ones.
 
 from __future__ import annotations
 
+import math
+import zlib
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.special import gammaln
 
 from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.mapping import class_sizes
@@ -68,6 +69,8 @@ class LabelBelief:
     so again; given L = c, that confusion is Dirichlet about a mean that favours c. So the words' probability depends on
     how often c and its rivals were said, and not on how many different wrong words there are. `counts` are the weighted
     scores of each label, `weight` is the sum of weights; `longest_side_m` is the object's size as measured.
+    `by_detector` are the counts of each detector, by its identity: their confusions are independent of one another;
+    `detector` is the one whose words come in now.
     """
 
     counts: dict[str, float] = field(default_factory=dict)
@@ -75,6 +78,8 @@ class LabelBelief:
     longest_side_m: float = 0.0
     parameters: BeliefParameters = field(default=DEFAULT, repr=False, compare=False)
     size_parameters: ClassSizeParameters = field(default=class_sizes.DEFAULT, repr=False, compare=False)
+    by_detector: dict[str, dict[str, float]] = field(default_factory=dict)
+    detector: str = ""
     _cached: tuple[tuple[float, float], dict[str, float]] | None = field(default=None, repr=False, compare=False)
 
     def update(self, hypotheses: tuple[Hypothesis, ...], weight: float) -> None:
@@ -82,22 +87,40 @@ class LabelBelief:
         total = max(1.0, sum(hypothesis.score for hypothesis in hypotheses))
         for hypothesis in hypotheses:
             added = weight * hypothesis.score / total
-            self.counts[hypothesis.label] = self.counts.get(hypothesis.label, 0.0) + added
+            for counts in (self.counts, self.by_detector.setdefault(self.detector, {})):
+                counts[hypothesis.label] = counts.get(hypothesis.label, 0.0) + added
         self.weight += weight
 
     def copy(self) -> LabelBelief:
         """The same belief, to be updated on its own."""
-        return LabelBelief(dict(self.counts), self.weight, self.longest_side_m, self.parameters, self.size_parameters)
+        by_detector = {name: dict(counts) for name, counts in self.by_detector.items()}
+        return replace(self, counts=dict(self.counts), by_detector=by_detector, _cached=None)
 
     def absorb(self, other: LabelBelief) -> None:
         """Join two beliefs that turned out to be about one object."""
-        for label, count in other.counts.items():
-            self.counts[label] = self.counts.get(label, 0.0) + count
+        joined = [(self.counts, other.counts)]
+        joined += [(self.by_detector.setdefault(name, {}), counts) for name, counts in other.by_detector.items()]
+        for own, added in joined:
+            for label, count in added.items():
+                own[label] = own.get(label, 0.0) + count
         self.weight += other.weight
 
     def probabilities(self) -> dict[str, float]:
         """The belief, summing to 1, most likely first; very unlikely labels are left out."""
         return dict(self._current())
+
+    def expected_words(self) -> dict[str, float]:
+        """How probable each word is to be the next one of the detector that looks now.
+
+        Where other detectors have spoken too, its own words say how it calls the object, which may not be what it is:
+        the mean of its confusion, after its words, about the belief.
+        """
+        belief, own = self._current(), self.by_detector.get(self.detector)
+        if not own or len(self.by_detector) < 2:
+            return dict(belief)
+        worth = self.parameters.label_concentration
+        total = worth + sum(own.values())
+        return {word: (worth * belief.get(word, 0.0) + own.get(word, 0.0)) / total for word in {**belief, **own}}
 
     def _current(self) -> dict[str, float]:
         if not self.counts:
@@ -108,7 +131,9 @@ class LabelBelief:
 
     def _posterior(self) -> dict[str, float]:
         labels = sorted(self.counts)
-        said = words_log_likelihood(np.array([self.counts[label] for label in labels]), self.parameters)
+        spoken = list(self.by_detector.values()) or [self.counts]
+        of_each = [np.array([counts.get(label, 0.0) for label in labels]) for counts in spoken]
+        said = np.sum([words_log_likelihood(counts, self.parameters) for counts in of_each], axis=0)
         fits = [size_log_likelihood(label, self.longest_side_m, self.size_parameters) for label in labels]
         logs = said + fits
         p = np.exp(logs - logs.max())
@@ -133,8 +158,8 @@ def words_log_likelihood(counts: FloatArray, parameters: BeliefParameters = DEFA
     """
     right = parameters.label_concentration * parameters.right_word_share
     wrong = parameters.label_concentration * (1 - parameters.right_word_share) / (parameters.vocabulary - 1)
-    log_likelihood: FloatArray = gammaln(right + counts) - gammaln(right) - gammaln(wrong + counts) + gammaln(wrong)
-    return log_likelihood
+    constant = math.lgamma(wrong) - math.lgamma(right)
+    return np.array([math.lgamma(right + n) - math.lgamma(wrong + n) + constant for n in counts.tolist()])
 
 
 def label_agreement(hypotheses: tuple[Hypothesis, ...], belief: Mapping[str, float]) -> float:
@@ -147,21 +172,25 @@ def label_agreement(hypotheses: tuple[Hypothesis, ...], belief: Mapping[str, flo
 
 @dataclass(frozen=True)
 class Viewpoint:
-    """When and from where (`camera_map`, (3,)) an object, its middle at `centroid_map` (3,), is looked at."""
+    """When and from where (`camera_map`, (3,)) an object, its middle at `centroid_map` (3,), is looked at, and by which
+    detector; two detectors err on their own, also in one place.
+    """
 
     stamp_ns: int
     camera_map: FloatArray
     centroid_map: FloatArray
+    detector: str = ""
 
     def cell(self, parameters: BeliefParameters = DEFAULT) -> str:
-        """The cell of bearing and distance it lies in: views from one cell are correlated."""
+        """The cell of bearing and distance it lies in, of the detector's: views from one cell are correlated."""
         ray = self.camera_map - self.centroid_map
         distance = float(np.linalg.norm(ray))
         elevation_sine = np.clip(ray[2] / max(distance, 1e-6), -1, 1)
         azimuth = int(np.floor(np.degrees(np.arctan2(ray[1], ray[0])) / parameters.bearing_cell_deg))
         elevation = int(np.floor(np.degrees(np.arcsin(elevation_sine)) / parameters.bearing_cell_deg))
         logs = np.log(max(distance, parameters.min_distance_m)) / np.log(parameters.distance_cell_ratio)
-        return f"{azimuth},{elevation},{int(np.floor(logs))}"
+        whose = f"@{zlib.crc32(self.detector.encode()):08x}" if self.detector else ""
+        return f"{azimuth},{elevation},{int(np.floor(logs))}{whose}"
 
 
 @dataclass(frozen=True)
@@ -255,14 +284,10 @@ class ViewpointHistory:
         cell = self._extend_run(viewpoint, detected=False)
         return self._add(cell, ViewpointCell.of(log_ratio * self.run.weight, detected=False))
 
-    @property
-    def found_and_viewed(self) -> tuple[float, float]:
-        """How many independent views have detected the object, and how many there were: n of one cell count as
-        sqrt(n).
-        """
-        cells = [cell for cell in self.cells.values() if cell.views]
-        found = sum(cell.supports / float(np.sqrt(cell.views)) for cell in cells)
-        return found, sum(float(np.sqrt(cell.views)) for cell in cells)
+    def last_weight(self, viewpoint: Viewpoint) -> float:
+        """How many independent looks the view that was taken in last is worth, in (0, 1]."""
+        n = self.cells[viewpoint.cell(self.parameters)].views
+        return self.run.weight * float(np.sqrt(n) - np.sqrt(n - 1))
 
     def absorb(self, other: ViewpointHistory) -> None:
         """Add another object's viewpoints."""

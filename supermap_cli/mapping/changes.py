@@ -6,6 +6,7 @@ from dataclasses import astuple, dataclass, field
 
 import numpy as np
 
+from supermap_cli.mapping.belief import LabelBelief
 from supermap_cli.mapping.objects import MapObject, ObjectMap
 from supermap_cli.types.engine_state import EngineState
 from supermap_cli.types.memory import (
@@ -81,6 +82,13 @@ def visit_record(obj: MapObject) -> Visit:
     )
 
 
+def _words_of(labels: LabelBelief) -> dict[str, dict[str, float]]:
+    """The label counts of each detector; none where no detector is known, for then all counts are of one."""
+    if not any(labels.by_detector):
+        return {}
+    return {name: dict(sorted(counts.items())) for name, counts in sorted(labels.by_detector.items())}
+
+
 def instance_record(obj: MapObject, merged_into: int | None = None) -> InstanceRecord:
     """A confirmed object as the memory keeps it."""
     return InstanceRecord(
@@ -106,5 +114,7 @@ def instance_record(obj: MapObject, merged_into: int | None = None) -> InstanceR
             gone_ns=obj.gone_ns,
             best_crop=obj.best_crop,
             seen_apart={str(number): images for number, images in sorted(obj.seen_apart.items())},
+            words=_words_of(obj.labels),
+            found_by={name: (looks.found, looks.missed) for name, looks in sorted(obj.found_by.items())},
         ).to_document(),
     )

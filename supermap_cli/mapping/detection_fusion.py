@@ -21,7 +21,7 @@ from supermap_cli.mapping.keyframe_view import KeyframeView
 from supermap_cli.mapping.lifting import LiftedDetection
 from supermap_cli.mapping.objects import MapObject
 from supermap_cli.mapping.parameters import MappingParameters
-from supermap_cli.mapping.recall import RecallModel, ScoreModel
+from supermap_cli.mapping.recall import FoundBy, RecallModel, ScoreModel
 from supermap_cli.mapping.seam import box_before_turning
 from supermap_cli.mapping.transitions import Transitions
 from supermap_cli.mapping.visibility import ObjectView
@@ -93,10 +93,14 @@ class DetectionFusion:
         """Label, existence, track and the observation itself."""
         keyframe, sets = view.keyframe, obj.parameters
         if "semantic-fusion" in self.ablate:
-            obj.labels = LabelBelief(parameters=sets.belief, size_parameters=sets.class_sizes)
+            obj.labels = LabelBelief(
+                parameters=sets.belief, size_parameters=sets.class_sizes, detector=self.recall.detector
+            )
         if obj.confirmed and obj.existence.log_odds > self.parameters.recall.sure_log_odds:
             self.scores.record_real(detection.score)
-        fuse_detection(obj, detection, self.scores, self.recall, view.viewpoint_of(obj))
+        viewpoint = view.viewpoint_of(obj)
+        fuse_detection(obj, detection, self.scores, self.recall, viewpoint)
+        obj.add_look(self.recall.detector, FoundBy(found=obj.existence.viewpoints.last_weight(viewpoint)))
         obj.observations += 1
         for share, truncated in obj.misses.unsettled:
             self.recall.record(obj.label, share, truncated, detected=False, weight=1.0)

@@ -93,5 +93,7 @@ def merge_evidence(kept: MapObject, joined: MapObject) -> None:
             kept.state.empty_before_ns = joined.state.empty_before_ns
     kept.observations += joined.observations
     kept.pending += joined.pending
+    for detector, looks in joined.found_by.items():
+        kept.add_look(detector, looks)
     kept.track_ids = joined.track_ids | kept.track_ids
     kept.voxels_changed()

@@ -101,6 +101,11 @@ class MappingEngine:
             parameters,
         )
 
+    def use_detector(self, detector: str) -> None:
+        """From now on these detections are of the detector with this identity: its misses and its words are its own."""
+        self.recall.detector = detector
+        self.objects.use_detector(detector)
+
     def get_neighbor_objects(self, keyframe: Keyframe) -> list[MapObject]:
         """GetNeighborObjects: those whose bounds come within the sensor's range of the camera."""
         return self.objects.within(keyframe.T_map_camera[:3, 3], self._range_m(keyframe))
@@ -120,7 +125,7 @@ class MappingEngine:
         views = check_objects(depth, neighbors, self.parameters.visibility)
         if "geometric-consistency" in self.ablate:
             views = {number: view.unchecked() for number, view in views.items()}
-        return KeyframeView(keyframe, depth, views)
+        return KeyframeView(keyframe, depth, views, detector=self.recall.detector)
 
     def update_from_map(self, view: KeyframeView) -> tuple[TrackPrior, ...]:
         """UpdateFromMap: where the objects that the view's camera tracks ought to be in its image, projected as in the

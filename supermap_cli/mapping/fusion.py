@@ -18,7 +18,7 @@ from supermap_cli.mapping.association import pixels_in_region
 from supermap_cli.mapping.belief import Viewpoint
 from supermap_cli.mapping.lifting import LiftedDetection
 from supermap_cli.mapping.objects import MapObject
-from supermap_cli.mapping.recall import RecallModel, ScoreModel, miss_log_ratio, own_rate, return_log_ratio
+from supermap_cli.mapping.recall import FoundBy, RecallModel, ScoreModel, miss_log_ratio, return_log_ratio
 from supermap_cli.mapping.visibility import ObjectView
 from supermap_cli.mapping.voxel_map import VoxelMap
 from supermap_cli.types.parameters import TUNED, parameter
@@ -125,7 +125,7 @@ def fuse_detection(
     returns = 0.0
     if obj.observations > 0:
         rate = recall.rate_of_class(detection.hypotheses[0].label)
-        own = own_rate(rate, *obj.existence.viewpoints.found_and_viewed, recall.parameters)
+        own = recall.own_rate(rate, obj.found_by)
         returns = return_log_ratio(own, rate, soon=_soon(obj, viewpoint), parameters=recall.parameters)
     log_ratio = scores.detection_log_ratio(detection.score, returns, obj.observations)
     weight = obj.existence.add_detection(viewpoint, log_ratio)
@@ -135,9 +135,9 @@ def fuse_detection(
 
 def fuse_miss(obj: MapObject, expected_recall: float, viewpoint: Viewpoint, recall: RecallModel) -> None:
     """Existence after a view in which the detector did not find the object although it could have."""
-    own = own_rate(expected_recall, *obj.existence.viewpoints.found_and_viewed, recall.parameters)
-    soon = _soon(obj, viewpoint)
+    own, soon = recall.own_rate(expected_recall, obj.found_by), _soon(obj, viewpoint)
     obj.existence.add_miss(viewpoint, miss_log_ratio(own, expected_recall, soon=soon, parameters=recall.parameters))
+    obj.add_look(recall.detector, FoundBy(missed=obj.existence.viewpoints.last_weight(viewpoint)))
 
 
 def _soon(obj: MapObject, viewpoint: Viewpoint) -> bool:

@@ -44,6 +44,7 @@ class KeyframeView:
 
     A panorama may be `turned_px` columns to the left of how it came (`seam`). `masked` (h, w) are the pixels that some
     detection's mask covers; `None` where no detector looked, or where the depth measures all that the image shows.
+    `detector` is the identity of what looks at the keyframe.
     """
 
     keyframe: Keyframe
@@ -51,13 +52,15 @@ class KeyframeView:
     views: dict[int, ObjectView]
     turned_px: int = 0
     masked: BoolArray | None = None
+    detector: str = ""
 
     def turned(self, by_px: int) -> KeyframeView:
         """The same view of a panorama with its seam elsewhere."""
         keyframe = turned_keyframe(self.keyframe, by_px)
         width = keyframe.camera.width
         views = {number: turned_view(view, width, by_px) for number, view in self.views.items()}
-        return KeyframeView(keyframe, turned_depth(self.depth, keyframe, by_px), views, by_px)
+        depth = turned_depth(self.depth, keyframe, by_px)
+        return KeyframeView(keyframe, depth, views, by_px, detector=self.detector)
 
     def with_masked(self, detections: Detections) -> KeyframeView:
         """The same view with the pixels of the detections' masks, where a LiDAR does not reach all of the image."""
@@ -72,7 +75,7 @@ class KeyframeView:
 
     def viewpoint_of(self, obj: MapObject) -> Viewpoint:
         """From where the keyframe shows an object."""
-        return Viewpoint(self.stamp_ns, self.keyframe.T_map_camera[:3, 3], obj.shape.centroid)
+        return Viewpoint(self.stamp_ns, self.keyframe.T_map_camera[:3, 3], obj.shape.centroid, self.detector)
 
 
 def move_seam(

@@ -149,7 +149,8 @@ def negate_by_miss(
     fuse_miss(obj, expected, viewpoint, recall)
     if not missed.detectability.unmeasured:
         return None
-    against = miss_log_ratio(expected, parameters=recall.parameters)
+    own = recall.own_rate(expected, obj.found_by)
+    against = miss_log_ratio(own, expected, parameters=recall.parameters)
     if _rays_went_through(missed.detectability):
         against += parameters.through_log_odds
     return obj.misses.first_ns if is_gone_by_misses(obj, viewpoint, against, parameters) else None

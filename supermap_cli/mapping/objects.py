@@ -13,6 +13,7 @@ from supermap_cli.mapping.bounds import BoundsIndex
 from supermap_cli.mapping.class_sizes import ClassSizeParameters
 from supermap_cli.mapping.motion import MotionParameters, MotionState
 from supermap_cli.mapping.object_shape import ObjectShape, ObjectShapeParameters, measure_shape
+from supermap_cli.mapping.recall import FoundBy
 from supermap_cli.mapping.voxel_map import VoxelMap, VoxelMapParameters
 from supermap_cli.types.labels import DYNAMIC_CLASSES
 from supermap_cli.types.memory import Observation
@@ -124,7 +125,8 @@ class MapObject:
     It was seen from `first_seen_ns` to `last_seen_ns`, `observations` times; `pending` are the observations made before
     it was confirmed. `track_ids` are its tracks by camera, for each camera has a tracker of its own. `best_crop` is how
     good the best picture is that was kept of it in this traversal and place. `seen_apart` says of other objects, by
-    number, how many images of all traversals have shown each of the two with a mask of its own.
+    number, how many images of all traversals have shown each of the two with a mask of its own. `found_by` says of each
+    detector, by its identity, how often it found the object.
     """
 
     number: int
@@ -145,6 +147,7 @@ class MapObject:
     visit: VisitCount = field(default_factory=VisitCount)
     best_crop: float = 0.0
     seen_apart: dict[int, int] = field(default_factory=dict)
+    found_by: dict[str, FoundBy] = field(default_factory=dict)
     parameters: ObjectParameterSets = field(default=DEFAULT_SETS, repr=False)
     _shape: ObjectShape | None = field(default=None, repr=False)
     _changed: set[int] = field(default_factory=set, repr=False)
@@ -204,6 +207,10 @@ class MapObject:
         """(n,) which voxels are believed to be the object's, as of when its shape was measured."""
         return self.shape.solid
 
+    def add_look(self, detector: str, look: FoundBy) -> None:
+        """A detector has looked at the object."""
+        self.found_by[detector] = self.found_by.get(detector, FoundBy()) + look
+
     def set_status(
         self, *, confirmed: bool | None = None, stored: bool | None = None, demoted: bool | None = None
     ) -> None:
@@ -252,11 +259,14 @@ class MapObject:
 
 @dataclass
 class ObjectMap:
-    """All objects, tentative ones too, by number; numbers are never used twice."""
+    """All objects, tentative ones too, by number; numbers are never used twice. `detector` is the identity of the
+    detector that looks at them now.
+    """
 
     next_number: int = 1
     by_number: dict[int, MapObject] = field(default_factory=dict)
     parameters: ObjectParameterSets = field(default=DEFAULT_SETS, repr=False)
+    detector: str = ""
     _bounds: BoundsIndex = field(default_factory=BoundsIndex, repr=False)
 
     def __iter__(self) -> Iterator[MapObject]:
@@ -274,6 +284,12 @@ class ObjectMap:
         for obj in self:
             obj.use(parameters)
 
+    def use_detector(self, detector: str) -> None:
+        """From now on the words on all objects are this detector's."""
+        self.detector = detector
+        for obj in self:
+            obj.labels.detector = detector
+
     def new_number(self) -> int:
         """The number of the next object."""
         self.next_number += 1
@@ -282,6 +298,7 @@ class ObjectMap:
     def add(self, added: MapObject) -> None:
         """Enter an object; it follows the map's parameters from now on."""
         added.use(self.parameters)
+        added.labels.detector = self.detector
         self.by_number[added.number] = added
         self._bounds.add(added.number)
         added.report_changes_to(self._bounds.changed)

@@ -5,7 +5,7 @@ No counterpart in the paper, where a missed detection always negates; here it we
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -67,16 +67,31 @@ class RecallParameters:
 DEFAULT = RecallParameters()
 
 
+@dataclass(frozen=True)
+class FoundBy:
+    """In how many looks one detector found an object, and missed it where it could have found it; looks from nearly one
+    place, or in quick succession, count as fewer.
+    """
+
+    found: float = 0.0
+    missed: float = 0.0
+
+    def __add__(self, other: FoundBy) -> FoundBy:
+        return FoundBy(self.found + other.found, self.missed + other.missed)
+
+
 @dataclass
 class RecallModel:
     """Beta-Bernoulli detection rates by class, visible area and truncation.
 
     Every keyframe in which a confirmed object was observable is a trial. A cell starts as its class's overall rate, and
-    a class as the prior (a beta distribution worth `prior_trials` trials).
+    a class as the prior (a beta distribution worth `prior_trials` trials). `detector` is whose rates these are: equal
+    for detectors that err alike, empty if nobody knows.
     """
 
     hits: dict[str, float] = field(default_factory=dict)
     trials: dict[str, float] = field(default_factory=dict)
+    detector: str = ""
     parameters: RecallParameters = field(default=DEFAULT, repr=False, compare=False)
 
     def cell(self, label: str, area_share: float, truncated: bool) -> str:
@@ -93,6 +108,20 @@ class RecallModel:
         """P(detected | there, observable) of a class, however its things look."""
         rate = self._posterior(label, self.parameters.prior_rate)
         return float(np.clip(rate, self.parameters.min_rate, self.parameters.max_rate))
+
+    def own_rate(self, rate: float, found_by: Mapping[str, FoundBy]) -> float:
+        """P(detected | there) of one object by the running detector, of a class that it finds at `rate`.
+
+        Beta-Bernoulli about the class's rate: things of one class differ by pose, light and place, and what a detector
+        mostly missed it misses again, whatever another one finds.
+        """
+        own, worth = found_by.get(self.detector, FoundBy()), self.parameters.own_trials
+        own_rate = (worth * rate + own.found) / (worth + own.found + own.missed)
+        return float(np.clip(own_rate, self.parameters.min_rate, self.parameters.max_rate))
+
+    def by_class(self) -> dict[str, list[float]]:
+        """How often things of each class were found, and how often they could have been."""
+        return {key: [self.hits.get(key, 0.0), self.trials[key]] for key in sorted(self.trials) if "|" not in key}
 
     def _posterior(self, key: str, prior: float) -> float:
         trials, prior_trials = self.trials.get(key, 0.0), self.parameters.prior_trials
@@ -155,15 +184,6 @@ def score_bin(score: float) -> int:
 
 def _share(density: FloatArray, k: int) -> float:
     return float(density[k] / density.sum())
-
-
-def own_rate(rate: float, found: float, viewed: float, parameters: RecallParameters = DEFAULT) -> float:
-    """P(detected | there) of one thing that `found` of `viewed` views have found, of a class that is found at `rate`.
-
-    Beta-binomial: things of one class differ by pose, light and place, and what was mostly missed is missed again.
-    """
-    own = (rate * parameters.own_trials + found) / (parameters.own_trials + viewed)
-    return float(np.clip(own, parameters.min_rate, parameters.max_rate))
 
 
 def return_log_ratio(own: float, rate: float, *, soon: bool, parameters: RecallParameters = DEFAULT) -> float:

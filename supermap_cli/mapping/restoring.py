@@ -14,6 +14,7 @@ from supermap_cli.mapping.objects import (
     OpenState,
     VisitCount,
 )
+from supermap_cli.mapping.recall import FoundBy
 from supermap_cli.mapping.voxel_map import voxel_map_from_cloud
 from supermap_cli.types.engine_state import EngineState
 from supermap_cli.types.memory import InstanceRecord
@@ -37,11 +38,12 @@ def restore_objects(
 def restore_object(instance: InstanceRecord) -> MapObject:
     """One object as it was when it was last written. Raises `MemoryStoreError` if its engine state is damaged."""
     state = EngineState.of(instance.engine_state)
+    words = {name: dict(counts) for name, counts in state.words.items()} or {"": dict(state.label_counts)}
     cells = {name: ViewpointCell(*cell) for name, cell in state.viewpoints.items()}
     return MapObject(
         instance.number,
         voxel_map_from_cloud(instance.voxels),
-        LabelBelief(dict(state.label_counts), state.label_weight, float(instance.box.size.max())),
+        LabelBelief(dict(state.label_counts), state.label_weight, float(instance.box.size.max()), by_detector=words),
         Existence(instance.existence_log_odds, ViewpointHistory(cells)),
         OpenState(state.state_index, state.state_first_seen_ns, state.state_empty_before_ns),
         instance.first_seen_ns,
@@ -51,10 +53,11 @@ def restore_object(instance: InstanceRecord) -> MapObject:
             confirmed=True,
             stored=True,
             demoted=instance.presence == "doubted",
-            present=instance.presence != "absent",
+            present=instance.presence != "absent" and state.gone_ns is None,
             gone_ns=state.gone_ns,
         ),
         visit=VisitCount(earlier_ns=instance.last_seen_ns),
         best_crop=state.best_crop,
         seen_apart={int(number): images for number, images in state.seen_apart.items()},
+        found_by={name: FoundBy(*looks) for name, looks in state.found_by.items()},
     )

@@ -35,7 +35,7 @@ from supermap_cli.mapping.objects import (
 )
 from supermap_cli.mapping.pair_evidence import PairEvidence
 from supermap_cli.mapping.parameters import MappingParameters
-from supermap_cli.mapping.recall import RecallModel, ScoreModel
+from supermap_cli.mapping.recall import FoundBy, RecallModel, ScoreModel
 from supermap_cli.mapping.splitting import Halves, SplitEvidence
 from supermap_cli.mapping.voxel_map import VoxelMap
 from supermap_cli.types.detections import Hypothesis
@@ -49,7 +49,7 @@ CLASSES: Mapping[type, tuple[str, ...]] = {
     SplitEvidence: ("parameters", "belief_parameters"),
     **dict.fromkeys((ObjectShape, ViewpointHistory, Course, MotionState), ("parameters",)),
     **dict.fromkeys((PairEvidence, RecallModel, ScoreModel, FloorByFeet), ("parameters",)),
-    **dict.fromkeys((ObjectStatus, OpenState, Existence, ViewpointCell, OutcomeRun, VisitCount), ()),
+    **dict.fromkeys((FoundBy, ObjectStatus, OpenState, Existence, ViewpointCell, OutcomeRun, VisitCount), ()),
     **dict.fromkeys(
         (AbsenceEvidence, EmptyRun, DisplacementEvidence, MissEvidence, Halves, IdentityLinks, FootRays), ()
     ),

@@ -101,6 +101,8 @@ class Transitions:
         old.existence, old.last_seen_ns, old.track_ids = found.existence, found.last_seen_ns, found.track_ids
         old.state = OpenState(before + 1, found.state.first_seen_ns, found.state.empty_before_ns)
         old.observations += found.observations
+        for detector, looks in found.found_by.items():
+            old.add_look(detector, looks)
         old.motion, old.best_crop = found.motion, found.best_crop
         old.voxels_changed()
         if found.status.stored:

@@ -218,6 +218,16 @@ class MapReader:
         )
         return tuple(rows.observation_ref(row, self.survivors) for row in self.connection.execute(statement))
 
+    def camera_positions(self, keyframe_ids: Collection[int]) -> dict[int, FloatArray]:
+        """Where the camera of each keyframe was in the map, (3,) metres, by keyframe id."""
+        keyframe = models.Keyframe
+        positions: dict[int, FloatArray] = {}
+        for batch in batches(sorted(keyframe_ids)):
+            statement = select(keyframe.id, keyframe.T_map_camera).where(keyframe.id.in_(batch))
+            for row in self.connection.execute(statement):
+                positions[row.id] = np.array(json.loads(row.T_map_camera), np.float64).reshape(4, 4)[:3, 3]
+        return positions
+
     def scored_observations(self, instance: StoredInstance) -> tuple[ScoredObservation, ...]:
         """As `observations`, with their scores only: all but the stamps come from an index."""
         statement = _ordered_by_time(select(models.Observation.id, models.Observation.score), instance)

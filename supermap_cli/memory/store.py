@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Self
@@ -154,11 +155,12 @@ class MapStore:
         warnings: Sequence[str] = (),
         *,
         end_ns: int | None = None,
+        learnt: Mapping[str, object] | None = None,
     ) -> None:
         """Mark the traversal as complete.
 
         `timings` is seconds per stage; `warnings` are those of the recording, the odometry and the build; `end_ns`
-        replaces the end of the span.
+        replaces the end of the span; `learnt` is added to its configuration: what the build found out of its detector.
         """
         with self._writing() as connection:
             measure_moves(connection, traversal_id)
@@ -171,6 +173,10 @@ class MapStore:
             }
             if end_ns is not None:
                 changes["end_ns"] = int(end_ns)
+            if learnt:
+                configured = select(models.Traversal.config).where(models.Traversal.id == traversal_id)
+                config = json.loads(connection.execute(configured).scalar_one())
+                changes["config"] = rows.to_json({**config, **learnt})
             _update_traversal(connection, traversal_id, **changes)
         self._database.release_free_pages()  # checkpoints are large
 

@@ -8,18 +8,28 @@ only a place seen empty makes an appearance; an object that was not in view is n
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
 from supermap_cli.geometry.boxes import displacement_m
-from supermap_cli.memory.values import StoredInstance, StoredTraversal
+from supermap_cli.memory.values import StoredInstance, StoredTraversal, StoredVisit
 from supermap_cli.query.presence_at import state_held_at
 from supermap_cli.query.time_points import TimePoint
 from supermap_cli.types.memory import StateRecord, TemporalEdge
 
 ChangeKind = Literal[
-    "appeared", "disappeared", "moved", "relabelled", "unchanged", "not observed again", "first observed"
+    "appeared",
+    "disappeared",
+    "moved",
+    "relabelled",
+    "unchanged",
+    "not observed again",
+    "first observed",
+    "not looked at",
+    "at neither",
+    "doubted",
 ]
 CHANGE_KINDS: tuple[ChangeKind, ...] = (
     "appeared",
@@ -29,8 +39,11 @@ CHANGE_KINDS: tuple[ChangeKind, ...] = (
     "unchanged",
     "not observed again",
     "first observed",
+    "not looked at",
+    "at neither",
+    "doubted",
 )
-"""In the order of reports: changes, unchanged, and undecidable."""
+"""In the order of reports: changes, unchanged, undecidable, what stood at neither time, what may never have been."""
 
 MIN_MOVE_M = 0.1
 """Displacement (m) from which two states count as different places."""
@@ -104,6 +117,14 @@ class StateComparison:
         """The later time point."""
         return self.times.after
 
+    def account(self) -> ChangeClassification | None:
+        """What to say of the instance; `None` only if it neither stood at one of the time points nor was observed for
+        them: it is no thing of either.
+        """
+        if self.instance.presence == "doubted":
+            return self._doubted()
+        return self.classify() or self._at_neither() or self._not_looked_at()
+
     def classify(self) -> ChangeClassification | None:
         """The change; `None` if the instance is present at neither time point, or observed for neither."""
         old = state_held_at(self.instance.states, self.before.at_ns)
@@ -122,6 +143,51 @@ class StateComparison:
             return "came and went" if state_held_at(self.instance.states, self.after.at_ns) is None else None
         gone = state_held_at(self.instance.states, self.before.at_ns) is None
         return "left" if gone and self.before.traversal is not None and self._observed_at(self.before) else None
+
+    # -- what is no change
+
+    def _doubted(self) -> ChangeClassification:
+        """Believed in no more today, with what the visits to compare say for and against it."""
+        old, new = (state_held_at(self.instance.states, end.at_ns) for end in (self.before, self.after))
+        probability = 1 / (1 + math.exp(-self.instance.existence_log_odds))
+        visits = self._visits(self.times.traversal_ids_before | self.times.traversal_ids_after)
+        found, in_view = sum(visit.supported for visit in visits), sum(visit.in_view for visit in visits)
+        contradicted = sum(visit.contradicted for visit in visits)
+        empty = f"seen empty in {contradicted} of them" if contradicted else "never seen empty"
+        reason = (
+            f"real with {probability:.0%}; for it: found in {found} of the {in_view} keyframes that had its place in "
+            f"view, {empty}; against it: not found in {in_view - found}"
+            if in_view
+            else f"real with {probability:.0%}; its place was in view in neither"
+        )
+        return ChangeClassification("doubted", reason, probability, None, None, old, new)
+
+    def _at_neither(self) -> ChangeClassification | None:
+        """Observed, but not there at either time point."""
+        seen = [end.text for end in (self.before, self.after) if end.traversal is not None and self._observed_at(end)]
+        if self.transient() == "came and went":
+            reason = f"came and went between {self.before.text} and {self.after.text}"
+        elif seen and all(state_held_at(self.instance.states, end.at_ns) is None for end in (self.before, self.after)):
+            reason = f"seen by {' and '.join(seen)}, and gone again before its end"
+        else:
+            return None
+        states = self._states_begun_by(self.after.at_ns) or self.instance.states
+        return ChangeClassification("at neither", reason, states[-1].confidence if states else 0.0)
+
+    def _not_looked_at(self) -> ChangeClassification | None:
+        """It stood at one of the time points as far as the map knows, and neither observed it."""
+        old, new = (state_held_at(self.instance.states, end.at_ns) for end in (self.before, self.after))
+        state = new or old
+        if state is None:
+            return None
+        visits = self._visits(self.times.traversal_ids_before | self.times.traversal_ids_after)
+        in_view = sum(visit.in_view for visit in visits)
+        seen = f"in view in {in_view} keyframes, and not found" if in_view else "in view of neither"
+        reason = f"known from other visits; {seen}"
+        return ChangeClassification("not looked at", reason, state.confidence, None, None, old, new)
+
+    def _visits(self, traversal_ids: Collection[int]) -> list[StoredVisit]:
+        return [visit for visit in self.instance.visits if visit.traversal_id in traversal_ids]
 
     # -- classification
 
@@ -210,7 +276,7 @@ class StateComparison:
 
     def _not_observed_again(self, state: StateRecord) -> ChangeClassification:
         """Neither observed nor contradicted since."""
-        visits = [visit for visit in self.instance.visits if visit.traversal_id in self.times.traversal_ids_after]
+        visits = self._visits(self.times.traversal_ids_after)
         in_view, contradicted = sum(visit.in_view for visit in visits), sum(visit.contradicted for visit in visits)
         where = f"in {self.after.text}" if self.after.traversal is not None else "in between"
         if state.gone_ns is not None and self.after.traversal is None:
@@ -231,7 +297,7 @@ class StateComparison:
             other = self.text_ids.get(split.from_number, "another")
             return f"was one with {other} until the two were told apart"
         where = f"in {self.before.text}" if self.before.traversal is not None else "before"
-        visits = [visit for visit in self.instance.visits if visit.traversal_id in self.times.traversal_ids_before]
+        visits = self._visits(self.times.traversal_ids_before)
         if any(visit.in_view > 0 for visit in visits):
             return f"its place was in view {where}, but never seen empty"
         return f"nobody had seen its place empty {where}"

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from supermap_cli.errors import QueryError
 from supermap_cli.memory.reading import MapReader
-from supermap_cli.memory.values import StoredInstance
+from supermap_cli.memory.values import ObservationRef, StoredInstance
 from supermap_cli.query.clock import Clock
+from supermap_cli.query.detectors import detector_of
 from supermap_cli.query.instance_at import evidence_until, intervals_until, label_at, observations_until
-from supermap_cli.query.label_consensus import label_shares
+from supermap_cli.query.label_consensus import group_by_traversal, label_shares
 from supermap_cli.query.presence_at import PresenceValue, PresenceView, presence_at, presence_view, state_held_at
 from supermap_cli.query.relations import box_distance_m
 from supermap_cli.query.time_points import TimePoint
@@ -27,6 +29,16 @@ from supermap_cli.query.views import (
     vector,
 )
 from supermap_cli.types.memory import Presence, SpatialEdge, StateRecord
+
+
+@dataclass(frozen=True)
+class CalledView:
+    """What one traversal's detector called an instance most of all, with its share of the scores."""
+
+    traversal: str
+    detector: str
+    label: str
+    share: float
 
 
 @dataclass(frozen=True)
@@ -47,6 +59,7 @@ class ObjectDetails:
     intervals: tuple[IntervalView, ...]
     relations: tuple[RelationView, ...]
     evidence: EvidenceView
+    called: tuple[CalledView, ...]
     as_of: str | None = field(default=None, metadata={"optional": True})
     as_of_ns: int | None = field(default=None, metadata={"optional": True})
     standing: PresenceView | None = field(default=None, metadata={"optional": True})
@@ -70,6 +83,7 @@ def details(reader: MapReader, text_id: str) -> ObjectDetails:
         intervals=tuple(map(interval_view, instance.states)),
         relations=relations_of(reader, instance, None),
         evidence=evidence_view(reader, instance, support_spans(instance.states)),
+        called=_called(reader, reader.observations(instance)),
     )
 
 
@@ -95,9 +109,20 @@ def details_at(reader: MapReader, text_id: str, time_point: TimePoint, clock: Cl
         intervals=intervals_until(instance, at_ns),
         relations=relations_of(reader, instance, at_ns),
         evidence=evidence_until(reader, instance, observations, at_ns),
+        called=_called(reader, observations),
         as_of=time_point.text,
         as_of_ns=at_ns,
         standing=presence_view(presence, at_ns, clock),
+    )
+
+
+def _called(reader: MapReader, observations: Sequence[ObservationRef]) -> tuple[CalledView, ...]:
+    """What each traversal called an instance."""
+    by_traversal = group_by_traversal(observations)
+    return tuple(
+        CalledView(traversal.name, detector_of(traversal), label, round(share, 4))
+        for traversal in reader.traversals
+        for label, share in list(label_shares(by_traversal.get(traversal.id, ())).items())[:1]
     )
 
 

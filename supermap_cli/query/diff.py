@@ -21,7 +21,9 @@ from supermap_cli.query.change_classification import (
     state_distance_m,
 )
 from supermap_cli.query.clock import clock_of
+from supermap_cli.query.detectors import recall_of
 from supermap_cli.query.label_consensus import LabelConsensus, group_by_traversal, label_consensus, label_consensus_at
+from supermap_cli.query.readings import compare_readings
 from supermap_cli.query.retention_policy import pruned_data_notes
 from supermap_cli.query.time_points import TimePoint, parse_time_point, traversal_end
 from supermap_cli.query.views import (
@@ -40,6 +42,12 @@ from supermap_cli.types.memory import StateRecord, TemporalEdge
 CERTAIN_CHANGES: frozenset[ChangeKind] = frozenset({"appeared", "disappeared", "moved", "relabelled"})
 MAX_NAMED_IDS = 12
 """Ids listed in a note."""
+
+
+MAX_NOT_LOOKED_AT = 1000
+"""Instances listed, the newest ones, where neither of two traversals looked; a note counts the others. A diff of two
+visits must not grow with the building.
+"""
 
 
 @dataclass(frozen=True)
@@ -104,27 +112,30 @@ class Diff:
 def diff(reader: MapReader, first: str | None = None, second: str | None = None) -> Diff:
     """Compare two traversals or times in chronological order; by default the two newest traversals.
 
-    With one, compare it to the newest traversal. Instances of dynamic classes are left out. Raises `QueryError` if
+    With one, compare it to the newest traversal. Every instance that one of the two observed, or that stood then as far
+    as the map knows, has exactly one row; those of dynamic classes are named in a note. Raises `QueryError` if
     there are not two traversals, or for a text that is neither a time nor a traversal.
     """
     sides = _choose_sides(reader, first, second)
     before, after = sorted(sides, key=lambda side: side.at_ns)
     times = compared_times(before, after, reader.traversals)
     builder = DiffBuilder(reader, times)
-    numbers = _instances_to_compare(reader, times)
+    numbers, left_out = _instances_to_compare(reader, times)
     changes = [change for batch in batches(numbers) for change in builder.changes(batch)]
     changes.sort(key=lambda change: CHANGE_KINDS.index(change.kind))
     counts = Counter(change.kind for change in changes)
     notes = [side.note for side in sides if side.note is not None]
     notes += ["the two were put in the order of time"] if sides[0] is not before else []
     traversals = [side.traversal for side in (before, after) if side.traversal is not None] or reader.traversals
+    if left_out:
+        notes.append(f"{left_out} more stood there before where neither looked; `supermap show --at` lists them")
     notes += pruned_data_notes(traversals, clock_of(reader))
     return Diff(
         before=_side_view(before),
         after=_side_view(after),
         counts={kind: counts[kind] for kind in CHANGE_KINDS},
         changes=tuple(changes),
-        notes=(*notes, *builder.transient_notes()),
+        notes=(*notes, *builder.dynamic_notes()),
     )
 
 
@@ -139,17 +150,14 @@ class DiffBuilder:
         self.times = times
         compared = [side.traversal.id for side in (times.before, times.after) if side.traversal is not None]
         self._observations = LabelledObservations(reader, compared if len(compared) == 2 else None)
-        self._transient_ids: dict[str, list[str]] = defaultdict(list)
+        self._dynamic_ids: list[str] = []
 
     def changes(self, numbers: Sequence[int]) -> Iterator[ObjectChange]:
-        """The changes of some instances; dynamic classes and demoted instances are left out."""
+        """The changes of some instances; those of dynamic classes are kept for the notes."""
         traversal_ids = self.times.traversal_ids_before | self.times.traversal_ids_after
         candidates = self.reader.instances_of(numbers, traversal_ids=traversal_ids)
-        instances = [
-            instance
-            for instance in candidates
-            if instance.presence != "doubted" and instance.label not in DYNAMIC_CLASSES
-        ]
+        instances = [instance for instance in candidates if instance.label not in DYNAMIC_CLASSES]
+        self._dynamic_ids += [instance.id for instance in candidates if instance.label in DYNAMIC_CLASSES]
         edges = self._edges(instances)
         comparisons = [
             StateComparison(instance, self.times, edges[instance.number], self.reader.text_ids)
@@ -158,18 +166,11 @@ class DiffBuilder:
         classified = [
             (comparison, classification)
             for comparison in comparisons
-            if (classification := self._classify(comparison)) is not None
+            if (classification := comparison.account()) is not None
         ]
         observations = self._observations.of([comparison.instance for comparison, _ in classified])
         for comparison, classification in classified:
             yield self._change(comparison, classification, observations.get(comparison.instance.number, []))
-
-    def _classify(self, comparison: StateComparison) -> ChangeClassification | None:
-        """The classification of an instance; transient instances are kept for the notes."""
-        classification = comparison.classify()
-        if classification is None and (transient := comparison.transient()) is not None:
-            self._transient_ids[transient].append(comparison.instance.id)
-        return classification
 
     def _change(
         self,
@@ -180,7 +181,9 @@ class DiffBuilder:
         """A classified change with its evidence."""
         instance = comparison.instance
         side_labels = self._side_labels(observations)
-        classification = _with_relabelling(classification, side_labels, observations, self.times)
+        classification = self._with_readings(classification, instance, side_labels, observations)
+        if classification.kind == "doubted":
+            classification = self._with_recall(classification, instance)
         before, after = classification.before, classification.after
         sides = (
             self._side_observations(self.times.before, observations, before),
@@ -216,14 +219,54 @@ class DiffBuilder:
             crop_after=_best_crop(sides[1]),
         )
 
-    def transient_notes(self) -> list[str]:
-        """Notes on instances that came and went without making a difference."""
-        before, after = self.times.before.text, self.times.after.text
-        words = {
-            "came and went": f"came and went between {before} and {after}",
-            "left": f"seen by {before}, and gone again before its end",
-        }
-        return [f"{words[transient]}: {_id_list(ids)}" for transient, ids in sorted(self._transient_ids.items())]
+    def dynamic_notes(self) -> list[str]:
+        """A note on the people and animals, which are not compared."""
+        ids = self._dynamic_ids
+        return [f"people and animals come and go, and are not compared: {_id_list(ids)}"] if ids else []
+
+    def _with_readings(
+        self,
+        classification: ChangeClassification,
+        instance: StoredInstance,
+        side_labels: tuple[LabelConsensus | None, LabelConsensus | None],
+        observations: Sequence[LabelledObservation],
+    ) -> ChangeClassification:
+        """Adds what the two sides called it, if each is sure of a name and these differ: a change if another thing
+        stands there, else another reading; a move stays a move.
+        """
+        old, new = side_labels
+        if old is None or new is None or old.label == new.label or old.traversal_id == new.traversal_id:
+            return classification
+        label_text = f"called {old.label} in {self.times.before.text} and {new.label} in {self.times.after.text}"
+        if classification.kind == "moved":
+            return replace(classification, reason=f"{classification.reason}; {label_text}")
+        if classification.kind != "unchanged":
+            return classification
+        traversal_ids, ends_ns = (old.traversal_id, new.traversal_id), (self.times.before.at_ns, self.times.after.at_ns)
+        compared = compare_readings(self.reader, instance, traversal_ids, ends_ns)
+        if compared.probability <= 0.5:
+            return replace(classification, reason=f"{classification.reason}; {label_text}: {compared.reason}")
+        by_traversal = group_by_traversal(observations)
+        return replace(
+            classification,
+            kind="relabelled",
+            reason=f"{label_text}; {compared.reason}",
+            confidence=compared.probability,
+            not_before_ns=by_traversal[old.traversal_id][-1].stamp_ns,
+            not_after_ns=by_traversal[new.traversal_id][0].stamp_ns,
+        )
+
+    def _with_recall(self, classification: ChangeClassification, instance: StoredInstance) -> ChangeClassification:
+        """Adds to a doubted instance how much of its class the detectors find: it says what a miss is worth."""
+        found = [
+            f"{recall:.0%} in {side.traversal.name}"
+            for side in (self.times.before, self.times.after)
+            if side.traversal is not None and (recall := recall_of(side.traversal, instance.label)) is not None
+        ]
+        if not found:
+            return classification
+        told = f"of every {instance.label} in view the detector finds {', '.join(found)}"
+        return replace(classification, reason=f"{classification.reason}; {told}")
 
     def _edges(self, instances: Sequence[StoredInstance]) -> dict[int, list[TemporalEdge]]:
         """The temporal edges of some instances, by instance; also caches the text ids of their ends."""
@@ -288,47 +331,22 @@ class DiffBuilder:
         )
 
 
-def _with_relabelling(
-    classification: ChangeClassification,
-    side_labels: tuple[LabelConsensus | None, LabelConsensus | None],
-    observations: Sequence[LabelledObservation],
-    times: ComparedTimes,
-) -> ChangeClassification:
-    """Adds a label change if the two sides have a label consensus of their own and they differ; a move stays a move."""
-    old, new = side_labels
-    if old is None or new is None or old.label == new.label or old.traversal_id == new.traversal_id:
-        return classification
-    label_text = f"called {old.label} in {times.before.text} and {new.label} in {times.after.text}"
-    if classification.kind != "unchanged":
-        return (
-            replace(classification, reason=f"{classification.reason}; {label_text}")
-            if classification.kind == "moved"
-            else classification
-        )
-    by_traversal = group_by_traversal(observations)
-    bounds = by_traversal[old.traversal_id][-1].stamp_ns, by_traversal[new.traversal_id][0].stamp_ns
-    return replace(
-        classification,
-        kind="relabelled",
-        reason=label_text,
-        confidence=min(old.share, new.share),
-        not_before_ns=bounds[0],
-        not_after_ns=bounds[1],
-    )
-
-
 def _best_crop(side: Sequence[LabelledObservation]) -> int | None:
     """The id of the best crop of a side; a crop is stored only if it is clearly better than earlier ones."""
     return next((observation.id for observation in reversed(side) if observation.has_crop), None)
 
 
-def _instances_to_compare(reader: MapReader, times: ComparedTimes) -> list[int]:
-    """The instances observed on either side, and those that changed or had a state in between."""
+def _instances_to_compare(reader: MapReader, times: ComparedTimes) -> tuple[list[int], int]:
+    """The instances observed on either side, those that stood there before, and those that changed in between; and how
+    many are left out of those that stood there before in a large map, where neither of two traversals looked.
+    """
     traversals = [side.traversal.id for side in (times.before, times.after) if side.traversal is not None]
     observed = reader.supported_in(traversals) if traversals else ()
-    present_before = reader.instances_placed_at(times.before.at_ns) if times.before.traversal is None else ()
     changed = reader.changed_within(times.before.at_ns, times.after.at_ns)
-    return sorted({*observed, *present_before, *changed})
+    looked_at = {*observed, *changed}
+    others = [number for number in reader.instances_placed_at(times.before.at_ns) if number not in looked_at]
+    listed = others if times.before.traversal is None else others[-MAX_NOT_LOOKED_AT:]
+    return sorted({*looked_at, *listed}), len(others) - len(listed)
 
 
 def _choose_sides(reader: MapReader, first: str | None, second: str | None) -> tuple[TimePoint, TimePoint]:

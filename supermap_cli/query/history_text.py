@@ -99,7 +99,19 @@ def _label_sentences(sightings: Sequence[SightingsView]) -> list[str]:
         if not labels_in_order or labels_in_order[-1][0] != label:
             labels_in_order.append((label, []))
         labels_in_order[-1][1].append(traversal)
-    return ["called " + ", then ".join(f"{label} in {_name_range(names)}" for label, names in labels_in_order)]
+    called = "called " + ", then ".join(f"{label} in {_name_range(names)}" for label, names in labels_in_order)
+    return [called, *_detector_sentences(sightings)]
+
+
+def _detector_sentences(sightings: Sequence[SightingsView]) -> list[str]:
+    """Whose words these are, if several detectors called it: a name is a detector's reading of the thing."""
+    names: dict[str, list[str]] = {}
+    for sighting in sightings:
+        if sighting.labels:
+            names.setdefault(sighting.detector or "an unknown detector", []).append(sighting.traversal)
+    if len(names) < 2:
+        return []
+    return ["read by " + ", by ".join(f"{detector} in {_name_range(own)}" for detector, own in names.items())]
 
 
 def _last_sentence(history: ObjectHistory, clock: Clock) -> str:

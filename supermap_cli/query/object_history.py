@@ -10,6 +10,7 @@ from supermap_cli.memory.reading import MapReader
 from supermap_cli.memory.values import ObservationRef, StoredInstance, StoredVisit
 from supermap_cli.query.clock import Clock
 from supermap_cli.query.details import find_instance, merged_ids, relation_view
+from supermap_cli.query.detectors import detector_of
 from supermap_cli.query.instance_at import label_at
 from supermap_cli.query.label_consensus import group_by_traversal, label_shares
 from supermap_cli.query.presence_at import PresenceValue, PresenceView, presence_at, presence_view
@@ -38,7 +39,7 @@ _RELATION_PRIORITY = ("inside", "on", "attached to", "under", "above", "beside",
 
 @dataclass(frozen=True)
 class SightingsView:
-    """The keyframe counts of one traversal for an instance, and the shares of the labels that it observed."""
+    """The keyframe counts of one traversal for an instance, and the shares of the labels that its detector gave."""
 
     traversal: str
     supported: int
@@ -48,6 +49,7 @@ class SightingsView:
     last_support_ns: int | None
     observation_count: int
     labels: dict[str, float]
+    detector: str
 
 
 @dataclass(frozen=True)
@@ -155,6 +157,7 @@ def _sightings(
     reader: MapReader, visits: Iterable[StoredVisit], observations: Sequence[ObservationRef]
 ) -> tuple[SightingsView, ...]:
     traversal_names = {traversal.id: traversal.name for traversal in reader.traversals}
+    detectors = {traversal.id: detector_of(traversal) for traversal in reader.traversals}
     own = group_by_traversal(observations)
     return tuple(
         SightingsView(
@@ -166,6 +169,7 @@ def _sightings(
             visit.last_support_ns,
             len(own.get(visit.traversal_id, ())),
             {label: round(share, 4) for label, share in label_shares(own.get(visit.traversal_id, ())).items()},
+            detectors[visit.traversal_id],
         )
         for visit in sorted(visits, key=lambda visit: visit.traversal_id)
     )

@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass, field
 from itertools import islice
+from typing import TypedDict
 
 from supermap_cli.memory.reading import MapReader
 from supermap_cli.memory.values import StoredInstance
@@ -31,7 +32,8 @@ from supermap_cli.query.views import (
 class Overview:
     """The instances present now, counts by label, and the traversals; `absent` counts instances that were present once.
 
-    `instances` lists the most recently seen, `more` are present besides; `counts` are of all.
+    `instances` lists the most recently seen, `more` are present besides; `counts` are of all. `doubted` are those that
+    are believed in no more today, `more_doubted` are not listed. So every instance is listed or counted.
 
     As of a time, `instances` are those present then, `unknown` those whose presence then is unknown (`more_unknown` are
     not listed), and `absent` counts those that had left or came later. Instances that are not listed are counted by the
@@ -47,6 +49,15 @@ class Overview:
     as_of_ns: int | None = field(default=None, metadata={"optional": True})
     unknown: tuple[InstanceView, ...] | None = field(default=None, metadata={"optional": True})
     more_unknown: int = 0
+    doubted: tuple[InstanceView, ...] = ()
+    more_doubted: int = 0
+
+
+class _DoubtedInstances(TypedDict):
+    """These fields of an `Overview`."""
+
+    doubted: tuple[InstanceView, ...]
+    more_doubted: int
 
 
 def overview(reader: MapReader, limit: int = DEFAULT_LIMIT) -> Overview:
@@ -60,6 +71,7 @@ def overview(reader: MapReader, limit: int = DEFAULT_LIMIT) -> Overview:
         absent=finder.count(None, ["absent"]),
         traversals=tuple(map(traversal_view, reader.traversals)),
         more=sum(counts.values()) - len(listed),
+        **_doubted(reader, limit),
     )
 
 
@@ -89,7 +101,17 @@ def overview_at(reader: MapReader, time_point: TimePoint, clock: Clock, limit: i
         as_of_ns=time_point.at_ns,
         unknown=unknown,
         more_unknown=totals["unknown"] - len(unknown),
+        **_doubted(reader, limit),
     )
+
+
+def _doubted(reader: MapReader, limit: int) -> _DoubtedInstances:
+    """Those believed in no more today, at most `limit` of them listed."""
+    listed = reader.instances_of(list(islice(reader.search.labelled(None, ["doubted"]), limit)))
+    return {
+        "doubted": tuple(_summary(reader, instance) for instance in listed),
+        "more_doubted": reader.search.count(None, ["doubted"]) - len(listed),
+    }
 
 
 def _presences(

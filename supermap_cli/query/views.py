@@ -23,6 +23,7 @@ from supermap_cli.memory.values import (
     StoredTraversal,
     StoredVisit,
 )
+from supermap_cli.query.detectors import detector_of
 from supermap_cli.query.presence_at import PresenceValue, PresenceView
 from supermap_cli.types.memory import Presence, StateRecord, TemporalEdge
 
@@ -115,7 +116,8 @@ class InstanceView:
 
 @dataclass(frozen=True)
 class TraversalView:
-    """One traversal. Its times are recording times plus `clock_shift_ns`.
+    """One traversal. Its times are recording times plus `clock_shift_ns`; `detector` is equal for detectors that err
+    alike, and empty if nobody knows.
 
     Most crops, observations and thumbnails from before `*_kept_from_ns` were pruned; left out where none were.
     """
@@ -133,6 +135,7 @@ class TraversalView:
     observations_kept_from_ns: int | None = field(default=None, metadata={"optional": True})
     thumbnails_kept_from_ns: int | None = field(default=None, metadata={"optional": True})
     warnings: tuple[str, ...] = ()
+    detector: str = ""
 
 
 @dataclass(frozen=True)
@@ -197,6 +200,7 @@ def traversal_view(traversal: StoredTraversal) -> TraversalView:
         observations_kept_from_ns=traversal.observations_kept_from_ns,
         thumbnails_kept_from_ns=traversal.thumbnails_kept_from_ns,
         warnings=traversal.warnings,
+        detector=detector_of(traversal),
     )
 
 

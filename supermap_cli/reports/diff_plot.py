@@ -22,7 +22,12 @@ COLOURS = {
     "unchanged": "#8c99a7",
     "not-observed-again": "#2563a8",
     "first-observed": "#2563a8",
+    "not-looked-at": "#8c99a7",
+    "at-neither": "#8c99a7",
+    "doubted": "#8c99a7",
 }
+HOLLOW = frozenset({"not-observed-again", "first-observed", "not-looked-at", "at-neither", "doubted"})
+"""Kinds of which no picture shows that they stand there on both sides."""
 SUFFIXES = (".png", ".svg", ".pdf")
 
 
@@ -84,7 +89,7 @@ def _draw_outline(axes: Axes, outline: Outline) -> None:
     from matplotlib.patheffects import withStroke  # noqa: PLC0415
 
     kind, ghost = outline.style.removesuffix(" ghost"), outline.style.endswith(" ghost")
-    hollow = ghost or kind in {"not-observed-again", "first-observed"}
+    hollow = ghost or kind in HOLLOW
     colour, unchanged = COLOURS[kind], kind == "unchanged"
     axes.add_patch(
         Polygon(

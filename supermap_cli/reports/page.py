@@ -41,6 +41,7 @@ figcaption { color: var(--soft); font-size: 13.5px; padding: 0 2px 6px; }
 .thing.moved { fill: var(--moved); stroke: var(--moved); stroke-width: 1.6; }
 .thing.relabelled { fill: var(--relabelled); stroke: var(--relabelled); stroke-width: 1.6; }
 .thing.not-observed-again, .thing.first-observed { fill: none; stroke: var(--unsure); stroke-dasharray: 3 2; }
+.thing.not-looked-at, .thing.at-neither, .thing.doubted { fill: none; stroke-dasharray: 3 2; }
 .thing.ghost { fill: none; stroke-dasharray: 4 3; }
 .arrow { stroke: var(--moved); stroke-width: 1.8; marker-end: url(#tip); } .tip { fill: var(--moved); }
 .name { font-size: 10.5px; text-anchor: middle; fill: var(--ink); paint-order: stroke; stroke: #fff;

@@ -24,13 +24,15 @@ from supermap_cli.types.relations import SpatialPredicate
 class SessionBackends:
     """The plugins at work inside a session. Each camera gets a tracker of its own.
 
-    Without an `odometry` all poses are pushed; without a `segmenter` detections come with their masks.
+    Without an `odometry` all poses are pushed; without a `segmenter` detections come with their masks. `detector`
+    identifies what makes the detections: equal for detectors that err alike, empty if nobody knows.
     """
 
     make_tracker: Callable[[], Tracker]
     segmenter: Segmenter | None = None
     odometry: Odometry | None = None
     predicates: Sequence[SpatialPredicate] = ()
+    detector: str = ""
 
 
 @dataclass

@@ -6,7 +6,7 @@ In an `InstanceRecord` and in the database it is a JSON document (`engine_state`
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, asdict, dataclass, field, fields
 from typing import Any
 
@@ -21,7 +21,8 @@ class EngineState:
     supporting views, all views, the sum of their log likelihood ratios, that of these numbers' magnitudes, and the
     greatest of them. `state_*` is the current state, `gone_ns` the stamp since which there is none; `best_crop` is the
     quality of the best image crop; `seen_apart` says in how many images other objects, by number, were seen beside it
-    with masks of their own.
+    with masks of their own; `found_by` in how many looks each detector, by its identity, found it, and missed it;
+    `words` are the label counts of each detector that is known.
     """
 
     label_counts: Mapping[str, float]
@@ -33,10 +34,15 @@ class EngineState:
     gone_ns: int | None
     best_crop: float
     seen_apart: Mapping[str, int] = field(default_factory=dict)
+    found_by: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    words: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
 
     def to_document(self) -> dict[str, object]:
         """JSON numbers and strings only."""
-        return asdict(self) | {"viewpoints": {name: list(cell) for name, cell in self.viewpoints.items()}}
+        lists: dict[str, Mapping[str, Sequence[float]]] = {"viewpoints": self.viewpoints, "found_by": self.found_by}
+        return asdict(self) | {
+            name: {key: list(values) for key, values in entries.items()} for name, entries in lists.items()
+        }
 
     @classmethod
     def of(cls, document: Mapping[str, Any]) -> EngineState:
@@ -45,6 +51,14 @@ class EngineState:
             document = _with_label_counts(document)
             values = {name: document[name] for name in _REQUIRED}
             values["seen_apart"] = {str(int(number)): int(n) for number, n in document.get("seen_apart", {}).items()}
+            values["found_by"] = {
+                str(name): (float(found), float(missed))
+                for name, (found, missed) in document.get("found_by", {}).items()
+            }
+            values["words"] = {
+                str(name): {str(label): float(count) for label, count in counts.items()}
+                for name, counts in document.get("words", {}).items()
+            }
             state = cls(
                 **values | {"viewpoints": {name: _cell(stored) for name, stored in values["viewpoints"].items()}}
             )
@@ -60,6 +74,8 @@ class EngineState:
     def _is_valid(self) -> bool:
         reals = [*self.label_counts.values(), self.label_weight, self.best_crop]
         reals += [real for cell in self.viewpoints.values() for real in cell[2:]]
+        reals += [looks for both in self.found_by.values() for looks in both]
+        reals += [count for counts in self.words.values() for count in counts.values()]
         integers = [self.state_index, self.state_first_seen_ns]
         integers += [stamp_ns for stamp_ns in (self.state_empty_before_ns, self.gone_ns) if stamp_ns is not None]
         return (

@@ -73,3 +73,40 @@ def test_a_shifted_clock_is_shown(tmp_path: Path) -> None:
         assert "+ 3 min" in printed
         assert "the order of building is kept" in printed
     assert document("db_info", "db", "info", "--db", path)["traversals"][1]["clock_shift_ns"] == 180 * 10**9
+
+
+def test_an_id_whose_word_is_no_longer_the_label_says_so(tmp_path: Path) -> None:
+    first = m.instance(1, "keyboard", seen=(1, 9), observations=0)
+    delta = MapDelta(instances=(first,), states=(m.state(1, 0, (1, 9), label="keyboard"),))
+    renamed = MapDelta(instances=(replace(first, label="dining table"),))
+    path = m.make_memory(tmp_path / "map.db", ("a", (0, 10), delta), ("b", (100, 110), renamed))
+    assert "keyboard-1, now dining table" in supermap("show", "--db", path).stdout
+    assert "keyboard-1, now dining table" in supermap("show", "keyboard-1", "--db", path).stdout
+
+
+def test_what_is_doubted_is_shown_with_what_speaks_for_and_against_it(tmp_path: Path) -> None:
+    chair = m.instance(1, "chair", seen=(1, 9), presence="doubted", observations=0)
+    delta = MapDelta(instances=(chair,), states=(m.state(1, 0, (1, 9)),), visits=(m.visit(1, 5, 9),))
+    path = m.make_memory(tmp_path / "map.db", ("a", (0, 10), delta))
+    assert [instance["id"] for instance in document("show", "show", "--db", path)["doubted"]] == ["chair-1"]
+    printed = supermap("show", "--db", path).stdout
+    assert "1 doubted" in printed
+    assert "found in 5 of 9 keyframes" in printed
+
+
+def test_several_detectors_are_told_apart(tmp_path: Path) -> None:
+    chair = m.instance(1, "chair", seen=(1, 109), observations=2)
+    path = tmp_path / "map.db"
+    with open_store(str(path), create=True) as store:
+        for since, detector, label in ((0, "strong", "chair"), (100, "weak", "bench")):
+            traversal_id = store.begin_traversal(
+                replace(m.start(detector, (since, since + 10)), config={"detector": detector})
+            )
+            seen = MapDelta(keyframes=m.keyframes([since + 5]), observations=(m.observation(1, since + 5, label),))
+            store.commit(traversal_id, MapDelta(instances=(chair,), states=(m.state(1, 0, (1, 109)),)))
+            store.commit(traversal_id, replace(seen, visits=(m.visit(1, 1, 1),)))
+            store.finish_traversal(traversal_id)
+    shown = document("object", "show", "chair-1", "--db", path)
+    assert [(view["detector"], view["label"]) for view in shown["called"]] == [("strong", "chair"), ("weak", "bench")]
+    assert "chair in strong (by strong); bench in weak (by weak)" in supermap("show", "chair-1", "--db", path).stdout
+    assert "read by strong in strong, by weak in weak" in supermap("history", "chair-1", "--db", path).stdout

@@ -30,6 +30,8 @@ def test_a_recording_becomes_a_memory(store: MapStore) -> None:
     (traversal,) = store.traversals()
     assert (traversal.name, traversal.status, traversal.keyframes) == ("monday", "complete", 6)
     assert traversal.config["used"] == summary.backends
+    assert traversal.config["detector"] == "fake"
+    assert set(traversal.config["detector_recall"]) <= {"cup", "dining table"}
     assert set(traversal.timings) == {"total", *(timing.stage for timing in summary.timings)}
     instances = {instance.label: instance for instance in store.load_instances()}
     np.testing.assert_allclose(instances["cup"].centroid_map, s.CUP.center, atol=0.1)

@@ -95,7 +95,8 @@ def test_views_turn_with_the_frame(yaw_deg: float, bearing: float, distance: flo
     """By whole cells of 15 degrees a view is that of the camera in the map's frame."""
     camera = distance * np.array([np.cos(bearing), np.sin(bearing), 0.3])
     view, turned = (
-        Viewpoint(0, transform_points(T, camera[None])[0], T[:3, 3]) for T in (np.eye(4), level(yaw_deg, 1, 2))
+        Viewpoint(0, transform_points(T, camera[None])[0], T[:3, 3], "a detector")
+        for T in (np.eye(4), level(yaw_deg, 1, 2))
     )
     if abs(np.degrees(bearing) / 15 - round(np.degrees(bearing) / 15)) < 1e-6:
         return  # on the edge of a cell

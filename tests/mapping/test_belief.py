@@ -109,6 +109,29 @@ def test_size_alone_does_not_invent_labels() -> None:
     assert believing(said(microwave=0.9), size_m=1.0).best == "microwave"
 
 
+def test_two_detectors_that_agree_are_surer_than_one_that_repeats_itself() -> None:
+    one, two = LabelBelief(), LabelBelief()
+    for k in range(8):
+        one.update((Hypothesis("tv", 0.6), Hypothesis("microwave", 0.4)), 1.0)
+        two.detector = "first" if k < 4 else "second"
+        two.update((Hypothesis("tv", 0.6), Hypothesis("microwave", 0.4)), 1.0)
+    assert two.counts == one.counts
+    assert two.probabilities()["tv"] > one.probabilities()["tv"]
+
+
+def test_a_detector_is_expected_to_call_a_thing_as_it_did_before_whatever_it_is() -> None:
+    belief = LabelBelief(detector="first")
+    belief.update((Hypothesis("microwave", 1.0),), 3.0)
+    assert belief.expected_words() == belief.probabilities()
+    belief.detector = "second"
+    assert belief.expected_words() == belief.probabilities()
+    belief.update((Hypothesis("tv", 1.0),), 20.0)
+    assert belief.best == "tv"
+    assert belief.expected_words()["tv"] > 0.9
+    belief.detector = "first"
+    assert belief.expected_words()["microwave"] > 0.5
+
+
 @given(st.lists(hypotheses, min_size=1, max_size=4), st.lists(hypotheses, min_size=1, max_size=4))
 def test_joining_two_beliefs_is_having_seen_it_all_with_one(
     first: list[tuple[Hypothesis, ...]], second: list[tuple[Hypothesis, ...]]
@@ -187,6 +210,15 @@ def test_a_hit_ends_a_spell_of_misses() -> None:
     views.add_miss(seen_from(PLACE, 0.0), -1.0)
     assert views.add_detection(seen_from((0.1, 2.0, 1.0), 0.3), 1.0)[1] == 1.0
     assert views.add_miss(seen_from((-2.0, 0.1, 1.0), 0.6), -1.0) == -1.0
+
+
+def test_two_detectors_in_one_place_err_on_their_own() -> None:
+    one, other = (Viewpoint(round(at_s * 1e9), np.ones(3), ORIGIN, name) for at_s, name in ((0, "one"), (10, "other")))
+    history = ViewpointHistory()
+    for _ in range(5):
+        history.add_detection(one, 2.0)
+    assert history.add_detection(other, 2.0) == (1.0, pytest.approx(2.0))
+    assert history.last_weight(other) == pytest.approx(1.0)
 
 
 def test_a_camera_on_the_object_itself_is_no_error() -> None:

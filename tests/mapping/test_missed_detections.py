@@ -64,6 +64,24 @@ def test_a_person_who_has_walked_on_is_not_missed() -> None:
     assert missed(run, found=no_detections(s.ns(run.at_s))) == ()
 
 
+@pytest.mark.parametrize(("second", "doubted"), [("weak", False), ("strong", True)])
+def test_what_another_detector_never_finds_stays_in_the_map(second: str, doubted: bool) -> None:
+    """A chair that one detector found, and that stands there for all the depth says, is missed 60 times on another day
+    by one of which nothing is known yet.
+    """
+    run = s.Run()
+    run.engine.recall.detector = "strong"
+    run.walk(CHAIR_WORLD, looks=9)
+    (chair,) = run.standing("chair")
+    chair.existence.log_odds = 3.0
+    recall = run.engine.recall
+    recall.detector, recall.hits, recall.trials = second, {}, {}
+    run.detector = lambda scene, at_s: no_detections(s.ns(at_s))
+    for _ in range(6):
+        run.walk(CHAIR_WORLD, looks=10)
+    assert (chair.visit.contradicted, chair.demoted) == (0, doubted)
+
+
 def test_what_is_sure_teaches_how_often_the_detector_misses(run: s.Run) -> None:
     run.map[1].existence.log_odds = 8.0
     before = run.engine.recall.expected("chair", 0.05, truncated=False)

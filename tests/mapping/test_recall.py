@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 
 from supermap_cli.mapping.recall import (
     DEFAULT,
+    FoundBy,
     RecallModel,
     ScoreModel,
     miss_log_ratio,
-    own_rate,
     return_log_ratio,
 )
 
@@ -82,7 +82,7 @@ def test_to_be_found_again_later_says_more_than_at_once(own: float, rate: float)
 
 
 def test_what_was_mostly_missed_is_expected_to_be_missed_again() -> None:
-    rates = [own_rate(0.5, 1, viewed) for viewed in range(1, 40)]
+    rates = [RecallModel().own_rate(0.5, {"": FoundBy(1, missed)}) for missed in range(40)]
     assert rates == sorted(rates, reverse=True)
     costs = [miss_log_ratio(rate, 0.5) for rate in rates]
     assert costs == sorted(costs)
@@ -91,7 +91,7 @@ def test_what_was_mostly_missed_is_expected_to_be_missed_again() -> None:
 
 @given(st.integers(0, 30), st.integers(0, 30), st.floats(0.02, 0.95))
 def test_the_rate_of_one_thing_lies_between_its_classs_and_its_own(found: int, missed: int, rate: float) -> None:
-    own = own_rate(rate, found, found + missed)
+    own = RecallModel().own_rate(rate, {"": FoundBy(found, missed)})
     share = found / (found + missed) if found + missed else rate
     assert min(rate, share, 0.95) - 1e-9 <= own <= max(rate, share) + 1e-9
 
@@ -113,3 +113,15 @@ def test_a_small_networks_low_scores_come_to_count() -> None:
     assert after > before
     model.record_clutter([0.35] * 600)
     assert model.detection_log_ratio(0.35) < after
+
+
+def test_a_detector_may_be_blind_to_what_another_one_found() -> None:
+    model = RecallModel(detector="weak")
+    rates = [model.own_rate(0.8, {"strong": FoundBy(5, 1), "weak": FoundBy(0, n)}) for n in (0, 2, 20)]
+    assert rates[0] == pytest.approx(0.8)
+    assert rates == sorted(rates, reverse=True)
+    assert rates[-1] < 0.1
+
+
+def test_rates_are_told_by_class() -> None:
+    assert trained("chair", 3, 1).by_class() == {"chair": [3.0, 4.0]}

@@ -58,12 +58,36 @@ def doubted(run: s.Run) -> None:
     run.map[1].set_status(demoted=True)
 
 
-@pytest.mark.parametrize("life", [seen, gone, back_again, doubted], ids=lambda life: life.__name__)
+def gone_and_doubted(run: s.Run) -> None:
+    gone(run)
+    run.map[1].set_status(demoted=True)
+
+
+@pytest.mark.parametrize("life", [seen, gone, back_again, doubted, gone_and_doubted], ids=lambda life: life.__name__)
 def test_an_object_comes_back_as_it_was_written(life: object) -> None:
     run = s.Run()
     life(run)  # type: ignore[operator]
     (record,) = records(run)
     assert_same(instance_record(restore_object(record)), record)
+
+
+def test_what_was_seen_to_be_gone_and_is_doubted_too_stays_gone() -> None:
+    run = s.Run()
+    gone_and_doubted(run)
+    further = go_on(run)
+    (chair,) = further.engine.objects
+    assert not chair.present
+    assert further.engine.take_changes().states == ()
+
+
+def test_words_and_finds_of_each_detector_come_back() -> None:
+    run = s.Run()
+    for detector in ("strong", "weak"):
+        run.engine.use_detector(detector)
+        run.walk(CHAIR_WORLD)
+    (chair,) = go_on(run).engine.objects
+    assert set(chair.labels.by_detector) == set(chair.found_by) == {"strong", "weak"}
+    assert chair.labels.by_detector == run.map[1].labels.by_detector
 
 
 def test_the_engines_state_is_plain_json() -> None:

@@ -142,6 +142,19 @@ def test_eighty_nameless_classes_are_cocos(tmp_path: Path) -> None:
     assert OnnxDetector(options(model)).detect(frame()).labels == ("cup",)
 
 
+def test_a_model_is_identified_by_its_weights_and_words(tmp_path: Path) -> None:
+    labels = tmp_path / "labels.txt"
+    labels.write_text("mug\nstool\nleaflet\n", encoding="utf-8")
+    (tmp_path / "elsewhere").mkdir()
+    model = write_constant_model(tmp_path / "m.onnx", [ultralytics()], SIZE, NAMES)
+    copy = tmp_path / "elsewhere" / "m.onnx"
+    copy.write_bytes(model.read_bytes())
+    identity = OnnxDetector(options(model)).identity
+    assert identity.startswith("m ")
+    assert OnnxDetector(options(copy)).identity == identity
+    assert OnnxDetector(options(model, labels=labels)).identity != identity
+
+
 def test_a_labels_file_names_the_classes(tmp_path: Path) -> None:
     labels = tmp_path / "labels.txt"
     labels.write_text("mug\n\nstool\nleaflet\n", encoding="utf-8")

@@ -109,7 +109,7 @@ CONTRADICTED_ONCE = m.visit(1, 0, 3, 1)
         ((m.state(1, 0, (1, 9)),), (SEEN, IN_VIEW), "not observed again"),
         ((m.state(1, 0, (1, 9)),), (SEEN, CONTRADICTED_ONCE), "not observed again"),
         ((m.state(1, 0, (1, 9), gone=101),), (SEEN, IN_VIEW), "disappeared"),
-        ((m.state(1, 0, (1, 5), gone=8),), (SEEN, IN_VIEW), None),
+        ((m.state(1, 0, (1, 5), gone=8),), (SEEN, IN_VIEW), "at neither"),
         ((m.state(1, 0, (1, 105), gone=107),), (SEEN, SEEN), "disappeared"),
         ((m.state(1, 0, (1, 9), gone=200),), (SEEN, IN_VIEW), "not observed again"),
         ((m.state(1, 0, (101, 105)),), (NOT_VISITED, SEEN), "first observed"),
@@ -125,8 +125,9 @@ CONTRADICTED_ONCE = m.visit(1, 0, 3, 1)
         ((m.state(1, 0, (1, 205)),), (SEEN, NOT_VISITED), "unchanged"),
         ((m.state(1, 0, (1, 9), gone=101),), (NOT_VISITED, NOT_VISITED), "disappeared"),
         ((m.state(1, 0, (102, 103), gone=104),), (NOT_VISITED, SEEN), "disappeared"),
-        ((m.state(1, 0, (102, 103), gone=104, empty_before=5),), (NOT_VISITED, SEEN), None),
-        ((m.state(1, 0, (-90, -80)),), (NOT_VISITED, NOT_VISITED), None),
+        ((m.state(1, 0, (102, 103), gone=104, empty_before=5),), (NOT_VISITED, SEEN), "at neither"),
+        ((m.state(1, 0, (-90, -80)),), (NOT_VISITED, NOT_VISITED), "not looked at"),
+        ((m.state(1, 0, (-90, -80), gone=-70),), (NOT_VISITED, NOT_VISITED), None),
     ],
 )
 def test_the_change_kind_follows_from_states_and_visits(
@@ -136,19 +137,17 @@ def test_the_change_kind_follows_from_states_and_visits(
     assert (change and change.kind) == kind
 
 
-def test_a_label_changed_only_where_both_traversals_are_sure(tmp_path: Path) -> None:
+def test_readings_are_compared_only_where_both_traversals_are_sure(tmp_path: Path) -> None:
     def labelled(label: str, start: float, n: int) -> MapDelta:
         stamps = [start + 1 + i for i in range(n)]
         return MapDelta(keyframes=m.keyframes(stamps), observations=tuple(m.observation(1, at, label) for at in stamps))
 
-    for n, kind in ((3, "relabelled"), (2, "unchanged")):
-        path = tmp_path / f"{kind}.db"
+    for n, labels in ((3, ("chair", "bench")), (2, ("chair", "chair"))):
         deltas = (labelled("chair", 0, n), labelled("bench", 100, n))
-        change = only_change(path, (m.state(1, 0, (1, 105)),), (SEEN, SEEN), deltas=deltas)
+        change = only_change(tmp_path / f"{n}.db", (m.state(1, 0, (1, 105)),), (SEEN, SEEN), deltas=deltas)
         assert change is not None
-        assert change.kind == kind
-        if kind == "relabelled":
-            assert (change.label_before, change.label_after) == ("chair", "bench")
+        assert (change.kind, (change.label_before, change.label_after)) == ("unchanged", labels)
+        assert ("another reading" in change.reason) == (n == 3)
 
 
 def test_one_traversal_cannot_be_compared(tmp_path: Path) -> None:
@@ -235,7 +234,7 @@ def test_each_side_names_its_best_crop(tmp_path: Path) -> None:
     assert (change.crop_before, change.crop_after) == (1, None)
 
 
-def test_what_came_and_went_in_between_is_noted(tmp_path: Path) -> None:
+def test_what_came_and_went_in_between_stood_at_neither(tmp_path: Path) -> None:
     path = tmp_path / "map.db"
     delta = MapDelta(
         keyframes=m.keyframes([103]),
@@ -246,7 +245,9 @@ def test_what_came_and_went_in_between_is_noted(tmp_path: Path) -> None:
     m.make_memory(path, ("a", (0, 10), MapDelta()), ("b", (100, 110), delta))
     with open_store(str(path), read_only=True) as store, store.reader() as reader:
         found = diff(reader)
-    assert (found.changes, found.notes) == ((), ("came and went between a and b: chair-1",))
+    assert [(change.kind, change.reason) for change in found.changes] == [
+        ("at neither", "came and went between a and b")
+    ]
 
 
 def test_a_diff_does_not_depend_on_the_batch_size(reader: MapReader, monkeypatch: pytest.MonkeyPatch) -> None:
