@@ -60,12 +60,13 @@ def voxel_clusters(points: FloatArray, cell_m: float) -> IntArray:
     return clusters
 
 
-def image_clusters(pixels: BoolArray) -> IntArray:
-    """(h, w) the cluster of each marked pixel: pixels are joined with their eight neighbours, for where they meet is no
-    depth edge. What is seen at a grazing angle hangs together in the image and not in space.
+def image_clusters(pixels: BoolArray, chosen: IntArray) -> IntArray:
+    """(n,) the cluster of the chosen ones, by position, of the marked pixels (h, w): pixels are joined with their eight
+    neighbours, for where they meet is no depth edge. What is seen at a grazing angle hangs together in the image and
+    not in space.
     """
-    _, clusters = cv2.connectedComponents(pixels.astype(np.uint8), connectivity=8)
-    return np.asarray(clusters, np.int64)
+    _, clusters = cv2.connectedComponents(pixels.view(np.uint8), connectivity=8)
+    return np.asarray(clusters.ravel()[chosen], np.int64)
 
 
 def joined_clusters(points: FloatArray, cell_m: float, in_image: IntArray) -> IntArray:
@@ -125,7 +126,9 @@ def main_cluster(points_camera: FloatArray, clusters: IntArray, parameters: Clus
         kept += near
         others = [number for number in others if number not in near]
         joined = bool(near)
-    return np.isin(clusters, kept)
+    is_kept = np.zeros(len(counts), dtype=bool)
+    is_kept[kept] = True
+    return is_kept[clusters]
 
 
 def _bounds(clusters: list[FloatArray]) -> tuple[FloatArray, FloatArray]:

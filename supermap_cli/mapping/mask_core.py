@@ -6,6 +6,7 @@ Comes between `GenerateMasks` and `Unproject` of the paper's algorithm 1, step (
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import cv2
 import numpy as np
@@ -40,6 +41,28 @@ class MaskCoreParameters:
 
 
 DEFAULT = MaskCoreParameters()
+
+
+@dataclass(frozen=True)
+class MaskCore:
+    """The part of a mask that is surely the object's, worked out when it is first asked for: what the depth around the
+    mask tells can make it needless.
+    """
+
+    view: DepthView
+    mask: RegionMask
+    rim_px: int
+    parameters: MaskCoreParameters = DEFAULT
+
+    @cached_property
+    def clear(self) -> BoolArray:
+        """What of the mask's rim lies in the foreground, on the mask's region."""
+        return foreground_rim(self.view, self.mask, self.rim_px)
+
+    @cached_property
+    def pixels(self) -> BoolArray:
+        """All but the mask's rim, and what of the rim lies in the foreground, on the mask's region."""
+        return erode(self.mask.pixels, self.rim_px, self.parameters) | self.clear
 
 
 def erosion_px(area_px: int, scale: float, parameters: MaskCoreParameters = DEFAULT) -> int:
