@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -60,6 +61,10 @@ _FORWARD_STEPS, _FORWARD_CODES = _STEPS[_NEIGHBOUR_CODES > 0], _NEIGHBOUR_CODES[
 
 _MAX_CELLS = 1 << 22
 """Cells of the largest block (4 MB); sets of voxels that span more are searched as sorted codes instead."""
+_MAX_LABELLED_CELLS = 1 << 16
+"""Cells of the largest block that is labelled cell by cell; few voxels in a larger one are faster linked as a graph."""
+_ALL_AROUND = np.ones((3, 3, 3), dtype=bool)
+"""The 26 neighbours of a voxel and itself."""
 
 
 @dataclass(frozen=True)
@@ -89,6 +94,11 @@ class VoxelBlock:
         x, y = np.divmod(rest, self.shape[1])
         return pack_keys(np.stack([x, y, z], axis=1) + self.low)
 
+    def forward_steps(self) -> IntArray:
+        """(13,) how many cells further those neighbours of a cell lie that come after it."""
+        steps: IntArray = (_FORWARD_STEPS[:, 0] * self.shape[1] + _FORWARD_STEPS[:, 1]) * self.shape[2]
+        return steps + _FORWARD_STEPS[:, 2]
+
     def sums_around(self, positions: IntArray) -> UInt8Array:
         """(cells,) how many of the given cells are within one step of each cell (itself too)."""
         sums = np.zeros(self.cells, np.uint8)
@@ -105,8 +115,9 @@ def block_around(keys: Int32Array) -> VoxelBlock | None:
     """The block of (n, 3) voxel indices; `None` if there are none, or they lie too far apart for one."""
     if not len(keys):
         return None
-    low, high = keys.min(axis=0).astype(np.int64) - 2, keys.max(axis=0).astype(np.int64) + 3
-    x, y, z = (int(side) for side in high - low)
+    columns = np.ascontiguousarray(keys.T)
+    low, high = columns.min(axis=1).astype(np.int64) - 2, columns.max(axis=1).astype(np.int64) + 3
+    x, y, z = (high - low).tolist()
     block = VoxelBlock(low, (x, y, z))
     return block if block.cells <= _MAX_CELLS else None
 
@@ -132,11 +143,10 @@ class NearVoxels:
         """(n,) which of (n, 3) voxel indices are among them."""
         if self.block is None:
             return is_member(pack_keys(keys), self.codes)
-        offsets = np.ascontiguousarray(keys.T) - self.block.low[:, None]
-        inside = np.flatnonzero(((offsets >= 0) & (offsets < np.array(self.block.shape)[:, None])).all(axis=0))
-        x, y, z = offsets if len(inside) == len(keys) else offsets[:, inside]
-        held = np.zeros(len(keys), dtype=bool)
-        held[inside] = self.marked[(x * self.block.shape[1] + y) * self.block.shape[2] + z] > 0
+        low, shape = self.block.low.astype(np.int32), np.array(self.block.shape, np.int32)
+        offsets = np.ascontiguousarray(keys.T) - low[:, None]
+        x, y, z = np.minimum(np.maximum(offsets, 0), shape[:, None] - 1)  # what lies outside: the border, never marked
+        held: BoolArray = self.marked[(x * shape[1] + y) * shape[2] + z] > 0
         return held
 
 
@@ -184,8 +194,8 @@ def _forward_neighbours(codes: IntArray) -> IntArray:
     positions = block.positions(keys)
     numbers = np.full(block.cells, -1, np.int32)
     numbers[positions] = np.arange(len(codes), dtype=np.int32)
-    steps = (_FORWARD_STEPS[:, 0] * block.shape[1] + _FORWARD_STEPS[:, 1]) * block.shape[2] + _FORWARD_STEPS[:, 2]
-    return numbers[positions[:, None] + steps].astype(np.int64)
+    neighbours: IntArray = numbers[positions[:, None] + block.forward_steps()].astype(np.int64)
+    return neighbours
 
 
 def neighbouring(codes: IntArray) -> tuple[IntArray, IntArray]:
@@ -214,12 +224,51 @@ def connected_components(codes: IntArray) -> IntArray:
     return ranked
 
 
+def part_numbers(keys: Int32Array) -> IntArray:
+    """(n,) numbers, in any order, of the 26-connected parts that (n, 3) voxel indices, which may repeat, lie in."""
+    block = block_around(keys)
+    if block is None or block.cells > _MAX_LABELLED_CELLS:
+        codes, inverse = np.unique(pack_keys(keys), return_inverse=True)
+        numbers: IntArray = connected_components(codes)[inverse]
+        return numbers
+    from scipy.ndimage import label  # noqa: PLC0415 - keeps scipy out of light commands
+
+    positions = block.positions(keys)
+    marked = np.zeros(block.shape, np.uint8)
+    marked.ravel()[positions] = 1
+    labels, _ = label(marked, _ALL_AROUND)
+    return np.asarray(labels.ravel()[positions] - 1, np.int64)
+
+
+def meetings(keys: Int32Array, values: IntArray) -> tuple[IntArray, IntArray]:
+    """The pairs of different values >= 0, less than 2^31, that meet: (n,) values at (n, 3) voxel indices, in one voxel
+    or in neighbouring ones (26-connected). In a voxel the last value stands for the others. Pairs may repeat.
+    """
+    block = block_around(keys)
+    if block is None:
+        codes, voxel = np.unique(pack_keys(keys), return_inverse=True)
+        value_in = np.empty(len(codes), np.int64)
+        value_in[voxel] = values
+        here, (one, other) = value_in[voxel], neighbouring(codes)
+        ends = value_in[one], value_in[other]
+    else:
+        cell = block.positions(keys)
+        value_at = np.full(block.cells, -1, np.int32)
+        value_at[cell] = values
+        here, occupied = value_at[cell].astype(np.int64), np.flatnonzero(value_at >= 0)
+        own, beside = value_at[occupied], value_at[occupied + block.forward_steps()[:, None]]
+        step, at = np.nonzero((beside != own) & (beside >= 0))
+        ends = own[at].astype(np.int64), beside[step, at].astype(np.int64)
+    first, second = np.concatenate([values, ends[0]]), np.concatenate([here, ends[1]])
+    apart = first != second
+    return first[apart], second[apart]
+
+
 def distinct_keys(keys: Int32Array) -> Int32Array:
     """(m, k) the distinct ones of (n, k) voxel indices, in the order of x, then y (and z)."""
     low = keys.min(axis=0)
-    sides = keys.max(axis=0) - low + 1
-    cells = int(np.prod(sides, dtype=np.int64))
-    if cells > _MAX_CELLS:
+    sides = tuple((keys.max(axis=0) - low + 1).tolist())
+    if math.prod(sides) > _MAX_CELLS:
         return np.unique(keys, axis=0)
     marked = np.zeros(sides, bool)
     marked[tuple((keys - low).T)] = True

@@ -13,7 +13,7 @@ import numpy as np
 
 from supermap_cli.geometry.arrays import BoolArray, FloatArray, IntArray
 from supermap_cli.geometry.percentiles import percentiles
-from supermap_cli.geometry.voxels import connected_components, neighbouring, pack_keys, voxel_keys
+from supermap_cli.geometry.voxels import connected_components, meetings, pack_keys, voxel_keys
 from supermap_cli.mapping.depth import DepthView, edge_step_m
 from supermap_cli.types.parameters import TUNED, parameter
 
@@ -75,16 +75,9 @@ def joined_clusters(points: FloatArray, cell_m: float, in_image: IntArray) -> In
     """
     if in_image.min() == in_image.max():
         return np.zeros(len(in_image), np.int64)
-    codes, inverse = np.unique(pack_keys(voxel_keys(points, cell_m)), return_inverse=True)
-    cluster_in_voxel = np.empty(len(codes), np.int64)
-    cluster_in_voxel[inverse] = in_image
-    first, second = neighbouring(codes)
-    meeting = np.concatenate(
-        [[in_image, cluster_in_voxel[inverse]], [cluster_in_voxel[first], cluster_in_voxel[second]]], axis=1
-    )
-    meeting = meeting[:, meeting[0] != meeting[1]]
+    first, second = meetings(voxel_keys(points, cell_m), in_image)
     width = int(in_image.max()) + 1
-    pairs = np.unique(meeting.min(axis=0) * width + meeting.max(axis=0))
+    pairs = np.unique(np.minimum(first, second) * width + np.maximum(first, second))
     cluster_of = list(range(width))
     for one, other in zip((pairs // width).tolist(), (pairs % width).tolist(), strict=True):
         kept, joined = cluster_of[one], cluster_of[other]
