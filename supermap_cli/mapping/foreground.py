@@ -10,6 +10,7 @@ Comes between `GenerateMasks` and `Unproject` of the paper's algorithm 1, step (
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
@@ -18,6 +19,7 @@ import cv2
 import numpy as np
 
 from supermap_cli.geometry.arrays import BoolArray, Float32Array, FloatArray, IntArray
+from supermap_cli.geometry.cameras import Camera
 from supermap_cli.geometry.percentiles import percentiles
 from supermap_cli.mapping.depth import DepthView, edge_step_m, pixel_scale
 from supermap_cli.types.detections import RegionMask
@@ -85,6 +87,12 @@ class ForegroundParameters:
 DEFAULT = ForegroundParameters()
 
 
+@lru_cache(maxsize=8)
+def _ray_columns(camera: Camera) -> Float32Array:
+    """(3, height, width) a camera's rays, coordinate by coordinate: what lies so in memory is faster to work with."""
+    return np.ascontiguousarray(np.moveaxis(camera.rays(), -1, 0))
+
+
 @dataclass(frozen=True)
 class _Window:
     """The part of an image about a mask, every `step`-th pixel of it across and down: (h, w) each.
@@ -105,16 +113,15 @@ class _Window:
 
     def points(self, view: DepthView) -> Float32Array:
         """(3, h * w) the points in the camera's frame, column by column; without a return they mean nothing."""
-        rays = view.camera.rays()[self.at].reshape(-1, 3).T
-        points: Float32Array = np.multiply(rays, self.depth_m.ravel(), order="C")
-        return points
+        points: Float32Array = _ray_columns(view.camera)[:, self.rows, self.columns] * self.depth_m
+        return points.reshape(3, -1)
 
     def region(self, pixels: BoolArray) -> RegionMask:
         """Some of its pixels as a region of the image."""
         step = self.rows.step
-        v, u = np.flatnonzero(pixels.any(axis=1)), np.flatnonzero(pixels.any(axis=0))
-        top, left = self.rows.start + step * int(v[0]), self.columns.start + step * int(u[0])
-        full = pixels[v[0] : v[-1] + 1, u[0] : u[-1] + 1].repeat(step, axis=0).repeat(step, axis=1)
+        u, v, w, h = cv2.boundingRect(pixels.view(np.uint8))
+        top, left = self.rows.start + step * v, self.columns.start + step * u
+        full = pixels[v : v + h, u : u + w].repeat(step, axis=0).repeat(step, axis=1)
         tight = np.ascontiguousarray(full[: self.rows.stop - top, : self.columns.stop - left])
         return RegionMask(left, top, tight)
 
@@ -171,11 +178,11 @@ def _window(view: DepthView, mask: RegionMask, masked: BoolArray, parameters: Fo
     h, w = mask.pixels.shape
     height, width = view.depth_m.shape
     scale = pixel_scale(view.camera, view.parameters)
-    ring_px = np.clip(parameters.ring_share * max(h, w), parameters.min_ring_px * scale, parameters.max_ring_px * scale)
-    ring = max(1, round(float(ring_px)))
+    ring_px = max(parameters.ring_share * max(h, w), parameters.min_ring_px * scale)
+    ring = max(1, round(min(ring_px, parameters.max_ring_px * scale)))
     top, left = max(0, mask.v0 - ring), max(0, mask.u0 - ring)
     bottom, right = min(height, mask.v0 + h + ring), min(width, mask.u0 + w + ring)
-    step = max(1, round(float(np.sqrt((bottom - top) * (right - left) / parameters.window_pixels))))
+    step = max(1, round(math.sqrt((bottom - top) * (right - left) / parameters.window_pixels)))
     rows, columns = slice(top, bottom, step), slice(left, right, step)
     own = _thinned(mask, mask.pixels, (rows, columns))
     depth_m = np.ascontiguousarray(view.depth_m[rows, columns])
@@ -196,7 +203,8 @@ def _in_order(beside: IntArray, width: int, count: int) -> IntArray:
     thinned = beside[:: len(beside) // count + 1]
     v = thinned // width
     u = thinned - v * width
-    angle = np.arctan2(v - v.mean(), u - u.mean()) if len(thinned) else np.zeros(0)
+    n = max(len(thinned), 1)
+    angle = np.arctan2(v - v.sum() / n, u - u.sum() / n)
     return thinned[np.argsort(angle, kind="stable")]
 
 
@@ -241,7 +249,7 @@ def _best_plane(points: Float32Array, tolerance_m: Float32Array, least: int) -> 
     normals = normals[sound] / lengths[sound, None]
     offsets = np.einsum("ij,ij->i", normals, a[sound])
     inliers = np.abs(points @ normals.T - offsets) < tolerance_m[:, None]
-    chosen = inliers[:, int(np.argmax(np.count_nonzero(inliers, axis=0)))]
+    chosen = inliers[:, int(inliers.sum(axis=0, dtype=np.int32).argmax())]
     normal, offset = np.zeros(3), 0.0
     for _ in range(2):
         if np.count_nonzero(chosen) < least:
@@ -263,9 +271,9 @@ def _cross(first: Float32Array, second: Float32Array) -> Float32Array:
 
 def _fitted_plane(points: Float32Array) -> tuple[Float32Array, FloatArray]:
     """The middle (3,) of points (n, 3), and the normal (3,) of the plane that fits them best."""
-    middle = points.mean(axis=0)
+    middle = points.sum(axis=0) / np.float32(len(points))
     off = (points - middle).astype(np.float64)
-    off -= off.mean(axis=0)
+    off -= off.sum(axis=0) / len(points)
     return middle, np.linalg.eigh(off.T @ off)[1][:, 0]
 
 
@@ -320,7 +328,7 @@ def _spanned(left: BoolArray, own: BoolArray) -> float:
     """The area of the image box of what is left inside the mask, as a share of the mask's."""
 
     def area(pixels: BoolArray) -> int:
-        rows, columns = np.flatnonzero(pixels.any(axis=1)), np.flatnonzero(pixels.any(axis=0))
-        return int((rows[-1] - rows[0] + 1) * (columns[-1] - columns[0] + 1)) if len(rows) else 0
+        _, _, w, h = cv2.boundingRect(pixels.view(np.uint8))
+        return w * h
 
     return area(left & own) / max(area(own), 1)

@@ -219,7 +219,7 @@ def _lift_core(
     sets: LiftingParameterSets,
 ) -> tuple[FloatArray, UInt8Array, float] | None:
     parameters = sets.lifting
-    usable = core & (view.depth_m[mask.window] > 0)
+    usable = np.ascontiguousarray(core & (view.depth_m[mask.window] > 0))
     doubtful = np.flatnonzero(usable & ~clear)
     usable.ravel()[doubtful] = off_depth_edges(view, *_pixels_of(mask, doubtful))
     chosen = np.flatnonzero(usable)

@@ -5,6 +5,7 @@ Comes between `GenerateMasks` and `Unproject` of the paper's algorithm 1, step (
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -67,8 +68,8 @@ class MaskCore:
 
 def erosion_px(area_px: int, scale: float, parameters: MaskCoreParameters = DEFAULT) -> int:
     """How far a mask is cut back: 2 to 6 pixels of a usual image, more for larger masks, which bleed more."""
-    margin = parameters.margin_share * np.sqrt(area_px)
-    return max(1, round(float(np.clip(margin, parameters.min_margin_px * scale, parameters.max_margin_px * scale))))
+    margin = max(parameters.margin_share * math.sqrt(area_px), parameters.min_margin_px * scale)
+    return max(1, round(min(margin, parameters.max_margin_px * scale)))
 
 
 def erode(mask: BoolArray, margin_px: int, parameters: MaskCoreParameters = DEFAULT) -> BoolArray:
@@ -82,15 +83,18 @@ def erode(mask: BoolArray, margin_px: int, parameters: MaskCoreParameters = DEFA
     padded = cv2.copyMakeBorder(mask.astype(np.uint8), *(1,) * 4, cv2.BORDER_CONSTANT, value=0)
     within_px = cv2.distanceTransform(padded, cv2.DIST_L2, 3)
     cut_px = np.ones_like(within_px)
+    deepest_px, most_cut_px = float(within_px.max()), 1.0
     for share in parameters.thickness_steps:
-        radius_px = share * thickest_px
-        centers = within_px > radius_px
-        if not centers.any():
+        radius_px, part_cut_px = share * thickest_px, max(1.0, share * margin_px)
+        if deepest_px <= radius_px:
             break
-        in_disc = cv2.distanceTransform((~centers).astype(np.uint8), cv2.DIST_L2, 3) <= radius_px
-        cut_px[in_disc] = max(1.0, share * margin_px)
+        most_cut_px = max(most_cut_px, part_cut_px)
+        if most_cut_px == 1.0:
+            continue  # as everywhere
+        around = (within_px <= radius_px).view(np.uint8)
+        cut_px[cv2.distanceTransform(around, cv2.DIST_L2, 3) <= radius_px] = part_cut_px
     core = (padded > 0) & (within_px > cut_px)
-    if core.sum() * parameters.max_shrinkage < mask.sum():
+    if np.count_nonzero(core) * parameters.max_shrinkage < np.count_nonzero(mask):
         return mask
     return np.asarray(core[1:-1, 1:-1], dtype=bool)
 

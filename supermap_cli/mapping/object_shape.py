@@ -45,7 +45,7 @@ DEFAULT = ObjectShapeParameters()
 
 def coarse_edge_m(extent_m: float, parameters: ObjectShapeParameters = DEFAULT) -> float:
     """Edge of the coarse voxels by which clouds are compared: a fifth of a small thing, the pose's error for others."""
-    return float(np.clip(parameters.coarse_share * extent_m, parameters.min_coarse_m, parameters.max_coarse_m))
+    return min(max(parameters.coarse_share * extent_m, parameters.min_coarse_m), parameters.max_coarse_m)
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ class ObjectShape:
         """`low` and `high`."""
         return self.low, self.high
 
-    @property
+    @cached_property
     def extent_m(self) -> float:
         """Length of the longest side."""
         return float((self.high - self.low).max())
@@ -147,7 +147,9 @@ def best_yaw(points_xy: FloatArray, voxel_m: float, parameters: ObjectShapeParam
     columns = ((keys - keys[0])[:: len(keys) // parameters.max_columns + 1] * voxel_m).astype(np.float32)
     x, y = columns[:, 0], columns[:, 1]
     own = np.concatenate([cosines * x + sines * y, cosines * y - sines * x])
-    sides = np.minimum(own - own.min(axis=1, keepdims=True), own.max(axis=1, keepdims=True) - own)
+    sides = own.max(axis=1, keepdims=True) - own
+    own -= own.min(axis=1, keepdims=True)
+    np.minimum(sides, own, out=sides)
     least_m = np.float32(max(voxel_m, parameters.closest_m))
     nearest = np.maximum(np.minimum(sides[: len(yaws)], sides[len(yaws) :]), least_m)
     return float(yaws[int(np.argmax((1 / nearest).mean(axis=1)))])
