@@ -61,10 +61,6 @@ _FORWARD_STEPS, _FORWARD_CODES = _STEPS[_NEIGHBOUR_CODES > 0], _NEIGHBOUR_CODES[
 
 _MAX_CELLS = 1 << 22
 """Cells of the largest block (4 MB); sets of voxels that span more are searched as sorted codes instead."""
-_MAX_LABELLED_CELLS = 1 << 16
-"""Cells of the largest block that is labelled cell by cell; few voxels in a larger one are faster linked as a graph."""
-_ALL_AROUND = np.ones((3, 3, 3), dtype=bool)
-"""The 26 neighbours of a voxel and itself."""
 
 
 @dataclass(frozen=True)
@@ -209,35 +205,44 @@ def connected_components(codes: IntArray) -> IntArray:
     """(n,) component numbers of sorted voxel codes under 26-connectivity, the largest component first (0)."""
     if not len(codes):
         return np.zeros(0, dtype=np.int64)
-    from scipy.sparse import csr_array  # noqa: PLC0415 - keeps scipy out of light commands
-    from scipy.sparse.csgraph import connected_components as components  # noqa: PLC0415
-
-    index = _forward_neighbours(codes)
-    is_neighbour = index >= 0
-    starts = np.concatenate([[0], np.cumsum(np.count_nonzero(is_neighbour, axis=1))])
-    graph = csr_array((np.ones(starts[-1]), index[is_neighbour], starts), shape=(len(codes), len(codes)))
-    _, labels = components(graph, directed=False)
-    order = np.argsort(-np.bincount(labels), kind="stable")
+    least = _linked(*neighbouring(codes), len(codes))
+    order = np.argsort(-np.bincount(least), kind="stable")
     rank = np.empty_like(order)
     rank[order] = np.arange(len(order))
-    ranked: IntArray = rank[labels].astype(np.int64)
+    ranked: IntArray = rank[least].astype(np.int64)
     return ranked
+
+
+def _linked(first: IntArray, second: IntArray, count: int) -> IntArray:
+    """(n,) the least of all that each of `count` positions is linked to, step by step, by pairs of them (m,) and (m,).
+
+    Of the two ends of a pair the one with the greater least position takes over the other's, as often as there are such
+    pairs; between, everything takes a step to the least that its least has found (Shiloach and Vishkin 1982).
+    """
+    least = np.arange(count)
+    while True:
+        one, other = least[first], least[second]
+        apart = one != other
+        if not apart.any():
+            return least
+        one, other = one[apart], other[apart]
+        np.minimum.at(least, np.maximum(one, other), np.minimum(one, other))
+        least = least[least]
 
 
 def part_numbers(keys: Int32Array) -> IntArray:
     """(n,) numbers, in any order, of the 26-connected parts that (n, 3) voxel indices, which may repeat, lie in."""
     block = block_around(keys)
-    if block is None or block.cells > _MAX_LABELLED_CELLS:
-        codes, inverse = np.unique(pack_keys(keys), return_inverse=True)
-        numbers: IntArray = connected_components(codes)[inverse]
+    if block is None:
+        codes, voxel = np.unique(pack_keys(keys), return_inverse=True)
+        numbers: IntArray = connected_components(codes)[voxel]
         return numbers
-    from scipy.ndimage import label  # noqa: PLC0415 - keeps scipy out of light commands
-
-    positions = block.positions(keys)
-    marked = np.zeros(block.shape, np.uint8)
-    marked.ravel()[positions] = 1
-    labels, _ = label(marked, _ALL_AROUND)
-    return np.asarray(labels.ravel()[positions] - 1, np.int64)
+    cell = block.positions(keys)
+    number_at = np.full(block.cells, -1, np.int32)
+    number_at[cell] = 0
+    occupied = np.flatnonzero(number_at == 0)
+    number_at[occupied] = np.arange(len(occupied), dtype=np.int32)
+    return _linked(*_different_neighbours(block, number_at), len(occupied))[number_at[cell]]
 
 
 def meetings(keys: Int32Array, values: IntArray) -> tuple[IntArray, IntArray]:
@@ -255,13 +260,18 @@ def meetings(keys: Int32Array, values: IntArray) -> tuple[IntArray, IntArray]:
         cell = block.positions(keys)
         value_at = np.full(block.cells, -1, np.int32)
         value_at[cell] = values
-        here, occupied = value_at[cell].astype(np.int64), np.flatnonzero(value_at >= 0)
-        own, beside = value_at[occupied], value_at[occupied + block.forward_steps()[:, None]]
-        step, at = np.nonzero((beside != own) & (beside >= 0))
-        ends = own[at].astype(np.int64), beside[step, at].astype(np.int64)
+        here, ends = value_at[cell].astype(np.int64), _different_neighbours(block, value_at)
     first, second = np.concatenate([values, ends[0]]), np.concatenate([here, ends[1]])
     apart = first != second
     return first[apart], second[apart]
+
+
+def _different_neighbours(block: VoxelBlock, value_at: Int32Array) -> tuple[IntArray, IntArray]:
+    """The values, (m,) and (m,), of all pairs of neighbouring cells whose values (cells,) differ; < 0 is none."""
+    occupied = np.flatnonzero(value_at >= 0)
+    own, beside = value_at[occupied], value_at[occupied + block.forward_steps()[:, None]]
+    step, at = np.nonzero((beside >= 0) & (beside != own))
+    return own[at].astype(np.int64), beside[step, at].astype(np.int64)
 
 
 def distinct_keys(keys: Int32Array) -> Int32Array:
