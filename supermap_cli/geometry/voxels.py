@@ -276,11 +276,14 @@ def _different_neighbours(block: VoxelBlock, value_at: Int32Array) -> tuple[IntA
 
 def distinct_keys(keys: Int32Array) -> Int32Array:
     """(m, k) the distinct ones of (n, k) voxel indices, in the order of x, then y (and z)."""
-    low = keys.min(axis=0)
-    sides = tuple((keys.max(axis=0) - low + 1).tolist())
+    columns = np.ascontiguousarray(keys.T)
+    low = columns.min(axis=1)
+    sides = tuple((columns.max(axis=1) - low + 1).tolist())
     if math.prod(sides) > _MAX_CELLS:
         return np.unique(keys, axis=0)
+    columns -= low[:, None]
     marked = np.zeros(sides, bool)
-    marked[tuple((keys - low).T)] = True
-    found: Int32Array = (np.stack(np.nonzero(marked)).T + low).astype(np.int32)
-    return found
+    marked.ravel()[np.ravel_multi_index(tuple(columns), sides)] = True
+    found = np.array(np.unravel_index(np.flatnonzero(marked), sides), np.int32)
+    distinct: Int32Array = (found + low[:, None]).T
+    return distinct

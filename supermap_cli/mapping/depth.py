@@ -60,11 +60,13 @@ def depth_sigma_m(depth_m: FloatArray | Float32Array, parameters: DepthParameter
     return sigma
 
 
-def edge_step_m(depth_m: Float32Array | FloatArray, parameters: DepthParameters = DEFAULT) -> FloatArray:
-    """The range of depths (n,) within a pixel's neighbourhood above which the pixel lies on a depth edge: noise and
-    slant.
+def edge_step_m(
+    depth_m: Float32Array | FloatArray, parameters: DepthParameters = DEFAULT, sigma_m: FloatArray | None = None
+) -> FloatArray:
+    """The range of depths (n,) within a pixel's neighbourhood above which the pixel lies on a depth edge: noise, of
+    which `sigma_m` (n,) may be known, and slant.
     """
-    step = parameters.edge_sigmas * depth_sigma_m(depth_m, parameters)
+    step = parameters.edge_sigmas * (depth_sigma_m(depth_m, parameters) if sigma_m is None else sigma_m)
     step += parameters.edge_slant * np.asarray(depth_m, np.float64)
     step += parameters.edge_m
     return step

@@ -97,12 +97,13 @@ def _ray_columns(camera: Camera) -> Float32Array:
 class _Window:
     """The part of an image about a mask, every `step`-th pixel of it across and down: (h, w) each.
 
-    `own` is the mask, `others` what lies in masks of others alone.
+    `sigma_m` is the deviation of the depth; `own` is the mask, `others` what lies in masks of others alone.
     """
 
     rows: slice
     columns: slice
     depth_m: Float32Array
+    sigma_m: FloatArray
     own: BoolArray
     others: BoolArray
 
@@ -145,14 +146,13 @@ def foreground(
         return None
     beside = np.flatnonzero(measured & ~(window.own | window.others))
     points = window.points(view)
-    noise_m = parameters.plane_sigmas * view.sigma_m(window.depth_m.ravel())
-    tolerance_m: Float32Array = (noise_m + parameters.plane_m).astype(np.float32)
+    tolerance_m = np.asarray(parameters.plane_sigmas * window.sigma_m + parameters.plane_m, np.float32).ravel()
+    own_points, own_tolerance_m = points[:, in_mask], tolerance_m[in_mask]
     on_plane = np.zeros(measured.size, dtype=bool)
     ring = _in_order(beside, window.own.shape[1], parameters.ring_points)
     for normal, offset in _planes(np.ascontiguousarray(points[:, ring].T), tolerance_m[ring], parameters):
-        height_m = normal @ points - offset
-        if _stands_before(height_m[in_mask], tolerance_m[in_mask], parameters):
-            on_plane |= np.abs(height_m) < tolerance_m
+        if _stands_before(normal @ own_points - offset, own_tolerance_m, parameters):
+            on_plane |= np.abs(normal @ points - offset) < tolerance_m
     on_planes = measured & on_plane.reshape(measured.shape)
     left = _own_surfaces(view, window, measured & ~on_planes, lambda: _thinned(mask, core(), window.at), parameters)
     left &= ~window.others
@@ -186,7 +186,7 @@ def _window(view: DepthView, mask: RegionMask, masked: BoolArray, parameters: Fo
     rows, columns = slice(top, bottom, step), slice(left, right, step)
     own = _thinned(mask, mask.pixels, (rows, columns))
     depth_m = np.ascontiguousarray(view.depth_m[rows, columns])
-    return _Window(rows, columns, depth_m, own, masked[rows, columns] & ~own)
+    return _Window(rows, columns, depth_m, view.sigma_m(depth_m), own, masked[rows, columns] & ~own)
 
 
 def _thinned(mask: RegionMask, pixels: BoolArray, at: tuple[slice, slice]) -> BoolArray:
@@ -246,10 +246,14 @@ def _best_plane(points: Float32Array, tolerance_m: Float32Array, least: int) -> 
     sound = lengths > 1e-9
     if not sound.any():
         return None
-    normals = normals[sound] / lengths[sound, None]
-    offsets = np.einsum("ij,ij->i", normals, a[sound])
-    inliers = np.abs(points @ normals.T - offsets) < tolerance_m[:, None]
-    chosen = inliers[:, int(inliers.sum(axis=0, dtype=np.int32).argmax())]
+    if not sound.all():
+        normals, lengths, a = normals[sound], lengths[sound], a[sound]
+    normals /= lengths[:, None]
+    offsets = np.einsum("ij,ij->i", normals, a)
+    off_m = normals @ points.T
+    off_m -= offsets[:, None]
+    inliers = np.abs(off_m, out=off_m) < tolerance_m
+    chosen = inliers[int(inliers.view(np.uint8).sum(axis=1, dtype=np.int32).argmax())]
     normal, offset = np.zeros(3), 0.0
     for _ in range(2):
         if np.count_nonzero(chosen) < least:
@@ -288,14 +292,13 @@ def _own_surfaces(
     for if there are any.
     """
     own = window.own
-    step_m = edge_step_m(window.depth_m, view.parameters)
+    step_m = edge_step_m(window.depth_m, view.parameters, window.sigma_m)
     surface = solid & (view.farthest_m[window.at] - view.nearest_m[window.at] < step_m)
     count, components = cv2.connectedComponents(surface.view(np.uint8), connectivity=4)
     label = np.asarray(components, np.int64)
-    sizes = np.bincount(label.ravel(), minlength=count).astype(np.float64)
-    within = np.bincount(label[own], minlength=count).astype(np.float64)
-    sizes[0] = within[0] = 0
-    share = within / np.maximum(sizes, 1)
+    outside, within = np.bincount((2 * label + own).ravel(), minlength=2 * count).reshape(-1, 2).T.astype(np.float64)
+    outside[0] = within[0] = 0
+    share = within / np.maximum(outside + within, 1)
     # Pixels on depth edges are of no surface; inside the mask, off the planes, they go with the thing.
     edges = solid & own & ~surface
     if not within.any():
@@ -305,9 +308,9 @@ def _own_surfaces(
     whole[_reaching_beyond(label, window, view.depth_m.shape)] = False
     partly = ~whole & (share >= parameters.rival_share * share[main])
     whole[0] = partly[0] = False
-    left: BoolArray = whole[label] | edges
+    left: BoolArray = whole.take(label) | edges
     if partly.any():
-        left |= partly[label] & core()
+        left |= partly.take(label) & core()
     return left
 
 

@@ -120,9 +120,9 @@ def plane_residual_m(view: DepthView, v: IntArray, u: IntArray) -> FloatArray:
     """
     height, width = view.depth_m.shape
     r = view.reach_px
-    rows = [np.maximum(v - r, 0) * width, v * width, np.minimum(v + r, height - 1) * width]
-    columns = [np.maximum(u - r, 0), u, np.minimum(u + r, width - 1)]
-    depth = view.depth_m.ravel()[np.stack([row + column for row in rows for column in columns])]
+    rows = np.stack([np.maximum(v - r, 0), v, np.minimum(v + r, height - 1)]) * width
+    columns = np.stack([np.maximum(u - r, 0), u, np.minimum(u + r, width - 1)])
+    depth = view.depth_m.ravel()[(rows[:, None] + columns).reshape(9, -1)]
     with np.errstate(divide="ignore", invalid="ignore"):
         inverse_depth = 1 / depth
         inverse_depth[np.isinf(inverse_depth)] = np.nan
