@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -89,6 +90,11 @@ class VoxelBlock:
         x, y = np.divmod(rest, self.shape[1])
         return pack_keys(np.stack([x, y, z], axis=1) + self.low)
 
+    def forward_steps(self) -> IntArray:
+        """(13,) how many cells further those neighbours of a cell lie that come after it."""
+        steps: IntArray = (_FORWARD_STEPS[:, 0] * self.shape[1] + _FORWARD_STEPS[:, 1]) * self.shape[2]
+        return steps + _FORWARD_STEPS[:, 2]
+
     def sums_around(self, positions: IntArray) -> UInt8Array:
         """(cells,) how many of the given cells are within one step of each cell (itself too)."""
         sums = np.zeros(self.cells, np.uint8)
@@ -105,8 +111,9 @@ def block_around(keys: Int32Array) -> VoxelBlock | None:
     """The block of (n, 3) voxel indices; `None` if there are none, or they lie too far apart for one."""
     if not len(keys):
         return None
-    low, high = keys.min(axis=0).astype(np.int64) - 2, keys.max(axis=0).astype(np.int64) + 3
-    x, y, z = (int(side) for side in high - low)
+    columns = np.ascontiguousarray(keys.T)
+    low, high = columns.min(axis=1).astype(np.int64) - 2, columns.max(axis=1).astype(np.int64) + 3
+    x, y, z = (high - low).tolist()
     block = VoxelBlock(low, (x, y, z))
     return block if block.cells <= _MAX_CELLS else None
 
@@ -132,11 +139,10 @@ class NearVoxels:
         """(n,) which of (n, 3) voxel indices are among them."""
         if self.block is None:
             return is_member(pack_keys(keys), self.codes)
-        offsets = np.ascontiguousarray(keys.T) - self.block.low[:, None]
-        inside = np.flatnonzero(((offsets >= 0) & (offsets < np.array(self.block.shape)[:, None])).all(axis=0))
-        x, y, z = offsets if len(inside) == len(keys) else offsets[:, inside]
-        held = np.zeros(len(keys), dtype=bool)
-        held[inside] = self.marked[(x * self.block.shape[1] + y) * self.block.shape[2] + z] > 0
+        low, shape = self.block.low.astype(np.int32), np.array(self.block.shape, np.int32)
+        offsets = np.ascontiguousarray(keys.T) - low[:, None]
+        x, y, z = np.minimum(np.maximum(offsets, 0), shape[:, None] - 1)  # what lies outside: the border, never marked
+        held: BoolArray = self.marked[(x * shape[1] + y) * shape[2] + z] > 0
         return held
 
 
@@ -184,8 +190,8 @@ def _forward_neighbours(codes: IntArray) -> IntArray:
     positions = block.positions(keys)
     numbers = np.full(block.cells, -1, np.int32)
     numbers[positions] = np.arange(len(codes), dtype=np.int32)
-    steps = (_FORWARD_STEPS[:, 0] * block.shape[1] + _FORWARD_STEPS[:, 1]) * block.shape[2] + _FORWARD_STEPS[:, 2]
-    return numbers[positions[:, None] + steps].astype(np.int64)
+    neighbours: IntArray = numbers[positions[:, None] + block.forward_steps()].astype(np.int64)
+    return neighbours
 
 
 def neighbouring(codes: IntArray) -> tuple[IntArray, IntArray]:
@@ -199,29 +205,85 @@ def connected_components(codes: IntArray) -> IntArray:
     """(n,) component numbers of sorted voxel codes under 26-connectivity, the largest component first (0)."""
     if not len(codes):
         return np.zeros(0, dtype=np.int64)
-    from scipy.sparse import csr_array  # noqa: PLC0415 - keeps scipy out of light commands
-    from scipy.sparse.csgraph import connected_components as components  # noqa: PLC0415
-
-    index = _forward_neighbours(codes)
-    is_neighbour = index >= 0
-    starts = np.concatenate([[0], np.cumsum(np.count_nonzero(is_neighbour, axis=1))])
-    graph = csr_array((np.ones(starts[-1]), index[is_neighbour], starts), shape=(len(codes), len(codes)))
-    _, labels = components(graph, directed=False)
-    order = np.argsort(-np.bincount(labels), kind="stable")
+    least = _linked(*neighbouring(codes), len(codes))
+    order = np.argsort(-np.bincount(least), kind="stable")
     rank = np.empty_like(order)
     rank[order] = np.arange(len(order))
-    ranked: IntArray = rank[labels].astype(np.int64)
+    ranked: IntArray = rank[least].astype(np.int64)
     return ranked
+
+
+def _linked(first: IntArray, second: IntArray, count: int) -> IntArray:
+    """(n,) the least of all that each of `count` positions is linked to, step by step, by pairs of them (m,) and (m,).
+
+    Of the two ends of a pair the one with the greater least position takes over the other's, as often as there are such
+    pairs; between, everything takes a step to the least that its least has found (Shiloach and Vishkin 1982).
+    """
+    least = np.arange(count)
+    while True:
+        one, other = least[first], least[second]
+        apart = one != other
+        if not apart.any():
+            return least
+        one, other = one[apart], other[apart]
+        np.minimum.at(least, np.maximum(one, other), np.minimum(one, other))
+        least = least[least]
+
+
+def part_numbers(keys: Int32Array) -> IntArray:
+    """(n,) numbers, in any order, of the 26-connected parts that (n, 3) voxel indices, which may repeat, lie in."""
+    block = block_around(keys)
+    if block is None:
+        codes, voxel = np.unique(pack_keys(keys), return_inverse=True)
+        numbers: IntArray = connected_components(codes)[voxel]
+        return numbers
+    cell = block.positions(keys)
+    number_at = np.full(block.cells, -1, np.int32)
+    number_at[cell] = 0
+    occupied = np.flatnonzero(number_at == 0)
+    number_at[occupied] = np.arange(len(occupied), dtype=np.int32)
+    return _linked(*_different_neighbours(block, number_at), len(occupied))[number_at[cell]]
+
+
+def meetings(keys: Int32Array, values: IntArray) -> tuple[IntArray, IntArray]:
+    """The pairs of different values >= 0, less than 2^31, that meet: (n,) values at (n, 3) voxel indices, in one voxel
+    or in neighbouring ones (26-connected). In a voxel the last value stands for the others. Pairs may repeat.
+    """
+    block = block_around(keys)
+    if block is None:
+        codes, voxel = np.unique(pack_keys(keys), return_inverse=True)
+        value_in = np.empty(len(codes), np.int64)
+        value_in[voxel] = values
+        here, (one, other) = value_in[voxel], neighbouring(codes)
+        ends = value_in[one], value_in[other]
+    else:
+        cell = block.positions(keys)
+        value_at = np.full(block.cells, -1, np.int32)
+        value_at[cell] = values
+        here, ends = value_at[cell].astype(np.int64), _different_neighbours(block, value_at)
+    first, second = np.concatenate([values, ends[0]]), np.concatenate([here, ends[1]])
+    apart = first != second
+    return first[apart], second[apart]
+
+
+def _different_neighbours(block: VoxelBlock, value_at: Int32Array) -> tuple[IntArray, IntArray]:
+    """The values, (m,) and (m,), of all pairs of neighbouring cells whose values (cells,) differ; < 0 is none."""
+    occupied = np.flatnonzero(value_at >= 0)
+    own, beside = value_at[occupied], value_at[occupied + block.forward_steps()[:, None]]
+    step, at = np.nonzero((beside >= 0) & (beside != own))
+    return own[at].astype(np.int64), beside[step, at].astype(np.int64)
 
 
 def distinct_keys(keys: Int32Array) -> Int32Array:
     """(m, k) the distinct ones of (n, k) voxel indices, in the order of x, then y (and z)."""
-    low = keys.min(axis=0)
-    sides = keys.max(axis=0) - low + 1
-    cells = int(np.prod(sides, dtype=np.int64))
-    if cells > _MAX_CELLS:
+    columns = np.ascontiguousarray(keys.T)
+    low = columns.min(axis=1)
+    sides = tuple((columns.max(axis=1) - low + 1).tolist())
+    if math.prod(sides) > _MAX_CELLS:
         return np.unique(keys, axis=0)
+    columns -= low[:, None]
     marked = np.zeros(sides, bool)
-    marked[tuple((keys - low).T)] = True
-    found: Int32Array = (np.stack(np.nonzero(marked)).T + low).astype(np.int32)
-    return found
+    marked.ravel()[np.ravel_multi_index(tuple(columns), sides)] = True
+    found = np.array(np.unravel_index(np.flatnonzero(marked), sides), np.int32)
+    distinct: Int32Array = (found + low[:, None]).T
+    return distinct

@@ -171,7 +171,7 @@ def pixels_in_region(region: BoolArray, u0: int, v0: int, view: ObjectView) -> B
     """(n,) which of an object's voxels project into a region (h, w) whose upper left corner is pixel (u0, v0)."""
     h, w = region.shape
     u, v = view.u - u0, view.v - v0
-    within = np.flatnonzero(view.on_image & (u >= 0) & (v >= 0) & (u < w) & (v < h))
+    within = np.flatnonzero(view.on_image & (u.view(np.uint64) < w) & (v.view(np.uint64) < h))  # negative ones are huge
     inside = np.zeros(len(u), dtype=bool)
     inside[within] = region.ravel()[v[within] * w + u[within]]
     return inside
@@ -193,8 +193,9 @@ def associate(
         return Association((), tuple(range(len(detections))))
     scores = np.full((len(detections), len(candidates)), -np.inf)
     table: dict[tuple[int, int], Affinity] = {}
+    bounds = bounds_of(candidates)
     for row, detection in enumerate(detections):
-        for column in np.flatnonzero(near_enough(detection, candidates, courses, parameters)):
+        for column in np.flatnonzero(near_enough(detection, candidates, bounds, courses, parameters)):
             candidate = candidates[int(column)]
             number = candidate.number
             table[row, int(column)] = affinity(
@@ -217,17 +218,22 @@ def associate(
     return Association(pairs, tuple(row for row in range(len(detections)) if row not in taken))
 
 
+def bounds_of(candidates: Sequence[MapObject]) -> tuple[FloatArray, FloatArray]:
+    """Where m candidates begin and end along each axis, (m, 3) each."""
+    return np.array([obj.shape.low for obj in candidates]), np.array([obj.shape.high for obj in candidates])
+
+
 def near_enough(
     detection: LiftedDetection,
     candidates: Sequence[MapObject],
+    bounds: tuple[FloatArray, FloatArray],
     courses: Courses = NO_COURSES,
     parameters: AssociationParameters = DEFAULT,
 ) -> BoolArray:
-    """(m,) which candidates' bounds come within their own size and some margin of the detection's centroid, or whose
-    course leads there.
+    """(m,) which candidates' `bounds` (`bounds_of`) come within their own size and some margin of the detection's
+    centroid, or whose course leads there.
     """
-    low, high = np.array([obj.shape.low for obj in candidates]), np.array([obj.shape.high for obj in candidates])
-    near = bounds_near(detection, low, high, parameters)
+    near = bounds_near(detection, *bounds, parameters)
     for column, obj in enumerate(candidates):
         if not near[column] and obj.number in courses:
             near[column] = on_course(detection, courses[obj.number], parameters)
@@ -248,7 +254,7 @@ def bounds_near(
     """
     gap: FloatArray = np.maximum(np.maximum(low - detection.centroid_map, detection.centroid_map - high), 0)
     reach = parameters.reach_m + parameters.reach_share * np.maximum((high - low).max(axis=1), detection.extent_m)
-    near: BoolArray = np.linalg.norm(gap, axis=1) <= reach
+    near: BoolArray = np.sqrt(np.square(gap).sum(axis=1)) <= reach
     return near
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from supermap_cli.geometry.arrays import BoolArray, FloatArray, IntArray
 from supermap_cli.geometry.percentiles import percentiles
-from supermap_cli.geometry.voxels import connected_components, neighbouring, pack_keys, voxel_keys
+from supermap_cli.geometry.voxels import connected_components, meetings, pack_keys, voxel_keys
 from supermap_cli.mapping.depth import DepthView, edge_step_m
 from supermap_cli.types.parameters import TUNED, parameter
 
@@ -60,12 +60,13 @@ def voxel_clusters(points: FloatArray, cell_m: float) -> IntArray:
     return clusters
 
 
-def image_clusters(pixels: BoolArray) -> IntArray:
-    """(h, w) the cluster of each marked pixel: pixels are joined with their eight neighbours, for where they meet is no
-    depth edge. What is seen at a grazing angle hangs together in the image and not in space.
+def image_clusters(pixels: BoolArray, chosen: IntArray) -> IntArray:
+    """(n,) the cluster of the chosen ones, by position, of the marked pixels (h, w): pixels are joined with their eight
+    neighbours, for where they meet is no depth edge. What is seen at a grazing angle hangs together in the image and
+    not in space.
     """
-    _, clusters = cv2.connectedComponents(pixels.astype(np.uint8), connectivity=8)
-    return np.asarray(clusters, np.int64)
+    _, clusters = cv2.connectedComponents(pixels.view(np.uint8), connectivity=8)
+    return np.asarray(clusters.ravel()[chosen], np.int64)
 
 
 def joined_clusters(points: FloatArray, cell_m: float, in_image: IntArray) -> IntArray:
@@ -74,16 +75,9 @@ def joined_clusters(points: FloatArray, cell_m: float, in_image: IntArray) -> In
     """
     if in_image.min() == in_image.max():
         return np.zeros(len(in_image), np.int64)
-    codes, inverse = np.unique(pack_keys(voxel_keys(points, cell_m)), return_inverse=True)
-    cluster_in_voxel = np.empty(len(codes), np.int64)
-    cluster_in_voxel[inverse] = in_image
-    first, second = neighbouring(codes)
-    meeting = np.concatenate(
-        [[in_image, cluster_in_voxel[inverse]], [cluster_in_voxel[first], cluster_in_voxel[second]]], axis=1
-    )
-    meeting = meeting[:, meeting[0] != meeting[1]]
+    first, second = meetings(voxel_keys(points, cell_m), in_image)
     width = int(in_image.max()) + 1
-    pairs = np.unique(meeting.min(axis=0) * width + meeting.max(axis=0))
+    pairs = np.unique(np.minimum(first, second) * width + np.maximum(first, second))
     cluster_of = list(range(width))
     for one, other in zip((pairs // width).tolist(), (pairs % width).tolist(), strict=True):
         kept, joined = cluster_of[one], cluster_of[other]
@@ -125,7 +119,9 @@ def main_cluster(points_camera: FloatArray, clusters: IntArray, parameters: Clus
         kept += near
         others = [number for number in others if number not in near]
         joined = bool(near)
-    return np.isin(clusters, kept)
+    is_kept = np.zeros(len(counts), dtype=bool)
+    is_kept[kept] = True
+    return is_kept[clusters]
 
 
 def _bounds(clusters: list[FloatArray]) -> tuple[FloatArray, FloatArray]:

@@ -54,18 +54,22 @@ DEFAULT = DepthParameters()
 
 def depth_sigma_m(depth_m: FloatArray | Float32Array, parameters: DepthParameters = DEFAULT) -> FloatArray:
     """Standard deviation of a structured-light depth at that depth (Nguyen, Izadi, Lovell 2012, eq. 3, axial noise)."""
-    near_m = parameters.sigma_from_m
-    beyond_m = np.maximum(np.asarray(depth_m, np.float64), near_m) - near_m
-    sigma: FloatArray = parameters.sigma_m + parameters.sigma_per_m2 * np.square(beyond_m)
+    sigma: FloatArray = np.maximum(np.asarray(depth_m, np.float64) - parameters.sigma_from_m, 0.0)
+    sigma *= sigma
+    sigma *= parameters.sigma_per_m2
+    sigma += parameters.sigma_m
     return sigma
 
 
-def edge_step_m(depth_m: Float32Array | FloatArray, parameters: DepthParameters = DEFAULT) -> FloatArray:
-    """The range of depths (n,) within a pixel's neighbourhood above which the pixel lies on a depth edge: noise and
-    slant.
+def edge_step_m(
+    depth_m: Float32Array | FloatArray, parameters: DepthParameters = DEFAULT, sigma_m: FloatArray | None = None
+) -> FloatArray:
+    """The range of depths (n,) within a pixel's neighbourhood above which the pixel lies on a depth edge: noise, of
+    which `sigma_m` (n,) may be known, and slant.
     """
-    noise_m = parameters.edge_sigmas * depth_sigma_m(depth_m, parameters)
-    step: FloatArray = noise_m + parameters.edge_slant * np.asarray(depth_m, np.float64) + parameters.edge_m
+    step = parameters.edge_sigmas * (depth_sigma_m(depth_m, parameters) if sigma_m is None else sigma_m)
+    step += parameters.edge_slant * np.asarray(depth_m, np.float64)
+    step += parameters.edge_m
     return step
 
 

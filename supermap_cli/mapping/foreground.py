@@ -10,12 +10,17 @@ Comes between `GenerateMasks` and `Unproject` of the paper's algorithm 1, step (
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 
 import cv2
 import numpy as np
 
 from supermap_cli.geometry.arrays import BoolArray, Float32Array, FloatArray, IntArray
+from supermap_cli.geometry.cameras import Camera
+from supermap_cli.geometry.percentiles import percentiles
 from supermap_cli.mapping.depth import DepthView, edge_step_m, pixel_scale
 from supermap_cli.types.detections import RegionMask
 from supermap_cli.types.parameters import parameter
@@ -82,19 +87,24 @@ class ForegroundParameters:
 DEFAULT = ForegroundParameters()
 
 
+@lru_cache(maxsize=8)
+def _ray_columns(camera: Camera) -> Float32Array:
+    """(3, height, width) a camera's rays, coordinate by coordinate: what lies so in memory is faster to work with."""
+    return np.ascontiguousarray(np.moveaxis(camera.rays(), -1, 0))
+
+
 @dataclass(frozen=True)
 class _Window:
-    """The part of an image about a mask, every `step`-th pixel of it across and down: (h, w) each, `rays` (h, w, 3).
+    """The part of an image about a mask, every `step`-th pixel of it across and down: (h, w) each.
 
-    `own` is the mask, `core` the mask without its rim, `others` what lies in masks of others alone.
+    `sigma_m` is the deviation of the depth; `own` is the mask, `others` what lies in masks of others alone.
     """
 
     rows: slice
     columns: slice
     depth_m: Float32Array
-    rays: Float32Array
+    sigma_m: FloatArray
     own: BoolArray
-    core: BoolArray
     others: BoolArray
 
     @property
@@ -102,43 +112,52 @@ class _Window:
         """Where it lies in the image."""
         return self.rows, self.columns
 
+    def points(self, view: DepthView) -> Float32Array:
+        """(3, h * w) the points in the camera's frame, column by column; without a return they mean nothing."""
+        points: Float32Array = _ray_columns(view.camera)[:, self.rows, self.columns] * self.depth_m
+        return points.reshape(3, -1)
+
     def region(self, pixels: BoolArray) -> RegionMask:
         """Some of its pixels as a region of the image."""
         step = self.rows.step
-        full = np.repeat(np.repeat(pixels, step, axis=0), step, axis=1)
-        full = full[: self.rows.stop - self.rows.start, : self.columns.stop - self.columns.start]
-        v, u = np.flatnonzero(full.any(axis=1)), np.flatnonzero(full.any(axis=0))
-        tight = np.ascontiguousarray(full[v[0] : v[-1] + 1, u[0] : u[-1] + 1])
-        return RegionMask(int(self.columns.start + u[0]), int(self.rows.start + v[0]), tight)
+        u, v, w, h = cv2.boundingRect(pixels.view(np.uint8))
+        top, left = self.rows.start + step * v, self.columns.start + step * u
+        full = pixels[v : v + h, u : u + w].repeat(step, axis=0).repeat(step, axis=1)
+        tight = np.ascontiguousarray(full[: self.rows.stop - top, : self.columns.stop - left])
+        return RegionMask(left, top, tight)
 
 
 def foreground(
-    view: DepthView, mask: RegionMask, core: BoolArray, masked: BoolArray, parameters: ForegroundParameters = DEFAULT
+    view: DepthView,
+    mask: RegionMask,
+    core: Callable[[], BoolArray],
+    masked: BoolArray,
+    parameters: ForegroundParameters = DEFAULT,
 ) -> RegionMask | None:
     """The pixels of the thing that a mask is of; `None` where depth cannot tell them from what is around.
 
-    `core`: the mask without its rim, on its region; `masked` (h, w): pixels in any mask of the image; what lies in
-    those of others is not the surroundings.
+    `core` gives the mask without its rim, on its region, and is asked only where that matters; `masked` (h, w): pixels
+    in any mask of the image; what lies in those of others is not the surroundings.
     """
-    window = _window(view, mask, core, masked, parameters)
-    measured = (window.depth_m > 0) & np.isfinite(window.rays[..., 2])
-    if np.count_nonzero(window.own & measured) < parameters.min_points:
+    window = _window(view, mask, masked, parameters)
+    measured = (window.depth_m > 0) & view.camera.valid_mask()[window.at]
+    in_mask = np.flatnonzero(window.own & measured)
+    if len(in_mask) < parameters.min_points:
         return None
-    v, u = np.nonzero(measured)
-    depth_m = window.depth_m[v, u]
-    points = np.asarray(window.rays[v, u] * depth_m[:, None], np.float32)
-    in_mask = window.own[v, u]
-    beside = np.flatnonzero(~(in_mask | window.others[v, u]))
-    noise_m = parameters.plane_sigmas * view.sigma_m(depth_m)
-    tolerance_m: Float32Array = (noise_m + parameters.plane_m).astype(np.float32)
-    on_plane = np.zeros(measured.shape, dtype=bool)
-    for normal, offset in planes_beside(points, beside, (u, v), tolerance_m, parameters):
-        height_m = (points @ normal - offset) * (-1 if offset > 0 else 1)
-        if stands_before(height_m[in_mask], tolerance_m[in_mask], parameters):
-            near = np.abs(height_m) < tolerance_m
-            on_plane[v[near], u[near]] = True
-    left = _own_surfaces(view, window, measured & ~on_plane, parameters) & ~window.others
-    if not on_plane.any() and not np.count_nonzero(left & ~window.own):
+    beside = np.flatnonzero(measured & ~(window.own | window.others))
+    points = window.points(view)
+    tolerance_m = np.asarray(parameters.plane_sigmas * window.sigma_m + parameters.plane_m, np.float32).ravel()
+    own_points, own_tolerance_m = points[:, in_mask], tolerance_m[in_mask]
+    on_plane = np.zeros(measured.size, dtype=bool)
+    thinned = beside[:: len(beside) // parameters.ring_points + 1]
+    ring = thinned[ring_order(*np.divmod(thinned, window.own.shape[1]))]
+    for normal, offset in planes_beside(np.ascontiguousarray(points[:, ring].T), tolerance_m[ring], parameters):
+        if stands_before(normal @ own_points - offset, own_tolerance_m, parameters):
+            on_plane |= np.abs(normal @ points - offset) < tolerance_m
+    on_planes = measured & on_plane.reshape(measured.shape)
+    left = _own_surfaces(view, window, measured & ~on_planes, lambda: _thinned(mask, core(), window.at), parameters)
+    left &= ~window.others
+    if not on_planes.any() and not np.count_nonzero(left & ~window.own):
         return None
     if np.count_nonzero(left) < parameters.min_points or _spanned(left, window.own) < parameters.span_share:
         return None
@@ -153,99 +172,130 @@ def stands_before(
     rest = height_m[off]
     if np.count_nonzero(rest > 0) < parameters.before_share * len(rest):
         return False
-    return len(rest) > 0 and float(np.median(rest / tolerance_m[off])) > parameters.clear_factor
+    return len(rest) > 0 and float(percentiles(rest / tolerance_m[off], (50,))[0]) > parameters.clear_factor
 
 
-def _window(
-    view: DepthView, mask: RegionMask, core: BoolArray, masked: BoolArray, parameters: ForegroundParameters
-) -> _Window:
+def _window(view: DepthView, mask: RegionMask, masked: BoolArray, parameters: ForegroundParameters) -> _Window:
     h, w = mask.pixels.shape
     height, width = view.depth_m.shape
     scale = pixel_scale(view.camera, view.parameters)
-    ring_px = np.clip(parameters.ring_share * max(h, w), parameters.min_ring_px * scale, parameters.max_ring_px * scale)
-    ring = max(1, round(float(ring_px)))
+    ring_px = max(parameters.ring_share * max(h, w), parameters.min_ring_px * scale)
+    ring = max(1, round(min(ring_px, parameters.max_ring_px * scale)))
     top, left = max(0, mask.v0 - ring), max(0, mask.u0 - ring)
     bottom, right = min(height, mask.v0 + h + ring), min(width, mask.u0 + w + ring)
-    step = max(1, round(float(np.sqrt((bottom - top) * (right - left) / parameters.window_pixels))))
-    own, inner = np.zeros((2, bottom - top, right - left), dtype=bool)
-    at = (slice(mask.v0 - top, mask.v0 - top + h), slice(mask.u0 - left, mask.u0 - left + w))
-    own[at], inner[at] = mask.pixels, core
-    own, inner = own[::step, ::step], inner[::step, ::step]
+    step = max(1, round(math.sqrt((bottom - top) * (right - left) / parameters.window_pixels)))
     rows, columns = slice(top, bottom, step), slice(left, right, step)
-    return _Window(
-        rows,
-        columns,
-        view.depth_m[rows, columns],
-        view.camera.rays()[rows, columns],
-        own,
-        inner,
-        masked[rows, columns] & ~own,
-    )
+    own = _thinned(mask, mask.pixels, (rows, columns))
+    depth_m = np.ascontiguousarray(view.depth_m[rows, columns])
+    return _Window(rows, columns, depth_m, view.sigma_m(depth_m), own, masked[rows, columns] & ~own)
+
+
+def _thinned(mask: RegionMask, pixels: BoolArray, at: tuple[slice, slice]) -> BoolArray:
+    """(h, w) some of a mask's pixels, given on its region, on the rows and columns of a window about it."""
+    (h, w), (rows, columns) = pixels.shape, at
+    whole = np.zeros((rows.stop - rows.start, columns.stop - columns.start), dtype=bool)
+    top, left = mask.v0 - rows.start, mask.u0 - columns.start
+    whole[top : top + h, left : left + w] = pixels
+    return np.ascontiguousarray(whole[:: rows.step, :: columns.step])
+
+
+def ring_order(v: IntArray, u: IntArray) -> IntArray:
+    """(n,) the order of pixels (n,) beside a mask on the ring that they are."""
+    n = max(len(v), 1)
+    return np.argsort(np.arctan2(v - v.sum() / n, u - u.sum() / n), kind="stable")
 
 
 def planes_beside(
-    points: Float32Array,
-    beside: IntArray,
-    uv: tuple[IntArray, IntArray],
-    tolerance_m: Float32Array,
-    parameters: ForegroundParameters,
+    points: Float32Array, tolerance_m: Float32Array, parameters: ForegroundParameters
 ) -> list[tuple[FloatArray, float]]:
-    """(normal (3,), offset) of the planes that the surroundings, rows `beside` of the points (n, 3), consist of.
+    """(normal (3,), offset) of the planes that the surroundings consist of, points (n, 3) in the order of their ring;
+    normals point to the camera's side.
 
     RANSAC (Fischler and Bolles 1981) with triples that lie near one another on the ring, drawn in a fixed order.
     """
-    thinned = beside[:: len(beside) // parameters.ring_points + 1]
-    u, v = uv[0][thinned], uv[1][thinned]
-    angle = np.arctan2(v - v.mean(), u - u.mean()) if len(thinned) else np.zeros(0)
-    left = thinned[np.argsort(angle, kind="stable")]
-    least = max(3, round(parameters.plane_share * len(left)))
+    least = max(3, round(parameters.plane_share * len(points)))
     planes: list[tuple[FloatArray, float]] = []
-    while len(planes) < parameters.max_planes and len(left) >= max(least, 12):
-        found = _best_plane(points[left], tolerance_m[left], least)
+    while len(planes) < parameters.max_planes and len(points) >= max(least, 12):
+        found = _best_plane(points, tolerance_m, least)
         if found is None:
             break
         normal, offset = found
-        planes.append(found)
-        left = left[np.abs(points[left] @ normal - offset) >= tolerance_m[left]]
+        planes.append(found if offset <= 0 else (-normal, -offset))
+        left = np.abs(points @ normal - offset) >= tolerance_m
+        points, tolerance_m = points[left], tolerance_m[left]
     return planes
+
+
+@lru_cache(maxsize=512)
+def _triples(n: int) -> IntArray:
+    """(3, m) the positions, on a ring of n points, of the triples that planes are laid through."""
+    seeds = np.arange(0, n, max(1, n // 32))
+    first = np.concatenate([seeds, seeds])
+    span = np.repeat([max(1, n // 16), max(2, n // 6)], len(seeds))
+    return np.stack([first, (first + span) % n, (first - span // 2) % n])
 
 
 def _best_plane(points: Float32Array, tolerance_m: Float32Array, least: int) -> tuple[FloatArray, float] | None:
     """The plane with the most inliers among points (n, 3) in the order of the ring; `None` for fewer than `least`."""
-    n = len(points)
-    seeds = np.arange(0, n, max(1, n // 32))
-    first = np.concatenate([seeds, seeds])
-    span = np.repeat([max(1, n // 16), max(2, n // 6)], len(seeds))
-    a, b, c = points[first], points[(first + span) % n], points[(first - span // 2) % n]
-    normals = np.cross(b - a, c - a)
-    lengths = np.linalg.norm(normals, axis=1)
+    a, b, c = points[_triples(len(points))]
+    normals = _cross(b - a, c - a)
+    lengths = np.sqrt(np.square(normals).sum(axis=1))
     sound = lengths > 1e-9
     if not sound.any():
         return None
-    normals = normals[sound] / lengths[sound, None]
-    offsets = np.einsum("ij,ij->i", normals, a[sound])
-    inliers = np.abs(points @ normals.T - offsets) < tolerance_m[:, None]
-    chosen = inliers[:, int(np.argmax(np.count_nonzero(inliers, axis=0)))]
+    if not sound.all():
+        normals, lengths, a = normals[sound], lengths[sound], a[sound]
+    normals /= lengths[:, None]
+    offsets = np.einsum("ij,ij->i", normals, a)
+    off_m = normals @ points.T
+    off_m -= offsets[:, None]
+    inliers = np.abs(off_m, out=off_m) < tolerance_m
+    chosen = inliers[int(inliers.view(np.uint8).sum(axis=1, dtype=np.int32).argmax())]
+    normal, offset = np.zeros(3), 0.0
     for _ in range(2):
         if np.count_nonzero(chosen) < least:
             return None
-        middle = points[chosen].mean(axis=0)
-        normal = np.linalg.eigh(np.cov((points[chosen] - middle).T))[1][:, 0]
+        fitted_to = chosen
+        middle, normal = _fitted_plane(points[chosen])
+        offset = float(normal @ middle)
         chosen = np.abs((points - middle) @ normal) < tolerance_m
-    return normal, float(normal @ middle)
+        if np.array_equal(chosen, fitted_to):
+            break
+    return normal, offset
 
 
-def _own_surfaces(view: DepthView, window: _Window, solid: BoolArray, parameters: ForegroundParameters) -> BoolArray:
-    """The pixels of the surfaces that lie mostly inside the mask, and of others that do within its core."""
+def _cross(first: Float32Array, second: Float32Array) -> Float32Array:
+    """(n, 3) vector products of vectors (n, 3)."""
+    (a, b, c), (x, y, z) = first.T, second.T
+    return np.stack([b * z - c * y, c * x - a * z, a * y - b * x], axis=1)
+
+
+def _fitted_plane(points: Float32Array) -> tuple[Float32Array, FloatArray]:
+    """The middle (3,) of points (n, 3), and the normal (3,) of the plane that fits them best."""
+    middle = points.sum(axis=0) / np.float32(len(points))
+    off = (points - middle).astype(np.float64)
+    off -= off.sum(axis=0) / len(points)
+    return middle, np.linalg.eigh(off.T @ off)[1][:, 0]
+
+
+def _own_surfaces(
+    view: DepthView,
+    window: _Window,
+    solid: BoolArray,
+    core: Callable[[], BoolArray],
+    parameters: ForegroundParameters,
+) -> BoolArray:
+    """The pixels of the surfaces that lie mostly inside the mask, and of others that do within its core, which is asked
+    for if there are any.
+    """
     own = window.own
-    step_m = edge_step_m(window.depth_m, view.parameters)
+    step_m = edge_step_m(window.depth_m, view.parameters, window.sigma_m)
     surface = solid & (view.farthest_m[window.at] - view.nearest_m[window.at] < step_m)
-    count, components = cv2.connectedComponents(surface.astype(np.uint8), connectivity=4)
+    count, components = cv2.connectedComponents(surface.view(np.uint8), connectivity=4)
     label = np.asarray(components, np.int64)
-    sizes = np.bincount(label.ravel(), minlength=count).astype(np.float64)
-    within = np.bincount(label[own], minlength=count).astype(np.float64)
-    sizes[0] = within[0] = 0
-    share = within / np.maximum(sizes, 1)
+    outside, within = np.bincount((2 * label + own).ravel(), minlength=2 * count).reshape(-1, 2).T.astype(np.float64)
+    outside[0] = within[0] = 0
+    share = within / np.maximum(outside + within, 1)
     # Pixels on depth edges are of no surface; inside the mask, off the planes, they go with the thing.
     edges = solid & own & ~surface
     if not within.any():
@@ -255,7 +305,9 @@ def _own_surfaces(view: DepthView, window: _Window, solid: BoolArray, parameters
     whole[_reaching_beyond(label, window, view.depth_m.shape)] = False
     partly = ~whole & (share >= parameters.rival_share * share[main])
     whole[0] = partly[0] = False
-    left: BoolArray = whole[label] | (partly[label] & window.core) | edges
+    left: BoolArray = whole.take(label) | edges
+    if partly.any():
+        left |= partly.take(label) & core()
     return left
 
 
@@ -268,7 +320,7 @@ def _reaching_beyond(label: IntArray, window: _Window, shape: tuple[int, ...]) -
         label[:, 0] if columns.start > 0 else label[0, :0],
         label[:, -1] if columns.stop < shape[1] else label[0, :0],
     ]
-    beyond: IntArray = np.unique(np.concatenate(sides))
+    beyond: IntArray = np.concatenate(sides)
     return beyond
 
 
@@ -276,7 +328,7 @@ def _spanned(left: BoolArray, own: BoolArray) -> float:
     """The area of the image box of what is left inside the mask, as a share of the mask's."""
 
     def area(pixels: BoolArray) -> int:
-        rows, columns = np.flatnonzero(pixels.any(axis=1)), np.flatnonzero(pixels.any(axis=0))
-        return int((rows[-1] - rows[0] + 1) * (columns[-1] - columns[0] + 1)) if len(rows) else 0
+        _, _, w, h = cv2.boundingRect(pixels.view(np.uint8))
+        return w * h
 
     return area(left & own) / max(area(own), 1)

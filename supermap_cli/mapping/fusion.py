@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 
 from supermap_cli.geometry.arrays import BoolArray
-from supermap_cli.geometry.voxels import connected_components, pack_keys, voxel_keys
+from supermap_cli.geometry.voxels import part_numbers, voxel_keys
 from supermap_cli.mapping.association import pixels_in_region
 from supermap_cli.mapping.belief import Viewpoint
 from supermap_cli.mapping.lifting import LiftedDetection
@@ -94,16 +94,17 @@ def fuse_points(obj: MapObject, detection: LiftedDetection, parameters: FusionPa
     kept = (voxels.log_odds > parameters.min_log_odds) & (voxels.outside <= most_outside)
     if kept.any():
         voxels.keep(kept)
+    unmeasured = None if obj.measured else voxels.codes  # of a new object, measured next
     if len(obj.voxels) and _reaches_beyond(obj, detection, parameters.loose_gap_m):
         voxels.keep(hanging_together(voxels, parameters))
     voxels.fit_voxel(obj.parameters.voxel_map)
-    obj.voxels_changed()
+    obj.voxels_changed(measured=voxels.codes is unmeasured)
 
 
 def _reaches_beyond(obj: MapObject, detection: LiftedDetection, gap_m: float) -> bool:
     """Whether a detection's points lie clearly outside of what the object measured before."""
-    low, high = detection.points_map.min(axis=0), detection.points_map.max(axis=0)
-    return bool((low < obj.shape.low - gap_m).any() or (high > obj.shape.high + gap_m).any())
+    points, shape = detection.points_map, obj.shape
+    return bool((points < shape.low - gap_m).any() or (points > shape.high + gap_m).any())
 
 
 def hanging_together(voxels: VoxelMap, parameters: FusionParameters = DEFAULT) -> BoolArray:
@@ -111,8 +112,7 @@ def hanging_together(voxels: VoxelMap, parameters: FusionParameters = DEFAULT) -
     surfaces, leaves a few voxels far from all others, and they would be its box.
     """
     edge_m = max(parameters.loose_gap_m, 2 * voxels.voxel_m)
-    codes, inverse = np.unique(pack_keys(voxel_keys(voxels.centers(), edge_m)), return_inverse=True)
-    part = connected_components(codes)[inverse]
+    part = part_numbers(voxel_keys(voxels.centers(), edge_m))
     share = np.bincount(part) / len(part)
     kept: BoolArray = (share >= min(parameters.loose_share, float(share.max())))[part]
     return kept

@@ -19,7 +19,7 @@ from supermap_cli.geometry.arrays import BoolArray, FloatArray, IntArray
 from supermap_cli.mapping import clusters, foreground
 from supermap_cli.mapping.clusters import ClusterParameters, cell_m, main_cluster, voxel_clusters
 from supermap_cli.mapping.depth import DepthView
-from supermap_cli.mapping.foreground import ForegroundParameters, planes_beside, stands_before
+from supermap_cli.mapping.foreground import ForegroundParameters, planes_beside, ring_order, stands_before
 from supermap_cli.mapping.returns import spacing_m
 from supermap_cli.types.detections import RegionMask
 from supermap_cli.types.parameters import parameter
@@ -136,9 +136,11 @@ def _on_planes_behind(view: DepthView, around: _Around, parameters: ForegroundPa
     tolerance_m = (parameters.plane_sigmas * view.sigma_m(around.depth_m) + parameters.plane_m).astype(np.float32)
     points = around.points.astype(np.float32)
     beside = np.flatnonzero(~(around.own | around.others))
+    thinned = beside[:: len(beside) // parameters.ring_points + 1]
     u, v = around.uv
-    found = planes_beside(points, beside, (u, v), tolerance_m, parameters)
-    heights_m = np.array([(points @ normal - offset) * (-1 if offset > 0 else 1) for normal, offset in found])
+    ring = thinned[ring_order(v[thinned], u[thinned])]
+    found = planes_beside(points[ring], tolerance_m[ring], parameters)
+    heights_m = np.array([points @ normal - offset for normal, offset in found])
     near = np.abs(heights_m.reshape(-1, len(points))) < tolerance_m
     rest = around.own & ~near.any(axis=0)
     behind = np.zeros(len(points), bool)

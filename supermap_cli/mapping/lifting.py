@@ -11,7 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
-from supermap_cli.geometry.arrays import BoolArray, Float32Array, FloatArray, UInt8Array
+from supermap_cli.geometry.arrays import BoolArray, Float32Array, FloatArray, IntArray, UInt8Array
 from supermap_cli.geometry.cameras import Camera
 from supermap_cli.geometry.percentiles import percentiles
 from supermap_cli.geometry.se3 import transform_points
@@ -29,7 +29,7 @@ from supermap_cli.mapping.depth import DepthView, edge_step_m, pixel_scale
 from supermap_cli.mapping.foreground import ForegroundParameters, foreground
 from supermap_cli.mapping.lidar_foreground import LidarForegroundParameters
 from supermap_cli.mapping.lidar_lifting import LidarLiftingParameters, lift_returns
-from supermap_cli.mapping.mask_core import MaskCoreParameters, erode, erosion_px, foreground_rim, off_depth_edges
+from supermap_cli.mapping.mask_core import MaskCore, MaskCoreParameters, erosion_px, off_depth_edges
 from supermap_cli.types.detections import Detections, Hypothesis, RegionMask
 from supermap_cli.types.keyframe import Keyframe
 from supermap_cli.types.parameters import TUNED, parameter
@@ -136,11 +136,7 @@ def lift(
         rim_px = erosion_px(
             int(np.count_nonzero(mask.pixels)), pixel_scale(keyframe.camera, view.parameters), sets.mask_core
         )
-        clear = foreground_rim(view, mask, rim_px)
-        core = erode(mask.pixels, rim_px, sets.mask_core) | clear
-        own = foreground(view, mask, core, masked, sets.foreground) if view.returns is None else None
-        if own is not None:
-            mask, core, clear = own, own.pixels, _near_side(view, own)
+        mask, core, clear = _own_part(view, mask, masked, rim_px, sets)
         if view.returns is None:
             one = _lift_core(keyframe, view, mask, core, clear, sets=sets)
         else:
@@ -184,6 +180,21 @@ def lift(
     return lifted
 
 
+def _own_part(
+    view: DepthView, mask: RegionMask, masked: BoolArray, rim_px: int, sets: LiftingParameterSets
+) -> tuple[RegionMask, BoolArray, BoolArray]:
+    """The mask of a thing after what depth says of the detector's; on its region, what of it is surely the thing's, and
+    what is surely on no depth edge.
+    """
+    whole = MaskCore(view, mask, rim_px, sets.mask_core)
+    if view.returns is not None:
+        return mask, whole.pixels, whole.clear
+    own = foreground(view, mask, lambda: whole.pixels, masked, sets.foreground)
+    if own is None:
+        return mask, whole.pixels, whole.clear
+    return own, own.pixels, _near_side(view, own)
+
+
 def _masked(view: DepthView, detections: Detections) -> BoolArray:
     """(h, w) the pixels in any mask."""
     masked = np.zeros(view.depth_m.shape, dtype=bool)
@@ -218,30 +229,31 @@ def _lift_core(
     sets: LiftingParameterSets,
 ) -> tuple[FloatArray, UInt8Array, float, bool] | None:
     parameters = sets.lifting
-    inner = np.flatnonzero(core & (view.depth_m[mask.window] > 0))
-    v = inner // core.shape[1]
-    v, u = v + mask.v0, inner - v * core.shape[1] + mask.u0
-    usable = clear.ravel()[inner]
-    rest = np.flatnonzero(~usable)
-    usable[rest] = off_depth_edges(view, v[rest], u[rest])
+    usable = np.ascontiguousarray(core & (view.depth_m[mask.window] > 0))
+    doubtful = np.flatnonzero(usable & ~clear)
+    usable.ravel()[doubtful] = off_depth_edges(view, *_pixels_of(mask, doubtful))
     chosen = np.flatnonzero(usable)
     if len(chosen) < parameters.min_points:
         return None
-    whole = np.zeros(core.shape, dtype=bool)
-    whole.ravel()[inner[chosen]] = True
     if len(chosen) > parameters.max_points:
         chosen = chosen[np.linspace(0, len(chosen) - 1, parameters.max_points).astype(np.int64)]
-    v, u = v[chosen], u[chosen]
+    v, u = _pixels_of(mask, chosen)
     depth_m = view.depth_m[v, u].astype(np.float64)
     points_camera = keyframe.camera.back_project(np.column_stack([u, v]).astype(np.float64), depth_m)
-    in_image = image_clusters(whole).ravel()[inner[chosen]]
+    in_image = image_clusters(usable, chosen)
     clusters = joined_clusters(points_camera, cell_m(_median(depth_m), sets.clusters), in_image)
     main = main_cluster(points_camera, clusters, sets.clusters)
     main |= occluded_continuation(view, (u, v), points_camera, clusters, main, parameters=sets.clusters)
-    if main.sum() < parameters.min_points:
+    if np.count_nonzero(main) < parameters.min_points:
         return None
     points_map = transform_points(keyframe.T_map_camera, points_camera[main])
     return points_map, keyframe.rgb[v[main], u[main]], _median(depth_m[main]), True
+
+
+def _pixels_of(mask: RegionMask, positions: IntArray) -> tuple[IntArray, IntArray]:
+    """The image's rows and columns (n,) of positions (n,) on a mask's region."""
+    rows, columns = np.divmod(positions, mask.pixels.shape[1])
+    return rows + mask.v0, columns + mask.u0
 
 
 def _median(values: FloatArray) -> float:

@@ -5,7 +5,9 @@ Comes between `GenerateMasks` and `Unproject` of the paper's algorithm 1, step (
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import cv2
 import numpy as np
@@ -42,10 +44,32 @@ class MaskCoreParameters:
 DEFAULT = MaskCoreParameters()
 
 
+@dataclass(frozen=True)
+class MaskCore:
+    """The part of a mask that is surely the object's, worked out when it is first asked for: what the depth around the
+    mask tells can make it needless.
+    """
+
+    view: DepthView
+    mask: RegionMask
+    rim_px: int
+    parameters: MaskCoreParameters = DEFAULT
+
+    @cached_property
+    def clear(self) -> BoolArray:
+        """What of the mask's rim lies in the foreground, on the mask's region."""
+        return foreground_rim(self.view, self.mask, self.rim_px)
+
+    @cached_property
+    def pixels(self) -> BoolArray:
+        """All but the mask's rim, and what of the rim lies in the foreground, on the mask's region."""
+        return erode(self.mask.pixels, self.rim_px, self.parameters) | self.clear
+
+
 def erosion_px(area_px: int, scale: float, parameters: MaskCoreParameters = DEFAULT) -> int:
     """How far a mask is cut back: 2 to 6 pixels of a usual image, more for larger masks, which bleed more."""
-    margin = parameters.margin_share * np.sqrt(area_px)
-    return max(1, round(float(np.clip(margin, parameters.min_margin_px * scale, parameters.max_margin_px * scale))))
+    margin = max(parameters.margin_share * math.sqrt(area_px), parameters.min_margin_px * scale)
+    return max(1, round(min(margin, parameters.max_margin_px * scale)))
 
 
 def erode(mask: BoolArray, margin_px: int, parameters: MaskCoreParameters = DEFAULT) -> BoolArray:
@@ -59,15 +83,18 @@ def erode(mask: BoolArray, margin_px: int, parameters: MaskCoreParameters = DEFA
     padded = cv2.copyMakeBorder(mask.astype(np.uint8), *(1,) * 4, cv2.BORDER_CONSTANT, value=0)
     within_px = cv2.distanceTransform(padded, cv2.DIST_L2, 3)
     cut_px = np.ones_like(within_px)
+    deepest_px, most_cut_px = float(within_px.max()), 1.0
     for share in parameters.thickness_steps:
-        radius_px = share * thickest_px
-        centers = within_px > radius_px
-        if not centers.any():
+        radius_px, part_cut_px = share * thickest_px, max(1.0, share * margin_px)
+        if deepest_px <= radius_px:
             break
-        in_disc = cv2.distanceTransform((~centers).astype(np.uint8), cv2.DIST_L2, 3) <= radius_px
-        cut_px[in_disc] = max(1.0, share * margin_px)
+        most_cut_px = max(most_cut_px, part_cut_px)
+        if most_cut_px == 1.0:
+            continue  # as everywhere
+        around = (within_px <= radius_px).view(np.uint8)
+        cut_px[cv2.distanceTransform(around, cv2.DIST_L2, 3) <= radius_px] = part_cut_px
     core = (padded > 0) & (within_px > cut_px)
-    if core.sum() * parameters.max_shrinkage < mask.sum():
+    if np.count_nonzero(core) * parameters.max_shrinkage < np.count_nonzero(mask):
         return mask
     return np.asarray(core[1:-1, 1:-1], dtype=bool)
 
@@ -93,9 +120,9 @@ def plane_residual_m(view: DepthView, v: IntArray, u: IntArray) -> FloatArray:
     """
     height, width = view.depth_m.shape
     r = view.reach_px
-    rows = [np.maximum(v - r, 0) * width, v * width, np.minimum(v + r, height - 1) * width]
-    columns = [np.maximum(u - r, 0), u, np.minimum(u + r, width - 1)]
-    depth = view.depth_m.ravel()[np.stack([row + column for row in rows for column in columns])]
+    rows = np.stack([np.maximum(v - r, 0), v, np.minimum(v + r, height - 1)]) * width
+    columns = np.stack([np.maximum(u - r, 0), u, np.minimum(u + r, width - 1)])
+    depth = view.depth_m.ravel()[(rows[:, None] + columns).reshape(9, -1)]
     with np.errstate(divide="ignore", invalid="ignore"):
         inverse_depth = 1 / depth
         inverse_depth[np.isinf(inverse_depth)] = np.nan

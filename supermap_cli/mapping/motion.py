@@ -7,6 +7,7 @@ are associated in 3D as everything else is.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -90,7 +91,7 @@ class Course:
         """How far, along either axis, a detection at this time is expected to lie off `place`."""
         return float(np.sqrt(self.covariance[0, 0] + self.parameters.detection_sigma_m**2))
 
-    @property
+    @cached_property
     def walking(self) -> bool:
         """Whether it is surely on its way."""
         speed = float(np.linalg.norm(self.velocity))

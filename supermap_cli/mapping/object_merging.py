@@ -156,7 +156,8 @@ class ObjectMerging:
         for other in neighbours:
             if self.pairs.surely_two(obj, other):
                 taken |= other.shape.near(detection.points_map)
-        taken &= ~obj.shape.near(detection.points_map)
+        if taken.any():
+            taken &= ~obj.shape.near(detection.points_map)
         if not taken.any() or len(taken) - np.count_nonzero(taken) < detection.parameters.min_points:
             return detection
         return detection.with_points(~taken)

@@ -45,7 +45,7 @@ DEFAULT = ObjectShapeParameters()
 
 def coarse_edge_m(extent_m: float, parameters: ObjectShapeParameters = DEFAULT) -> float:
     """Edge of the coarse voxels by which clouds are compared: a fifth of a small thing, the pose's error for others."""
-    return float(np.clip(parameters.coarse_share * extent_m, parameters.min_coarse_m, parameters.max_coarse_m))
+    return min(max(parameters.coarse_share * extent_m, parameters.min_coarse_m), parameters.max_coarse_m)
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ class ObjectShape:
         """`low` and `high`."""
         return self.low, self.high
 
-    @property
+    @cached_property
     def extent_m(self) -> float:
         """Length of the longest side."""
         return float((self.high - self.low).max())
@@ -93,7 +93,7 @@ class ObjectShape:
         """Share of (n, 3) points that lie in or beside the object's coarse voxels."""
         if not len(points_map):
             return 0.0
-        return float(self.near(points_map).mean())
+        return float(np.count_nonzero(self.near(points_map)) / len(points_map))
 
     def near(self, points_map: FloatArray) -> BoolArray:
         """(n,) which points lie in or beside the object's coarse voxels."""
@@ -121,9 +121,9 @@ def upright_box(points_map: FloatArray, voxel_m: float, parameters: ObjectShapeP
     For its heading only heights are trimmed: trimmed along the map's axes, a thing that stands askew would get sides
     along them.
     """
-    low, high = percentiles(points_map, parameters.box_percentiles)
     columns = points_map.T
-    inner = (low[2] <= columns[2]) & (columns[2] <= high[2])
+    bottom, top = percentiles(columns[2], parameters.box_percentiles)
+    inner = (bottom <= columns[2]) & (columns[2] <= top)
     yaw = best_yaw((columns[:2, inner] if np.count_nonzero(inner) >= 3 else columns[:2]).T, voxel_m, parameters)
     axes = np.array([[np.cos(yaw), np.sin(yaw)], [-np.sin(yaw), np.cos(yaw)]])
     nearest, farthest = percentiles(points_map[:, :2] @ axes.T, parameters.box_percentiles)
@@ -131,8 +131,8 @@ def upright_box(points_map: FloatArray, voxel_m: float, parameters: ObjectShapeP
     if h > w:
         w, h, yaw = h, w, yaw + np.pi / 2
     yaw = (yaw + np.pi / 2) % np.pi - np.pi / 2
-    center = np.array([cx, cy, (low[2] + high[2]) / 2])
-    return Box3D(center, np.maximum(np.array([w, h, high[2] - low[2]]), voxel_m), float(yaw))
+    center = np.array([cx, cy, (bottom + top) / 2])
+    return Box3D(center, np.maximum(np.array([w, h, top - bottom]), voxel_m), float(yaw))
 
 
 def best_yaw(points_xy: FloatArray, voxel_m: float, parameters: ObjectShapeParameters = DEFAULT) -> float:
@@ -147,7 +147,9 @@ def best_yaw(points_xy: FloatArray, voxel_m: float, parameters: ObjectShapeParam
     columns = ((keys - keys[0])[:: len(keys) // parameters.max_columns + 1] * voxel_m).astype(np.float32)
     x, y = columns[:, 0], columns[:, 1]
     own = np.concatenate([cosines * x + sines * y, cosines * y - sines * x])
-    sides = np.minimum(own - own.min(axis=1, keepdims=True), own.max(axis=1, keepdims=True) - own)
+    sides = own.max(axis=1, keepdims=True) - own
+    own -= own.min(axis=1, keepdims=True)
+    np.minimum(sides, own, out=sides)
     least_m = np.float32(max(voxel_m, parameters.closest_m))
     nearest = np.maximum(np.minimum(sides[: len(yaws)], sides[len(yaws) :]), least_m)
     return float(yaws[int(np.argmax((1 / nearest).mean(axis=1)))])

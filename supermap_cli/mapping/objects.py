@@ -233,9 +233,15 @@ class MapObject:
         self.absence = AbsenceEvidence()
         self.misses = MissEvidence(viewpoints=ViewpointHistory(parameters=self.parameters.belief))
 
-    def voxels_changed(self) -> None:
-        """Measure the shape anew when it is next needed, and notify the map."""
-        self._shape = None
+    @property
+    def measured(self) -> bool:
+        """Whether its shape has been worked out since its voxels changed."""
+        return self._shape is not None
+
+    def voxels_changed(self, *, measured: bool = False) -> None:
+        """Measure the shape anew when it is next needed, unless it was `measured` since, and notify the map."""
+        if not measured:
+            self._shape = None
         self._changed.add(self.number)
 
     def report_changes_to(self, changed: set[int]) -> None:

@@ -14,9 +14,11 @@ from supermap_cli.geometry.voxels import (
     connected_components,
     dilate_codes,
     is_member,
+    meetings,
     near_voxels,
     neighbour_counts,
     pack_keys,
+    part_numbers,
     unpack_codes,
     voxel_centers,
     voxel_keys,
@@ -116,3 +118,39 @@ def test_voxels_within_one_step_are_near_however_far_apart_they_lie() -> None:
         near = near_voxels(np.array([[0, 0, 0], [far, 7, far // 2]], np.int32))
         asked = np.array([[1, -1, 0], [2, 0, 0], [far, 7, far // 2 + 1], [-900, 0, 0], [far + 2, 7, 0]], np.int32)
         np.testing.assert_array_equal(near.hold(asked), [True, False, True, False, False])
+
+
+@settings(max_examples=30)
+@given(grids)
+def test_parts_are_the_components(grid: NDArray[np.bool_]) -> None:
+    keys = unpack_codes(sorted_codes(grid))
+    ours, theirs = part_numbers(np.repeat(keys, 2, axis=0)), np.repeat(ndimage.label(grid, CUBE)[0][grid], 2)
+    assert len(set(zip(ours.tolist(), theirs.tolist(), strict=True))) == len(set(theirs.tolist()))
+    assert len(set(ours.tolist())) == len(set(theirs.tolist()))
+
+
+def test_parts_may_lie_far_apart() -> None:
+    for far in (9, 200, 50_000):
+        keys = np.array([[0, 0, 0], [far, 7, far // 2], [0, 1, 0], [0, 0, 0]], np.int32)
+        numbers = part_numbers(keys).tolist()
+        assert numbers[0] == numbers[2] == numbers[3] != numbers[1]
+
+
+@settings(max_examples=30)
+@given(grids, st.sampled_from([0, 500]))
+def test_what_meets_lies_in_one_voxel_or_beside_it(grid: NDArray[np.bool_], far: int) -> None:
+    keys = unpack_codes(sorted_codes(grid))
+    keys = np.concatenate([keys, keys[:1], np.full((1, 3), far, np.int32)]).astype(np.int32)
+    values = np.arange(len(keys)) % 5
+    found = {tuple(sorted(pair)) for pair in zip(*(side.tolist() for side in meetings(keys, values)), strict=True)}
+    last = {tuple(key): value for key, value in zip(keys.tolist(), values.tolist(), strict=True)}
+    beside = {
+        tuple(sorted((value, other)))
+        for key, value in last.items()
+        for step in np.ndindex(3, 3, 3)
+        if (other := last.get(tuple(np.add(key, step) - 1))) is not None
+    }
+    in_one = {
+        tuple(sorted((value, last[tuple(key)]))) for key, value in zip(keys.tolist(), values.tolist(), strict=True)
+    }
+    assert found == {pair for pair in beside | in_one if pair[0] != pair[1]}

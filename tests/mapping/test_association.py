@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from supermap_cli.mapping.association import DEFAULT, Association, affinity, associate, near_enough
+from supermap_cli.mapping.association import DEFAULT, Association, affinity, associate, bounds_of, near_enough
 from supermap_cli.mapping.lifting import LiftedDetection
 from supermap_cli.mapping.objects import MapObject
 from supermap_cli.types.sensing import MAIN_CAMERA
@@ -89,7 +89,8 @@ def test_a_detection_far_away_stays_free() -> None:
     association, _ = assign(run, scene, 2)
     assert association == Association((), (0,))
     far = s.render((*s.ROOM, s.CHAIR.at(2.8, 2.4)), s.looking((0, 0, 1.2), (2.0, 1.6, 0.4)))
-    assert not near_enough(s.lifted(far, 2), list(run.map.values())).any()
+    candidates = list(run.map.values())
+    assert not near_enough(s.lifted(far, 2), candidates, bounds_of(candidates)).any()
 
 
 def test_a_thing_on_another_is_not_the_other() -> None:
