@@ -19,7 +19,8 @@ def update_absence(
 ) -> int | None:
     """Take in a view of an object's place that did not find it; since when it has been seen to be gone, if it is.
 
-    Either views in a row went through it, or views of parts of it did that make up enough of the whole.
+    Either views in a row went through it, or views of parts of it did that make up enough of the whole; for some time,
+    if it had been found there before: it would have gone before the robot's eyes.
     """
     evidence = obj.absence
     whole = view.observable_share >= parameters.observable_share
@@ -33,9 +34,17 @@ def update_absence(
         evidence.parts.add(obj.voxels.codes, judged, through, stamp_ns, parameters)
     if not obj.present:
         return None
-    if evidence.views >= parameters.absent_views:
+    if evidence.views >= parameters.absent_views and _lasts(obj, evidence.first_ns, stamp_ns, parameters):
         return evidence.first_ns
-    return evidence.parts.began_ns if evidence.parts.shows_absence(view.reachable, parameters) else None
+    parts = evidence.parts
+    shown = parts.shows_absence(view.reachable, parameters) and _lasts(obj, parts.began_ns, stamp_ns, parameters)
+    return parts.began_ns if shown else None
+
+
+def _lasts(obj: MapObject, began_ns: int, stamp_ns: int, parameters: AbsenceParameters) -> bool:
+    """Whether emptiness has lasted for longer than an error would, where this visit has found the object there."""
+    settled = obj.visit.supported >= parameters.settled_views
+    return not settled or stamp_ns - began_ns >= parameters.settled_span_s * 1e9
 
 
 def negate_by_geometry(

@@ -228,3 +228,14 @@ def test_a_chair_in_the_last_image_is() -> None:
     run.walk(CHAIR_WORLD)
     run.engine.end_traversal()
     assert run.standing("chair")
+
+
+def test_what_was_found_in_its_place_for_long_is_not_gone_for_a_moment() -> None:
+    """It would have gone before the robot's eyes; a turn of the camera puts images and poses out of step."""
+    run = s.Run()
+    run.walk(CHAIR_WORLD, 24)
+    run.take()
+    run.walk(s.ROOM, 4)
+    assert run.standing("chair")
+    run.walk(s.ROOM, 6)
+    assert edge(run.take().temporal_edges).kind == "disappeared"
