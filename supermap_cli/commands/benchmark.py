@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from supermap_cli.config import BuildConfig
+    from supermap_cli.evaluation.calibration import Rated
     from supermap_cli.evaluation.report import Report
 
 EXAMPLES = """
@@ -30,6 +31,8 @@ Examples:
     supermap eval benchmark room --domain masks=hull --seeds 1,2
 
     supermap eval benchmark --suite domains --jobs 2 --keep worlds
+
+    supermap eval benchmark --suite domains --jobs 2 --keep worlds --resume
 """
 SCENARIOS = ("office", "office-twice", "panorama")
 DATABASE_NAME = "benchmark.db"
@@ -72,11 +75,14 @@ class BenchmarkFigure:
 
 @dataclass(frozen=True)
 class BenchmarkTable:
-    """All figures of one scenario, a column for each seed."""
+    """All figures of one scenario, a column for each seed; `rated` are, of each seed, the confidences of the map's
+    instances and whether they are right (`ObjectScores.rated`).
+    """
 
     scenario: str
     seeds: tuple[int, ...]
     figures: tuple[BenchmarkFigure, ...]
+    rated: tuple[tuple[Rated, ...], ...]
 
 
 @dataclass(frozen=True)
@@ -107,6 +113,14 @@ def benchmark(  # noqa: PLR0917 - a command line has many options
     ] = None,
     jobs: Annotated[int, typer.Option(min=1, help="How many worlds of the suite are built at a time.")] = 2,
     keep: KeepOption = None,
+    resume: Annotated[
+        bool,
+        typer.Option(
+            "--resume",
+            help="Of the suite, take the worlds that an earlier run with this --keep has scored as they were scored "
+            "then, whatever has become of the program, and build only the others.",
+        ),
+    ] = False,
     json: JsonOption = False,
 ) -> None:
     """Simulate worlds, build and score each, and print all figures with their means: the tables in docs/benchmarks.md.
@@ -121,8 +135,12 @@ def benchmark(  # noqa: PLR0917 - a command line has many options
 
         if scenarios or domain:
             raise ConfigError("--suite says which worlds there are", cure="leave out SCENARIO and --domain")
-        run_suite(half, axis or (), jobs, keep, json=json)
+        if resume and keep is None:
+            raise ConfigError("--resume goes on with an earlier run", cure="say with --keep where that kept its worlds")
+        run_suite(half, axis or (), jobs, keep, resume=resume, json=json)
         return
+    if resume:
+        raise ConfigError("--resume goes on with a suite", cure="give --suite domains, or leave it out")
     chosen = parse_seeds(seeds)
     tables = []
     with kept_or_temporary(keep) as folder:
@@ -130,7 +148,8 @@ def benchmark(  # noqa: PLR0917 - a command line has many options
             reports = [
                 build_and_score(scenario, seed, folder / scenario / str(seed), domain=domain or ()) for seed in chosen
             ]
-            tables.append(BenchmarkTable(scenario, chosen, tabulate(reports)))
+            rated = tuple(() if report.map is None else report.map.rated for report in reports)
+            tables.append(BenchmarkTable(scenario, chosen, tabulate(reports), rated))
             if not json:
                 _print(out(), tables[-1])
     if json:

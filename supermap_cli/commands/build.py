@@ -57,6 +57,8 @@ Examples:
 
     supermap build run.mcap --topic color.front=/front/image_raw --topic color.left=/left/image_raw
 
+    supermap build run.mcap --min-confidence 0.8
+
     supermap build run.mcap --resume
 """
 
@@ -86,6 +88,14 @@ def build(  # noqa: PLR0917 - a command line has many options
     perception_rate: Annotated[
         float | None,
         typer.Option(help="Images perceived a second, the others give depth. [default: all that are mapped]"),
+    ] = None,
+    min_confidence: Annotated[
+        float | None,
+        typer.Option(
+            metavar="P",
+            help="Probability of being right (there, and rightly called) from which an object enters the map, between "
+            "0 and 1: higher, and less is wrong and more is missing. None is surer than about 0.95. [default: 0.5]",
+        ),
     ] = None,
     align: AlignOption = "auto",
     name: Annotated[str | None, typer.Option(help="Name of the traversal. [default: the file's name]")] = None,
@@ -125,6 +135,7 @@ def build(  # noqa: PLR0917 - a command line has many options
         camera=camera,
         rate=rate,
         perception_rate=perception_rate,
+        min_confidence=min_confidence,
         ablate=ablate,
     )
     wanted = request(config, start, end)
@@ -245,6 +256,7 @@ def override(
     camera: str | None = None,
     rate: float | None = None,
     perception_rate: float | None = None,
+    min_confidence: float | None = None,
     ablate: list[str] | None = None,
 ) -> BuildConfig:
     """The configuration with the command line's words laid over it. Raises `ConfigError` for what is not understood."""
@@ -266,6 +278,12 @@ def override(
         values["keyframes"]["rate_hz"] = rate
     if perception_rate is not None:
         values["perception"]["rate_hz"] = perception_rate
+    if min_confidence is not None:
+        if not 0 < min_confidence < 1:
+            raise ConfigError(
+                f"--min-confidence {min_confidence:g} is not between 0 and 1", cure="it is a probability, such as 0.5"
+            )
+        values["parameters"].setdefault("lifecycle", {})["min_confidence"] = min_confidence
     if ablate:
         values["ablate"] = tuple(ablate)
     try:

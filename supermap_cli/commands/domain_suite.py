@@ -10,13 +10,16 @@ from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from supermap_cli.commands.common import err, kept_or_temporary, out, print_json
 from supermap_cli.commands.tables import print_table
 from supermap_cli.errors import EvaluationError
 from supermap_cli.simulation.domains.axes import AXES, RANDOM
 from supermap_cli.simulation.domains.suite import USUAL, SuiteWorld, suite_worlds
+
+if TYPE_CHECKING:
+    from supermap_cli.evaluation.calibration import Rated, Reliability
 
 FIGURES: Mapping[str, str] = {
     "f1": "objects: F1",
@@ -35,13 +38,17 @@ FIGURES: Mapping[str, str] = {
 SCENARIO = "room"
 """The scenario whose world the axes may vary."""
 WORST_SHOWN = 10
+SCORES_NAME = "suite_scores.json"
+"""Where in its folder a world's scores are kept, as soon as there are any."""
 WORLD_LIMIT_S = 1800
 """The longest that one world may take to simulate, build and score, s: thirty times what the usual one does."""
 
 
 @dataclass(frozen=True)
 class WorldScores:
-    """One world's figures by name; `None` where it gave no occasion. `failed` says why there are none at all."""
+    """One world's figures by name; `None` where it gave no occasion. `failed` says why there are none at all. `rated`
+    are the confidences of the map's instances, and whether they are right.
+    """
 
     axis: str
     level: str
@@ -49,6 +56,7 @@ class WorldScores:
     half: str
     figures: dict[str, float | None]
     failed: str | None
+    rated: tuple[Rated, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -64,15 +72,21 @@ class LevelScores:
 
 @dataclass(frozen=True)
 class DomainSuite:
-    """The whole table: `overall` over all worlds, `levels` in the order of the axes, `worlds` one by one."""
+    """The whole table: `overall` over all worlds, `levels` in the order of the axes, `worlds` one by one, and the
+    reliability of the confidences of all their maps together.
+    """
 
     overall: LevelScores
     levels: tuple[LevelScores, ...]
     worlds: tuple[WorldScores, ...]
+    calibration: Reliability
 
 
-def run_suite(half: str | None, axes: Sequence[str], jobs: int, keep: Path | None, *, json: bool) -> None:
-    """Build and score the suite's worlds (of one half, of some axes), `jobs` at a time, and print the table.
+def run_suite(
+    half: str | None, axes: Sequence[str], jobs: int, keep: Path | None, *, resume: bool = False, json: bool
+) -> None:
+    """Build and score the suite's worlds (of one half, of some axes), `jobs` at a time, and print the table; `resume`
+    takes the scores that lie in `keep` already.
 
     Raises `EvaluationError` for an unknown axis.
     """
@@ -85,7 +99,7 @@ def run_suite(half: str | None, axes: Sequence[str], jobs: int, keep: Path | Non
         world for world in suite_worlds() if (half is None or world.half == half) and (not axes or world.axis in axes)
     ]
     with kept_or_temporary(keep) as folder:
-        suite = summarise(_score_all(worlds, jobs, folder))
+        suite = summarise(_score_all(worlds, jobs, folder, resume=resume))
     if json:
         print_json(to_document(suite))
     else:
@@ -98,7 +112,10 @@ def summarise(worlds: Sequence[WorldScores]) -> DomainSuite:
     for world in worlds:
         by_level.setdefault((world.axis, world.level), []).append(world)
     levels = tuple(_mean(axis, level, group) for (axis, level), group in by_level.items())
-    return DomainSuite(_mean("all", "", worlds), levels, tuple(worlds))
+    from supermap_cli.evaluation.calibration import reliability  # noqa: PLC0415 - keeps start-up light
+
+    rated = [pair for world in worlds for pair in world.rated]
+    return DomainSuite(_mean("all", "", worlds), levels, tuple(worlds), reliability(rated))
 
 
 def _mean(axis: str, level: str, worlds: Sequence[WorldScores]) -> LevelScores:
@@ -110,12 +127,12 @@ def _mean(axis: str, level: str, worlds: Sequence[WorldScores]) -> LevelScores:
     return LevelScores(axis, level, len(worlds), sum(world.failed is not None for world in worlds), figures)
 
 
-def _score_all(worlds: Sequence[SuiteWorld], jobs: int, folder: Path) -> list[WorldScores]:
-    """All worlds in their order, each in a process of its own."""
+def _score_all(worlds: Sequence[SuiteWorld], jobs: int, folder: Path, *, resume: bool) -> list[WorldScores]:
+    """All worlds in their order, each in a process of its own, or as it was scored before."""
     console = err()
     scored: dict[SuiteWorld, WorldScores] = {}
     with ThreadPoolExecutor(jobs) as pool:
-        waiting = {pool.submit(_score, world, folder): world for world in worlds}
+        waiting = {pool.submit(_score_or_take, world, folder, resume=resume): world for world in worlds}
         try:
             for number, done in enumerate(as_completed(waiting), start=1):
                 world, result = waiting[done], done.result()
@@ -129,9 +146,62 @@ def _score_all(worlds: Sequence[SuiteWorld], jobs: int, folder: Path) -> list[Wo
     return [scored[world] for world in worlds]
 
 
-def _score(world: SuiteWorld, folder: Path) -> WorldScores:
-    """Run the benchmark of one world in a child process."""
+def _score_or_take(world: SuiteWorld, folder: Path, *, resume: bool) -> WorldScores:
+    """The scores of one world, which are kept in its folder; with `resume`, those that are kept there already.
+
+    A world that failed has none: it is built again.
+    """
+    from supermap_cli.query.views import to_document  # noqa: PLC0415 - keeps start-up light
+
     place = folder / f"{world.axis}={world.level}" if world.level else folder / world.axis
+    kept = place / SCENARIO / str(world.seed) / SCORES_NAME
+    if resume and (known := read_scores(kept, world)) is not None:
+        return known
+    kept.unlink(missing_ok=True)
+    scores = _score(world, place)
+    if scores.failed is None:
+        kept.parent.mkdir(parents=True, exist_ok=True)
+        unfinished = kept.with_suffix(".part")
+        unfinished.write_text(json.dumps(to_document(scores), indent=2, allow_nan=False), encoding="utf-8")
+        unfinished.replace(kept)
+    return scores
+
+
+def read_scores(path: Path, world: SuiteWorld) -> WorldScores | None:
+    """The kept scores of a world; `None` where there are none.
+
+    Raises `EvaluationError` where the file holds something else.
+    """
+    try:
+        kept = json.loads(path.read_text(encoding="utf-8"))
+        there = WorldScores(
+            kept["axis"],
+            kept["level"],
+            kept["seed"],
+            kept["half"],
+            {name: kept["figures"][name] for name in FIGURES},
+            None,
+            _pairs(kept["rated"]),
+        )
+    except FileNotFoundError:
+        return None
+    except (ValueError, LookupError, TypeError) as error:
+        raise EvaluationError(
+            f"these are no scores of a world: {error!r}", where=str(path), cure="remove it, or leave out --resume"
+        ) from error
+    if (there.axis, there.level, there.seed, there.half) != (world.axis, world.level, world.seed, world.half):
+        raise EvaluationError(
+            f"these are the scores of another world than {world.name}", where=str(path), cure="remove it"
+        )
+    return there
+
+
+def _pairs(rated: Any) -> tuple[Rated, ...]:
+    return tuple((float(confidence), bool(right)) for confidence, right in rated)
+
+
+def _score(world: SuiteWorld, place: Path) -> WorldScores:
+    """Run the benchmark of one world in a child process, which keeps the world in a folder."""
     command = [sys.executable, "-c", "import sys; from supermap_cli.main import main; sys.exit(main())"]
     command += ["eval", "benchmark", SCENARIO, "--seeds", str(world.seed), "--keep", str(place), "--json"]
     command += [argument for level in world.domain for argument in ("--domain", level)]
@@ -151,7 +221,9 @@ def _score(world: SuiteWorld, folder: Path) -> WorldScores:
     if child.returncode != 0:
         last = child.stderr.strip().splitlines()[-1:] or [f"exit {child.returncode}"]
         return WorldScores(world.axis, world.level, world.seed, world.half, {}, last[0])
-    return WorldScores(world.axis, world.level, world.seed, world.half, figures_of(json.loads(child.stdout)), None)
+    document = json.loads(child.stdout)
+    rated = _pairs(document["tables"][0]["rated"][0])
+    return WorldScores(world.axis, world.level, world.seed, world.half, figures_of(document), None, rated)
 
 
 def figures_of(document: Mapping[str, Any]) -> dict[str, float | None]:
@@ -161,6 +233,8 @@ def figures_of(document: Mapping[str, Any]) -> dict[str, float | None]:
 
 
 def _print(suite: DomainSuite) -> None:
+    from supermap_cli.commands.eval_tables import print_reliability  # noqa: PLC0415 - keeps start-up light
+
     console = out()
     columns = ("axis", "level", "worlds#", *(f"{_heading(name)}#" for name in FIGURES))
     rows = [*suite.levels, suite.overall]
@@ -168,6 +242,7 @@ def _print(suite: DomainSuite) -> None:
     print_table(
         console, f"The worst {WORST_SHOWN} worlds", ("world", "F1#", "P#", "R#", "failed"), _worst(suite.worlds)
     )
+    print_reliability(console, suite.calibration)
 
 
 def _heading(name: str) -> str:

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from supermap_cli.evaluation.answers import AnswerScores, WrongAnswer
+    from supermap_cli.evaluation.calibration import Reliability, ReliabilityBin
     from supermap_cli.evaluation.identity import IdentityScores
     from supermap_cli.evaluation.instances import InstanceScores
     from supermap_cli.evaluation.objects import ObjectScores
@@ -59,6 +60,7 @@ def print_report(console: Console, report: Report) -> None:
     console.print("; ".join(head) + "\n", markup=False)
     if report.map is not None:
         _print_section(console, "Objects at the map's end", _object_figures(report.map), _wrong_objects(report.map))
+        print_reliability(console, report.map.calibration)
     if report.change is not None:
         _print_section(console, "Change", _change_figures(report.change), _wrong_changes(report.change))
     if report.identity is not None:
@@ -112,6 +114,22 @@ def _precision_recall(suffix: str, scores: PrecisionRecall, right: str) -> Itera
 def _wrong_objects(scores: ObjectScores) -> Iterator[ErrorTable]:
     for title, wrong in (("missed", scores.missed), ("false", scores.false)):
         yield ErrorTable(title, ("id", "label", "why"), tuple((obj.id, obj.label, obj.reason) for obj in wrong))
+
+
+def print_reliability(console: Console, scores: Reliability) -> None:
+    """The confidences of instances against how many of these are right; bins without any are left out."""
+    error = scores.expected_calibration_error
+    if error is None:
+        return
+    title = f"How sure, and how right: expected calibration error {error:.3f}, 0 is perfect"
+    named: list[tuple[str, ReliabilityBin | Reliability]] = [
+        (f"{one.low:.1f} to {one.high:.1f}", one) for one in scores.bins if one.count
+    ]
+    rows = (
+        (name, str(row.count), f"{row.mean_confidence:.3f}", f"{row.share_right:.3f}")
+        for name, row in (*named, ("all", scores))
+    )
+    print_table(console, title, ("confidence", "instances#", "mean confidence#", "share right#"), rows)
 
 
 # -- change

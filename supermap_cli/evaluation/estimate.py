@@ -36,14 +36,16 @@ class EstimatedObservation:
 
 @dataclass(frozen=True)
 class EstimatedObject:
-    """One instance of the map. `confidence` in [0, 1] ranks instances (AP needs it); `points` (n, 3) are the centres of
-    its occupied voxels, in its present or last place; `states` and `observations` are in the order of time.
+    """One instance of the map. `confidence` in [0, 1] is the map's own, in its present or last state, and
+    `label_probability` that of its label if it is real; `points` (n, 3) are the centres of its occupied voxels, in its
+    present or last place; `states` and `observations` are in the order of time.
     """
 
     id: str
     label: str
     presence: Presence
     confidence: float
+    label_probability: float
     centroid: FloatArray
     box: Box3D
     points: FloatArray
@@ -53,6 +55,11 @@ class EstimatedObject:
     def __post_init__(self) -> None:
         check_shape("centroid", self.centroid, (3,))
         check_shape("points", self.points, (None, 3))
+
+    @property
+    def rank(self) -> float:
+        """What instances of one label are ranked by (AP needs an order): sure ones of an undisputed label first."""
+        return self.confidence * self.label_probability
 
     def state_at(self, stamp_ns: int) -> EstimatedState | None:
         """The state at a time in the finished map; the newest one where two overlap."""

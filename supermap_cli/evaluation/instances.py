@@ -121,7 +121,7 @@ def _precision(
     )
     labels = class_of_place[surface.place]
     predictions = [
-        InstancePrediction(np.flatnonzero(nearest == row), number(instance.label), instance.confidence)
+        InstancePrediction(np.flatnonzero(nearest == row), number(instance.label), instance.rank)
         for row, instance in enumerate(present)
     ]
     return instance_average_precision(labels, np.where(labels > BACKGROUND, surface.place, NO_INSTANCE), predictions)

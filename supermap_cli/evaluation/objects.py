@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from supermap_cli.evaluation.calibration import Rated, Reliability, reliability
 from supermap_cli.evaluation.estimate import EstimatedMap, EstimatedObject
 from supermap_cli.evaluation.known_truth import KnownTruth, Place, known_truth
 from supermap_cli.evaluation.matching import (
@@ -57,7 +58,8 @@ class ObjectScores:
 
     `centroid_error_m` and `iou` are means over the labelled matches, `label_accuracy` is the share of label-free
     matches whose label is right: each `None` where there are no such matches. `people` are present instances labelled
-    "person": left in the map, and wrong in both scores. `missed` and `false` belong to the labelled matching.
+    "person": left in the map, and wrong in both scores. `missed` and `false` belong to the labelled matching, and so
+    does `rated`: the confidence of every judged instance, and whether it is right; `calibration` sums it up.
     """
 
     labelled: PrecisionRecall
@@ -73,6 +75,8 @@ class ObjectScores:
     matched: tuple[MatchedObject, ...]
     missed: tuple[UnmatchedObject, ...]
     false: tuple[UnmatchedObject, ...]
+    rated: tuple[Rated, ...]
+    calibration: Reliability
 
 
 def score_objects(estimate: EstimatedMap, truth: GroundTruth) -> ObjectScores:
@@ -81,6 +85,7 @@ def score_objects(estimate: EstimatedMap, truth: GroundTruth) -> ObjectScores:
     comparison = FinalMapComparison(estimate, known)
     labelled, unlabelled = comparison.match(with_label=True), comparison.match(with_label=False)
     matched = tuple(comparison.matched(pair) for pair in labelled)
+    rated = comparison.rated(labelled)
     labels_right = sum(bool(comparison.agrees[pair]) for pair in unlabelled)
     return ObjectScores(
         labelled=comparison.count(labelled),
@@ -96,6 +101,8 @@ def score_objects(estimate: EstimatedMap, truth: GroundTruth) -> ObjectScores:
         matched=matched,
         missed=comparison.missed(labelled),
         false=comparison.false(labelled),
+        rated=rated,
+        calibration=reliability(rated),
     )
 
 
@@ -150,6 +157,15 @@ class FinalMapComparison:
             UnmatchedObject(instance.id, instance.label, self._why_false(row, instance_ids))
             for row, instance in enumerate(self.present)
             if row not in right and not self.ignored[row]
+        )
+
+    def rated(self, pairs: Pairs) -> tuple[Rated, ...]:
+        """The confidence of every instance that is not ignored, and whether a matching has it."""
+        right = {row for row, _ in pairs}
+        return tuple(
+            (instance.confidence, row in right)
+            for row, instance in enumerate(self.present)
+            if row in right or not self.ignored[row]
         )
 
     def _why_missed(self, column: int) -> str:

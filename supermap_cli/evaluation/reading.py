@@ -132,7 +132,8 @@ def _object(reader: MapReader, instance: StoredInstance, to_world: WorldTransfor
         id=instance.id,
         label=instance.label,
         presence=instance.presence,
-        confidence=_confidence(instance),
+        confidence=instance.states[-1].confidence,
+        label_probability=instance.label_belief.get(instance.label, 0.0),
         centroid=to_world.point(instance.centroid_map),
         box=to_world.box(instance.box),
         points=to_world.points(_solid_points(reader, instance)),
@@ -142,12 +143,6 @@ def _object(reader: MapReader, instance: StoredInstance, to_world: WorldTransfor
             for observation in reader.observations(instance)
         ),
     )
-
-
-def _confidence(instance: StoredInstance) -> float:
-    """Probability that it exists and has its label."""
-    exists = 1 / (1 + np.exp(-instance.existence_log_odds))
-    return float(exists * instance.label_belief.get(instance.label, 0.0))
 
 
 def _solid_points(reader: MapReader, instance: StoredInstance) -> FloatArray:

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.geometry.boxes import Box3D
 from supermap_cli.memory.values import LabelledObservation, StoredInstance, StoredVisit
-from supermap_cli.query.details import log_odds
 from supermap_cli.query.instance_at import label_at
 from supermap_cli.query.label_consensus import label_shares
 from supermap_cli.query.presence_at import PresenceAt, PresenceValue
+from supermap_cli.types.existence import log_odds_of
 from supermap_cli.types.memory import Presence, StateRecord
 
 
@@ -87,7 +87,7 @@ def export_as_of(
         label=label_at(presence_then, seen_by_then, at_ns),
         label_belief=label_shares(seen_by_then),
         presence=presence_then.value,
-        existence_log_odds=log_odds(state),
+        existence_log_odds=log_odds_of(state.confidence),
         first_seen_ns=instance.first_seen_ns,
         last_seen_ns=max((observation.stamp_ns for observation in seen_by_then), default=instance.first_seen_ns),
         centroid_map=state.centroid_map,

@@ -9,10 +9,10 @@ from typing import Literal
 from supermap_cli.geometry.boxes import displacement_m
 from supermap_cli.map_merge.displacement import DisplacementHypothesis
 from supermap_cli.map_merge.matching import ImportedObject
-from supermap_cli.mapping import lifecycle
 from supermap_cli.mapping.changes import instance_record, open_state
 from supermap_cli.mapping.duplicates import merge_evidence
 from supermap_cli.mapping.free_space import FreeSpaceMemory
+from supermap_cli.mapping.lifecycle import is_demoted
 from supermap_cli.mapping.objects import MapObject, ObjectMap, OpenState
 from supermap_cli.mapping.relocation import Relocation, relocations
 from supermap_cli.types.memory import InstanceRecord, StateRecord, TemporalEdge, TemporalKind
@@ -102,8 +102,7 @@ class StateMerge:
                 continue
             if known.number in self.present_before and not known.present and known.gone_ns is not None:
                 self._set_gone(known, known.gone_ns)
-            demoted = known.existence.log_odds <= lifecycle.DEFAULT.demote_log_odds
-            if known.present and demoted and not known.demoted:
+            if known.present and not known.demoted and is_demoted(known):
                 known.set_status(demoted=True)
                 self.changed.add(known.number)
 

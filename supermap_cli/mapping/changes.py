@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import astuple, dataclass, field
 
-import numpy as np
-
 from supermap_cli.mapping.belief import LabelBelief
 from supermap_cli.mapping.objects import MapObject, ObjectMap
 from supermap_cli.types.engine_state import EngineState
@@ -60,13 +58,8 @@ def open_state(obj: MapObject, gone_ns: int | None = None) -> StateRecord:
         shape.centroid,
         shape.box,
         obj.label,
-        probability(obj.existence.log_odds),
+        obj.confidence,
     )
-
-
-def probability(log_odds: float) -> float:
-    """The probability of log-odds."""
-    return float(1 / (1 + np.exp(-log_odds)))
 
 
 def visit_record(obj: MapObject) -> Visit:

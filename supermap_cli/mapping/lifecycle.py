@@ -18,11 +18,17 @@ from supermap_cli.types.parameters import TUNED, parameter
 
 @dataclass(frozen=True)
 class LifecycleParameters:
-    """Existence (log-odds) at which an object's status changes."""
+    """Existence (log-odds, or the calibrated probability of `types.existence`) at which an object's status changes."""
 
     initial_log_odds: float = parameter(-1.0, "1", "existence before its first detection: more likely not there", TUNED)
-    confirm_log_odds: float = parameter(
-        2.0, "1", "existence from which a tentative object enters the map: odds of 7 to 1", TUNED
+    min_confidence: float = parameter(
+        0.5,
+        "1",
+        "confidence (the probability of being right) from which a tentative object enters the map, and a demoted one "
+        "comes back",
+        "the best F1 F is had at a threshold of F / 2 (Lipton 2014), here .45; flat from .45 to .6 on the domain "
+        "suite's development half",
+        at_most=1.0,
     )
     confirm_observations: int = parameter(2, "1", "detections it must have: one may be an error", TUNED)
     confirm_span_s: float = parameter(
@@ -31,8 +37,13 @@ class LifecycleParameters:
         "time that its detections must span, for some in quick succession share their errors",
         TUNED,
     )
-    demote_log_odds: float = parameter(
-        0.0, "1", "a confirmed object at or below this is demoted: it leaves the answers until confirmed anew", "odds"
+    demote_confidence: float = parameter(
+        0.34,
+        "1",
+        "a confirmed object of this confidence or less, or of less than min_confidence where that is lower, is "
+        "demoted: it leaves the answers until confirmed anew",
+        "as much speaks for its existence as against it: log-odds of 0",
+        at_most=1.0,
     )
     left_log_odds: float = parameter(
         4.0,
@@ -76,7 +87,7 @@ def ready_to_confirm(tentative: MapObject, parameters: LifecycleParameters = DEF
     """Whether a tentative object is believed enough to enter the map, whatever it is called: its label has a
     probability of its own.
     """
-    if tentative.existence.log_odds < parameters.confirm_log_odds:
+    if tentative.confidence < parameters.min_confidence:
         return False
     if tentative.observations < parameters.confirm_observations:
         return False
@@ -85,8 +96,8 @@ def ready_to_confirm(tentative: MapObject, parameters: LifecycleParameters = DEF
 
 def is_demoted(confirmed: MapObject, parameters: LifecycleParameters = DEFAULT) -> bool:
     """Whether a confirmed object is believed in no more; one that was demoted must be confirmed anew."""
-    least = parameters.confirm_log_odds if confirmed.demoted else parameters.demote_log_odds
-    return confirmed.existence.log_odds <= least
+    least = min(parameters.demote_confidence, parameters.min_confidence)
+    return confirmed.confidence <= (parameters.min_confidence if confirmed.demoted else least)
 
 
 def has_left(obj: MapObject, parameters: LifecycleParameters = DEFAULT) -> bool:

@@ -66,10 +66,12 @@ class MapUpdate:
                 least = self.parameters.lifecycle.forget_log_odds
                 obj.existence.log_odds = min(obj.existence.log_odds, least)
 
-    def forget(self) -> None:
+    def forget(self, *, ended: bool = False) -> None:
         """Drop tentative objects that nothing speaks for; demote confirmed ones, until they are confirmed again.
 
-        What was dropped for misses alone was clutter; what went away, or moves by itself, had been there.
+        When a traversal has `ended`, no more views come that might still speak for an object: one threshold decides
+        what its map holds. What was dropped for misses alone was clutter; what went away, or moves by itself, had been
+        there.
         """
         for obj in list(self.objects):
             if not obj.confirmed:
@@ -78,7 +80,8 @@ class MapUpdate:
                         self.scores.record_clutter(observation.score for observation in obj.pending)
                     self.objects.remove(obj.number)
                 continue
-            demoted = is_demoted(obj, self.parameters.lifecycle)
+            lifecycle = self.parameters.lifecycle
+            demoted = is_demoted(obj, lifecycle) or (ended and obj.confidence < lifecycle.min_confidence)
             if demoted != obj.demoted:
                 self.transitions.set_demoted(obj, demoted=demoted)
 
@@ -101,7 +104,7 @@ class MapUpdate:
         if "tracker" not in self.ablate:
             gone, found, standing = by_presence(self.objects)
             self._relocate(relocations(gone, found, standing, self.parameters.relocation))
-        self.forget()
+        self.forget(ended=True)
 
     def _relocate_new(self, newly: Sequence[MapObject]) -> set[int]:
         """Objects found that are absent objects: they take over the identity, if the evidence singles it out.

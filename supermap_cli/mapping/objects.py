@@ -15,6 +15,8 @@ from supermap_cli.mapping.motion import MotionParameters, MotionState
 from supermap_cli.mapping.object_shape import ObjectShape, ObjectShapeParameters, measure_shape
 from supermap_cli.mapping.recall import FoundBy
 from supermap_cli.mapping.voxel_map import VoxelMap, VoxelMapParameters
+from supermap_cli.types import existence
+from supermap_cli.types.existence import ExistenceParameters, probability_of
 from supermap_cli.types.labels import DYNAMIC_CLASSES
 from supermap_cli.types.memory import Observation
 
@@ -28,6 +30,7 @@ class ObjectParameterSets:
     class_sizes: ClassSizeParameters = class_sizes.DEFAULT
     motion: MotionParameters = motion.DEFAULT
     voxel_map: VoxelMapParameters = voxel_map.DEFAULT
+    existence: ExistenceParameters = existence.DEFAULT
 
 
 DEFAULT_SETS = ObjectParameterSets()
@@ -156,6 +159,11 @@ class MapObject:
     def label(self) -> str:
         """The most likely label."""
         return self.labels.best
+
+    @property
+    def confidence(self) -> float:
+        """The probability that it is right: real, in its place, and rightly called."""
+        return probability_of(self.existence.log_odds, self.parameters.existence)
 
     @property
     def is_dynamic(self) -> bool:

@@ -1,4 +1,7 @@
-"""All parameters of the mapping engine: one set for each file of `supermap_cli/mapping/`, under the file's name."""
+"""All parameters of the mapping engine: one set for each file of `supermap_cli/mapping/`, under the file's name.
+
+That of `supermap_cli/types/existence.py` is among them: readers of a map need it too.
+"""
 
 from __future__ import annotations
 
@@ -44,6 +47,7 @@ from supermap_cli.mapping.splitting import SplittingParameters
 from supermap_cli.mapping.structure import StructureParameters
 from supermap_cli.mapping.visibility import VisibilityParameters
 from supermap_cli.mapping.voxel_map import VoxelMapParameters
+from supermap_cli.types.existence import ExistenceParameters
 from supermap_cli.types.parameters import ParameterRow, described, overridden
 
 
@@ -75,6 +79,7 @@ class MappingParameters:
     object_shape: ObjectShapeParameters = field(default_factory=ObjectShapeParameters)
     class_sizes: ClassSizeParameters = field(default_factory=ClassSizeParameters)
     belief: BeliefParameters = field(default_factory=BeliefParameters)
+    existence: ExistenceParameters = field(default_factory=ExistenceParameters)
     association: AssociationParameters = field(default_factory=AssociationParameters)
     motion: MotionParameters = field(default_factory=MotionParameters)
     displacement: DisplacementParameters = field(default_factory=DisplacementParameters)
@@ -118,4 +123,6 @@ class MappingParameters:
 
     def object_sets(self) -> ObjectParameterSets:
         """What an object holds."""
-        return ObjectParameterSets(self.object_shape, self.belief, self.class_sizes, self.motion, self.voxel_map)
+        return ObjectParameterSets(
+            self.object_shape, self.belief, self.class_sizes, self.motion, self.voxel_map, self.existence
+        )

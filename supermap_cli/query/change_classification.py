@@ -8,7 +8,6 @@ only a place seen empty makes an appearance; an object that was not in view is n
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
@@ -17,6 +16,7 @@ from supermap_cli.geometry.boxes import displacement_m
 from supermap_cli.memory.values import StoredInstance, StoredTraversal, StoredVisit
 from supermap_cli.query.presence_at import state_held_at
 from supermap_cli.query.time_points import TimePoint
+from supermap_cli.types.existence import probability_of
 from supermap_cli.types.memory import StateRecord, TemporalEdge
 
 ChangeKind = Literal[
@@ -149,7 +149,7 @@ class StateComparison:
     def _doubted(self) -> ChangeClassification:
         """Believed in no more today, with what the visits to compare say for and against it."""
         old, new = (state_held_at(self.instance.states, end.at_ns) for end in (self.before, self.after))
-        probability = 1 / (1 + math.exp(-self.instance.existence_log_odds))
+        probability = probability_of(self.instance.existence_log_odds)
         visits = self._visits(self.times.traversal_ids_before | self.times.traversal_ids_after)
         found, in_view = sum(visit.supported for visit in visits), sum(visit.in_view for visit in visits)
         contradicted = sum(visit.contradicted for visit in visits)

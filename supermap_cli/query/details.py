@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -28,7 +27,8 @@ from supermap_cli.query.views import (
     support_spans,
     vector,
 )
-from supermap_cli.types.memory import Presence, SpatialEdge, StateRecord
+from supermap_cli.types.existence import log_odds_of
+from supermap_cli.types.memory import Presence, SpatialEdge
 
 
 @dataclass(frozen=True)
@@ -100,7 +100,7 @@ def details_at(reader: MapReader, text_id: str, time_point: TimePoint, clock: Cl
         label=label_at(presence, observations, at_ns),
         label_belief={label: round(share, 4) for label, share in label_shares(observations).items()},
         presence="doubted" if instance.presence == "doubted" else presence.value,
-        existence_log_odds=round(log_odds(state), 4),
+        existence_log_odds=round(log_odds_of(state.confidence), 4),
         position=vector(state.centroid_map),
         box=box_view(state.box),
         first_seen_ns=instance.first_seen_ns,
@@ -124,12 +124,6 @@ def _called(reader: MapReader, observations: Sequence[ObservationRef]) -> tuple[
         for traversal in reader.traversals
         for label, share in list(label_shares(by_traversal.get(traversal.id, ())).items())[:1]
     )
-
-
-def log_odds(state: StateRecord) -> float:
-    """The confidence of a state as log-odds, clamped to [1e-6, 1 - 1e-6]."""
-    confidence = min(max(state.confidence, 1e-6), 1 - 1e-6)
-    return math.log(confidence / (1 - confidence))
 
 
 def find_instance(reader: MapReader, text_id: str) -> StoredInstance:

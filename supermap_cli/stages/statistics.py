@@ -70,5 +70,5 @@ class BuildStatistics:
             f"{self.masks} with a mask, no object confirmed"
             + (f"; for {lost_results} images they never came" if lost_results else ""),
             where=where,
-            cure="check the depth (`supermap inspect`), or map more images with --rate",
+            cure="check the depth (`supermap inspect`), map more images with --rate, or lower --min-confidence",
         )

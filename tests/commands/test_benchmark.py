@@ -31,6 +31,9 @@ def test_kept_worlds_are_used_again_and_built_anew(worlds):
     assert (table["scenario"], table["seeds"]) == ("tiny", [2])
     assert figures["objects: F1"]["values"] == [figures["objects: F1"]["mean"]]
     assert figures["change: F1 of the diff"]["values"] == [None]
+    ((*rated,),) = table["rated"]
+    precision = figures["objects: precision"]["values"][0]
+    assert sum(right for _, right in rated) / len(rated) == pytest.approx(precision, abs=1e-4)
     assert recording.stat().st_mtime_ns == written
 
 

@@ -165,6 +165,33 @@ def test_what_is_not_understood_is_said_and_leaves_nothing(
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize("value", ["0", "1", "1.5", "-0.1", "nan"])
+def test_a_confidence_that_is_no_probability_is_one_line(
+    plugins: f.FakePlugins, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], value: str
+) -> None:
+    assert run_main(monkeypatch, "build", "monday.fake", f"--min-confidence={value}") == 1
+    (line,) = capsys.readouterr().err.strip().splitlines()
+    assert f"--min-confidence {value} is not between 0 and 1" in line
+
+
+@pytest.mark.sqlite_only("about a file")
+def test_the_least_confidence_is_a_parameter_of_the_method_and_stored(plugins: f.FakePlugins, tmp_path: Path) -> None:
+    result = supermap("build", "monday.fake", "--min-confidence", "0.6", "--json")
+    assert result.exit_code == 0, result.output
+    assert json.loads(result.stdout)["traversals"][0]["objects"] == 2
+    with open_store(str(tmp_path / "supermap.db"), read_only=True) as store, store.reader() as reader:
+        (traversal,) = reader.traversals
+        assert traversal.config["parameters"]["lifecycle"]["min_confidence"] == 0.6
+        assert all(state.confidence >= 0.6 for each in reader.believed for state in each.states)
+
+
+def test_who_asks_for_more_confidence_than_there_is_learns_it(plugins: f.FakePlugins) -> None:
+    result = supermap("build", "monday.fake", "--min-confidence", "0.94")
+    assert isinstance(result.exception, RecordingError)
+    assert "no object confirmed" in str(result.exception)
+    assert "lower --min-confidence" in str(result.exception)
+
+
 def test_a_name_for_several_traversals_is_refused(plugins: f.FakePlugins) -> None:
     assert isinstance(supermap("build", "monday.fake", "tuesday.fake", "--name", "week").exception, ConfigError)
 

@@ -47,6 +47,7 @@ def test_all_prints_every_section(db, truth):
     found = printed["map"]["labelled"]
     assert (found["found"], found["missed"], found["recall"]) == (3, 0, 1.0)
     assert {instance["id"] for instance in printed["map"]["false"]} >= {"tv-1", "lamp-1"}
+    assert printed["map"]["calibration"]["count"] == len(printed["map"]["rated"]) == found["found"] + found["false"]
     assert printed["change"]["reported"]["overall"]["f1"] == 1.0
     assert printed["identity"]["relocated_kept"] == 1.0
     assert printed["query"]["exact"] == 1.0
@@ -55,7 +56,7 @@ def test_all_prints_every_section(db, truth):
 @pytest.mark.parametrize(
     ("section", "said"),
     [
-        ("map", ("F1", "precision without label", "tv-1", "why")),
+        ("map", ("F1", "precision without label", "tv-1", "why", "expected calibration error", "share right")),
         ("change", ("change recall, per object", "F1 moved", "chair-a (moved here)", "before it came")),
         ("identity", ("instances per object", "relocated, same id", "images showed 2 places left empty")),
         ("instances", ("AP50", "not a mean over labels")),

@@ -162,11 +162,12 @@ def test_points_are_the_centres_of_the_solid_voxels(in_the_kitchen):
     np.testing.assert_allclose(estimate.objects[0].points, transform_points(T_WORLD_KITCHEN, centres), atol=1e-9)
 
 
-def test_confidence_is_that_of_being_real_and_so_called(in_the_kitchen):
-    objects = {instance.presence: instance for instance in read_estimate(in_the_kitchen, BOTH_DAYS).objects}
-    real = 1 / (1 + np.exp(-3))
-    assert objects["present"].confidence == pytest.approx(0.9 * real)
-    assert objects["absent"].confidence == pytest.approx(0.9 * (1 - real))
+def test_confidence_is_what_the_map_says_of_the_last_state(in_the_kitchen):
+    shown = {instance.id: instance.states[-1].confidence for instance in in_the_kitchen.believed}
+    objects = read_estimate(in_the_kitchen, BOTH_DAYS).objects
+    assert {instance.id: instance.confidence for instance in objects} == shown
+    assert {instance.label_probability for instance in objects} == {0.9}
+    assert objects[0].rank == pytest.approx(0.9 * objects[0].confidence)
 
 
 def test_doubted_objects_are_left_out(tmp_path):

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from supermap_cli.mapping.engine import MappingEngine
+from supermap_cli.mapping.parameters import MappingParameters
 from supermap_cli.types.detections import Detections, no_detections
+from supermap_cli.types.existence import probability_of
 from supermap_cli.types.memory import MapDelta
 from support import scenes as s
 
@@ -32,7 +36,7 @@ def test_a_thing_enters_the_map_on_its_third_sighting_with_all_that_was_seen_of_
     assert {observation.object_number for observation in delta.observations} == {1}
     (state,) = delta.states
     assert (state.index, state.first_seen_ns, state.last_seen_ns, state.gone_ns) == (0, s.ns(0), s.ns(2 / 3), None)
-    assert state.confidence > 0.85
+    assert state.confidence == probability_of(chair.existence_log_odds) > 0.5
 
 
 @pytest.mark.parametrize(("apart_s", "enters"), [(0.2, False), (1.0, True)])
@@ -176,3 +180,55 @@ def test_visits_count_support_views_and_contradictions() -> None:
     assert (visit.supported, visit.contradicted) == (5, 2)
     assert visit.in_view >= 6
     assert (visit.first_support_ns, visit.last_support_ns) == (s.ns(0), s.ns(4 / 3))
+
+
+THINGS = (s.CHAIR.at(1.6, 0.7), s.BOX.at(1.6, -0.7), s.CUP.at(1.3, 0.0, 0.08))
+SCORES = {"chair": 0.8, "box": 0.5, "cup": 0.4}
+
+
+def standing_at(**lifecycle: float) -> dict[str, float]:
+    """What stands in the map after a short walk, with its confidence; the detector is not equally sure of all of it."""
+
+    def unequally_sure(scene: s.Scene, at_s: float) -> Detections:
+        seen = [index for index, thing in enumerate(scene.things) if thing.label and scene.mask(index).sum() > 30]
+        said = [[(scene.things[index].label, SCORES[scene.things[index].label])] for index in seen]
+        return s.detections_of([scene.mask(index) for index in seen], said, at_s)
+
+    parameters = MappingParameters.from_overrides({"lifecycle": lifecycle})
+    run = s.Run(engine=MappingEngine(parameters=parameters), detector=unequally_sure)
+    run.walk((*s.ROOM, *THINGS), 5)
+    shown = {state.object_number: state.confidence for state in run.take().states}
+    return {obj.label: shown[obj.number] for obj in run.standing()}
+
+
+def test_a_higher_threshold_keeps_a_part_of_the_things_and_all_are_at_least_that_sure() -> None:
+    thresholds = (0.3, 0.5, 0.6, 0.7, 0.8, 0.9)
+    maps = {threshold: standing_at(min_confidence=threshold) for threshold in thresholds}
+    for lower, higher in itertools.pairwise(thresholds):
+        assert maps[higher].keys() <= maps[lower].keys()
+    assert all(sure >= threshold for threshold, things in maps.items() for sure in things.values())
+    assert len({len(things) for things in maps.values()}) > 2
+
+
+def test_nothing_that_is_sure_enough_to_enter_is_demoted_for_not_being_sure() -> None:
+    assert standing_at(min_confidence=0.2, demote_confidence=0.99) == standing_at(min_confidence=0.2)
+
+
+def test_the_line_to_probabilities_is_a_parameter_too() -> None:
+    parameters = MappingParameters.from_overrides({"existence": {"slope": 1.0, "intercept": 0.0}})
+    run = s.Run(engine=MappingEngine(parameters=parameters))
+    run.walk(CHAIR_WORLD)
+    delta = run.take()
+    (chair,), (state,) = delta.instances, delta.states
+    assert state.confidence == probability_of(chair.existence_log_odds, parameters.existence)
+
+
+def test_when_a_traversal_ends_one_threshold_decides() -> None:
+    run = s.Run()
+    run.walk(CHAIR_WORLD, 6)
+    chair = run.map[1]
+    chair.existence.log_odds = 1.5  # a confidence between that of demotion and that of the map
+    run.engine.map_merge(s.ns(run.at_s), set())
+    assert run.standing("chair")
+    run.engine.end_traversal()
+    assert chair.demoted

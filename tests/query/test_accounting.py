@@ -20,6 +20,7 @@ from supermap_cli.query.diff import diff
 from supermap_cli.query.overview import overview, overview_at
 from supermap_cli.query.presence_at import state_held_at
 from supermap_cli.query.time_points import TimePoint, parse_time_point
+from supermap_cli.types.existence import probability_of
 from supermap_cli.types.memory import MapDelta
 from support import memories as m
 from support.databases import examples
@@ -86,7 +87,7 @@ def test_a_doubted_object_says_what_speaks_for_and_against_it(tmp_path: Path) ->
     with open_store(str(path), read_only=True) as store, store.reader() as reader:
         (change,) = diff(reader).changes
     assert change.kind == "doubted"
-    assert change.confidence == pytest.approx(0.05, abs=0.01)
+    assert change.confidence == pytest.approx(probability_of(-3), abs=1e-4)
     assert "found in 5 of the 29 keyframes" in change.reason
     assert "never seen empty" in change.reason
     assert "not found in 24" in change.reason

@@ -209,6 +209,7 @@ def estimated_object(obj, stamps_ns):
         label=obj.label,
         presence="present" if states[-1].gone_ns is None else "absent",
         confidence=0.9,
+        label_probability=1.0,
         centroid=states[-1].centroid,
         box=states[-1].box,
         points=obj.surface_world(newest),

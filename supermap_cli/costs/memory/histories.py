@@ -9,6 +9,7 @@ import numpy as np
 
 from supermap_cli.costs.memory.rooms import SyntheticObject, move_in_room
 from supermap_cli.costs.memory.traversals import KEYFRAME_PERIOD_NS, RoomVisit
+from supermap_cli.types.existence import probability_of
 from supermap_cli.types.memory import Presence, StateRecord, TemporalEdge, Visit
 
 P_MOVED, P_REMOVED, P_RETURNED = 0.01, 0.004, 0.3
@@ -19,8 +20,10 @@ MERGED_SHARE, DOUBTED_SHARE, CANDIDATE_SHARE = 0.01, 0.01, 0.005
 """Shares of all objects that end merged into a neighbour, doubted, and linked as an identity candidate. Chosen, not
 measured.
 """
-STATE_CONFIDENCE, CHANGE_PROBABILITY, CANDIDATE_PROBABILITY = 0.97, 0.95, 0.4
-"""Confidence of stored states, probability of changes and of identity candidates. Chosen, not measured."""
+EXISTENCE_LOG_ODDS, CHANGE_PROBABILITY, CANDIDATE_PROBABILITY = 6.0, 0.95, 0.4
+"""Existence of present objects, which gives the confidence of all states; probability of changes and of identity
+candidates. Chosen, not measured.
+"""
 MOVE_DISTANCE_M = 0.8
 """Distance in metres stored with every move; the boxes move by 0.4 to 1.7 m (`rooms.move_in_room`)."""
 
@@ -108,7 +111,7 @@ def _append_state(history: SyntheticHistory, first_ns: int, empty_ns: int | None
         box.center,
         box,
         history.obj.label,
-        STATE_CONFIDENCE,
+        probability_of(EXISTENCE_LOG_ODDS),
     )
     history.states.append(state)
     history.written_by.append(next(visit.traversal.number for visit in history.seen if visit.last_ns >= first_ns))

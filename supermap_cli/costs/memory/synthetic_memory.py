@@ -13,6 +13,7 @@ import numpy as np
 from supermap_cli.costs.memory.histories import (
     CANDIDATE_SHARE,
     DOUBTED_SHARE,
+    EXISTENCE_LOG_ODDS,
     MERGED_SHARE,
     SyntheticHistory,
     link_candidates,
@@ -45,7 +46,7 @@ _CLOUDS = 32
 """Different clouds, shared by all instances."""
 _LABEL_BELIEF, _LABEL_COUNTS = (0.93, 0.05, 0.02), (12.0, 1.5, 0.6)
 """Probabilities and log likelihoods of an instance's label and of two others."""
-_LABEL_VIEWS, _EXISTENCE_LOG_ODDS, _CROP_QUALITY = 20.0, 3.0, 50.0
+_LABEL_VIEWS, _CROP_QUALITY = 20.0, 50.0
 """Further stored beliefs. As of a well-seen object; no query computes with them."""
 _SCORE_RANGE = (0.35, 0.98)
 """Least and greatest score of an observation."""
@@ -179,7 +180,7 @@ def _instance(
         number=obj.number,
         label=obj.label,
         label_belief=belief,
-        existence_log_odds=_EXISTENCE_LOG_ODDS if history.presence == "present" else -_EXISTENCE_LOG_ODDS,
+        existence_log_odds=EXISTENCE_LOG_ODDS if history.presence == "present" else -EXISTENCE_LOG_ODDS,
         presence=history.presence,
         first_seen_ns=history.seen[0].first_ns,
         last_seen_ns=history.seen[-1].last_ns,
