@@ -94,7 +94,7 @@ class BadDetector(f.FakeDetector):
         return [(other, score), (label, 0.6 * score)] if rng.random() < 0.15 else said
 
 
-@pytest.mark.parametrize("seed", [0, 10, 16])
+@pytest.mark.parametrize("seed", [1, 10, 16])
 def test_whatever_happens_the_memory_is_sound(tmp_path: Path, seed: int) -> None:
     rng = np.random.default_rng(seed)
     things = [something(rng) for _ in range(3)]

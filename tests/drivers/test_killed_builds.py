@@ -37,11 +37,11 @@ IN_TURN = [
     ("within a batch", Moment(statement="INSERT INTO visit", nth=2), (("building", 6),)),
     ("committing a batch", Moment(statement="INSERT INTO visit", nth=2, commit=True), (("building", 9),)),
     ("closing the visit", Moment(statement="DELETE FROM before_image"), (("building", 21),)),
-    ("committing its end", Moment(statement="UPDATE traversal SET status", commit=True), (("building", 21),)),
+    ("committing its end", Moment(statement="UPDATE traversal SET config", commit=True), (("building", 21),)),
     ("between the visits", Moment(statement="INSERT INTO traversal"), (("complete", 21),)),
     ("changing the first visit", Moment(statement="INSERT INTO before_image"), (("complete", 21), ("building", 0))),
     ("the second visit", Moment(statement="INSERT INTO visit", nth=4), (("complete", 21), ("building", 9))),
-    ("closing it", Moment(statement="UPDATE traversal SET status"), (("complete", 21), ("building", 18))),
+    ("closing it", Moment(statement="UPDATE traversal SET config"), (("complete", 21), ("building", 18))),
 ]
 """Kills of a build that goes on after each: where, at what moment, and status and keyframes of the traversals then."""
 
