@@ -10,6 +10,7 @@ Departs from the paper, which takes P_t of eq. 3 from SuperOdometry as exact.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -54,6 +55,9 @@ class DriftParameters:
     )
     rematch_m: float = parameter(
         0.01, "m", "shift of the points from which correspondences are looked for anew", "a fraction of surface_m"
+    )
+    settled_m: float = parameter(
+        0.002, "m", "shift of the points below which the radii but for the last are left out", "a fifth of rematch_m"
     )
     gate_sigmas: float = parameter(
         3.0, "1", "deviations of the correction beyond which no correspondences are looked for", "three-sigma rule"
@@ -258,9 +262,11 @@ class DriftCorrection:
 
     def _registered(self, found: Refined) -> SurfaceFit:
         """What was found, with the keyframes whose surfaces the points lie on."""
-        sources, which = np.unique(self._local_sources[found.nearest].astype(np.int64), return_inverse=True)
-        shares = np.bincount(which, found.weight)
-        return SurfaceFit(found.T_map_drifted, found.slope, found.information, sources, shares / shares.sum())
+        shares = np.bincount(self._local_sources[found.nearest], found.weight)
+        sources = np.flatnonzero(shares)
+        return SurfaceFit(
+            found.T_map_drifted, found.slope, found.information, sources, shares[sources] / found.weight.sum()
+        )
 
     def _after_jump(
         self, surface: Surface, sample: Structure, place: KeyframePlace, covariance: FloatArray, without: float
@@ -366,7 +372,10 @@ def refine(
     total = np.zeros(4)
     matched_at = np.full(4, np.inf)
     variance = parameters.correlated_points * parameters.surface_sigma_m**2
-    for reach_m in _search_radii_m(covariance, parameters):
+    radii_m, settled = _search_radii_m(covariance, parameters), False
+    for reach_m in radii_m:
+        if settled and reach_m > radii_m[-1]:
+            continue
         T = shifted(T_start, center, total)
         if _displacement_m(total - matched_at, parameters.compare_range_m) > parameters.rematch_m:
             found, matched_at = surface.correspondences(sample.moved(T), reach_m), total
@@ -380,6 +389,7 @@ def refine(
         data, slope = (jacobian * weight[:, None]).T @ jacobian, jacobian.T @ (weight * residual)
         change = -np.linalg.solve(data + prior, slope + prior @ total)
         total = total + change
+        settled = _displacement_m(change, parameters.compare_range_m) < parameters.settled_m
     slope = slope + data @ change
     return Refined(shifted(T_start, center, total), slope, data, len(near) / len(sample), found.nearest[near], weight)
 
@@ -411,5 +421,5 @@ def _covariance(sigma_m: float, sigma_deg: float) -> FloatArray:
 def _way(T_from: FloatArray, T_to: FloatArray) -> tuple[float, float]:
     """How far, in metres and degrees, it is from one pose to another."""
     step = inverse(T_from) @ T_to
-    turned = np.arccos(np.clip((np.trace(step[:3, :3]) - 1) / 2, -1, 1))
-    return float(np.linalg.norm(step[:3, 3])), float(np.degrees(turned))
+    cos = (step[0, 0] + step[1, 1] + step[2, 2] - 1) / 2
+    return math.hypot(*step[:3, 3]), math.degrees(math.acos(min(max(cos, -1.0), 1.0)))

@@ -110,8 +110,9 @@ class DriftBelief:
     @property
     def weights(self) -> FloatArray:
         """(m,) how likely each is."""
-        likelihood = np.exp(self.log_likelihoods - self.log_likelihoods.max())
-        return np.asarray(likelihood / likelihood.sum(), np.float64)
+        likelihood: FloatArray = np.exp(self.log_likelihoods - self.log_likelihoods.max())
+        likelihood /= likelihood.sum()
+        return likelihood
 
 
 class PastBeliefs:
@@ -208,14 +209,13 @@ class DriftEvidence:
         miscalibrated = self.parameters.calibration_m_per_m**2 * self.past.apart_m2(found, place)
         noise = np.linalg.inv(data) + np.diag([miscalibrated] * 3 + [0.0])
         precision = np.linalg.inv(pose + self._variance[:, None, None] * noise)
-        misfit = np.einsum("mi,mij,mj->m", surprise, precision, surprise)
-        likelihoods = (np.linalg.slogdet(precision)[1] - misfit) / 2
-        drift_gain, pose_gain = drift @ precision, pose @ precision
+        pull = precision @ surprise[:, :, None]
+        likelihoods = (np.log(np.linalg.det(precision)) - (surprise * pull[:, :, 0]).sum(axis=1)) / 2
         self.belief = DriftBelief(
-            _from_taken(predicted + np.einsum("mij,mj->mi", drift_gain, surprise), place.base_drifted),
-            past + to_origin @ _symmetric(drift - drift_gain @ drift) @ to_origin.T,
-            _from_taken(predicted + np.einsum("mij,mj->mi", pose_gain, surprise), place.base_drifted),
-            past + to_origin @ _symmetric(pose - pose_gain @ pose) @ to_origin.T,
+            _from_taken(predicted + (drift @ pull)[:, :, 0], place.base_drifted),
+            past + to_origin @ _symmetric(drift - drift @ precision @ drift) @ to_origin.T,
+            _from_taken(predicted + (pose @ pull)[:, :, 0], place.base_drifted),
+            past + to_origin @ _symmetric(pose - pose @ precision @ pose) @ to_origin.T,
             belief.log_likelihoods + share * likelihoods,
         )
 
