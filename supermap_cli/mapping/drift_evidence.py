@@ -5,7 +5,7 @@ odometry whose shift and whose heading err by so many times the usual, from not 
 poses jitter or not, and a registration that errs by so many times its own. Each is a Kalman filter of the correction,
 each is judged by how well it foretold what registration found, and the correction is their mean, weighted by how likely
 they are: multiple-model estimation (Magill 1965; Bar-Shalom, Li and Kirubarajan 2001, section 11.6). Where odometry
-errs by less than registration can tell, that of an exact odometry wins, and nothing is corrected.
+errs by less than registration can tell, that of an exact odometry wins, and next to nothing is corrected.
 
 Registration tells where a keyframe stands to those whose surfaces it lies on, and these stand no better than they did
 then. Only what the odometry has added since is weighed against it, and a keyframe is never better known than these.
