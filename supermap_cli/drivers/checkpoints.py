@@ -103,7 +103,7 @@ def restore_session(
     parts = checkpoint.parts
     return SessionState(
         restore_engine(parts["engine"], config.mapping, frozenset(config.ablate), free_space, mapping),
-        restore_drift(parts["drift"], mapping.drift, mapping.icp) if "drift" in parts else None,
+        restore_drift(parts["drift"], mapping) if "drift" in parts else None,
         parameters,
         tuple(stopped.spatial_edges),
         stopped.placement,

@@ -10,15 +10,22 @@ Departs from the paper, which takes P_t of eq. 3 from SuperOdometry as exact.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
-from typing import Self
 
 import numpy as np
 
-from supermap_cli.geometry.arrays import FloatArray, IntArray
+from supermap_cli.geometry.arrays import Float32Array, FloatArray, Int32Array, IntArray
 from supermap_cli.geometry.se3 import inverse, make_transform, transform_points
 from supermap_cli.geometry.voxels import is_member, pack_keys, voxel_keys
-from supermap_cli.mapping import icp
+from supermap_cli.mapping import drift_evidence, icp
+from supermap_cli.mapping.drift_evidence import (
+    DriftBelief,
+    DriftEvidence,
+    DriftEvidenceParameters,
+    KeyframePlace,
+    SurfaceFit,
+)
 from supermap_cli.mapping.icp import IcpParameters, Surface
 from supermap_cli.mapping.structure import CoarseDepth, Structure
 from supermap_cli.types.parameters import TUNED, parameter
@@ -48,6 +55,9 @@ class DriftParameters:
     )
     rematch_m: float = parameter(
         0.01, "m", "shift of the points from which correspondences are looked for anew", "a fraction of surface_m"
+    )
+    settled_m: float = parameter(
+        0.002, "m", "shift of the points below which the radii but for the last are left out", "a fifth of rematch_m"
     )
     gate_sigmas: float = parameter(
         3.0, "1", "deviations of the correction beyond which no correspondences are looked for", "three-sigma rule"
@@ -113,6 +123,7 @@ class KnownSurfaces:
 
     def __init__(self) -> None:
         self._points, self._normals = np.empty((_FIRST_CAPACITY, 3)), np.empty((_FIRST_CAPACITY, 3))
+        self._sources = np.empty(_FIRST_CAPACITY, np.int32)
         self._count = 0
 
     def __len__(self) -> int:
@@ -123,18 +134,27 @@ class KnownSurfaces:
         """All of them."""
         return Structure(self._points[: self._count], self._normals[: self._count])
 
-    def add(self, seen: Structure) -> None:
-        """Add surfaces after those that are there."""
+    @property
+    def sources(self) -> Int32Array:
+        """(n,) the keyframe that each was seen first in."""
+        return self._sources[: self._count]
+
+    def add(self, seen: Structure, source: int | Int32Array) -> None:
+        """Add surfaces after those that are there, and in which keyframe they were seen."""
         count = self._count + len(seen)
         while count > len(self._points):
             self._points = np.concatenate([self._points, np.empty_like(self._points)])
             self._normals = np.concatenate([self._normals, np.empty_like(self._normals)])
+            self._sources = np.concatenate([self._sources, np.empty_like(self._sources)])
+        self._sources[self._count : count] = source
         self._points[self._count : count], self._normals[self._count : count] = seen.points, seen.normals
         self._count = count
 
-    def within(self, center: FloatArray, radius_m: float) -> Structure:
-        """Those that come within a distance of a point (3,)."""
-        return self.structure.within(center, radius_m)
+    def within(self, center: FloatArray, radius_m: float) -> tuple[Structure, Int32Array]:
+        """Those that come within a distance of a point (3,), and which keyframes they were seen in."""
+        offsets = self._points[: self._count] - center
+        chosen = np.flatnonzero(np.einsum("ij,ij->i", offsets, offsets) < radius_m**2)
+        return self.structure.take(chosen), self._sources[chosen]
 
 
 @dataclass(frozen=True)
@@ -142,13 +162,16 @@ class DriftMark:
     """Where a drift correction is after one keyframe: with the first `known` surfaces, all else follows.
 
     `near_known` of them had been known when those around `near_at` (3,) were laid out last (-1: never), and `fresh`
-    have come since. `matched` is the share of its last keyframe that lay on known surfaces.
+    have come since. `matched` is the share of its last keyframe that lay on known surfaces. Of the `remembered` first
+    keyframes is known how well they were placed.
     """
 
     T_map_drifted: FloatArray
-    covariance: FloatArray
+    belief: DriftBelief
     last: FloatArray | None
+    last_camera: FloatArray | None
     known: int
+    remembered: int
     near_at: FloatArray
     near_known: int
     fresh: int
@@ -157,112 +180,143 @@ class DriftMark:
 
 @dataclass
 class DriftCorrection:
-    """Holds the correction, `T_map_drifted`, and the surfaces by which it is found."""
+    """Holds the correction, `T_map_drifted`, the surfaces by which it is found, and the evidence for it."""
 
     parameters: DriftParameters = DEFAULT
     icp_parameters: IcpParameters = icp.DEFAULT
+    evidence_parameters: DriftEvidenceParameters = drift_evidence.DEFAULT
     T_map_drifted: FloatArray = field(default_factory=lambda: np.eye(4))
     known: KnownSurfaces = field(default_factory=KnownSurfaces)
+    evidence: DriftEvidence = field(init=False)
     _codes: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
     _local: Surface | None = None
+    _local_sources: Int32Array = field(default_factory=lambda: np.zeros(0, np.int32))
     _near_at: FloatArray = field(default_factory=lambda: np.full(3, np.inf))
     _near_known: int = -1
     _fresh: int = 0
-    _covariance: FloatArray = field(default_factory=lambda: np.zeros((4, 4)))
     _last: FloatArray | None = None
+    _last_camera: FloatArray | None = None
     _matched: float = 0.0
+
+    def __post_init__(self) -> None:
+        self.evidence = DriftEvidence(self.evidence_parameters)
 
     def add_view(self, view: CoarseDepth) -> None:
         """Take in the surfaces of a depth image that is placed in the map."""
-        self._add_surfaces(view.structure(self.parameters.keep_range_m).thinned(self.parameters.surface_m))
+        seen = view.structure(self.parameters.keep_range_m).thinned(self.parameters.surface_m)
+        self._add_surfaces(seen, self.evidence.remember_exact(view.T_frame_camera[:3, 3]))
 
     def register(self, view: CoarseDepth, T_drifted_base: FloatArray) -> FloatArray:
         """`T_map_base` of a keyframe: `view` is its depth, placed where the odometry has it, as is `T_drifted_base`."""
-        parameters = self.parameters
-        covariance = self._covariance + self._step_covariance(T_drifted_base)
-        self._covariance = covariance
+        parameters, evidence = self.parameters, self.evidence
+        usual = self._go_on(T_drifted_base)
+        place = self._place(view, T_drifted_base)
+        share = self._independent_share(view.T_frame_camera)
         seen = view.structure(parameters.compare_range_m).thinned(parameters.surface_m)
         sample = seen.thinned(parameters.sample_m)
-        center = transform_points(self.T_map_drifted, T_drifted_base[None, :3, 3])[0]
-        if len(sample) >= parameters.min_points and (surface := self._local_surface(center)) is not None:
-            found = refine(surface, sample, self.T_map_drifted, center, covariance, parameters=parameters)
+        if len(sample) >= parameters.min_points and (surface := self._local_surface(place.base_map)) is not None:
+            covariance = evidence.covariance(place) + usual
+            found = refine(surface, sample, self.T_map_drifted, place.base_map, covariance, parameters=parameters)
             matched = 0.0 if found is None else found.matched
             if matched < min(parameters.jump_matched, self._matched - parameters.jump_gain):
-                found = self._after_jump(surface, sample, center, covariance, found)
+                jumped = self._after_jump(surface, sample, place, covariance, matched)
+                if jumped is not None:
+                    evidence.placed(_covariance(parameters.jump_sigma_m, parameters.jump_sigma_deg), place.base_map)
+                    found, share = jumped, 0.0
             if found is not None and found.matched >= parameters.min_matched:
-                self.T_map_drifted, self._covariance = found.T_map_drifted, found.covariance
+                evidence.weigh(self._registered(found), place, share)
+                self.T_map_drifted = evidence.mean(place.base_drifted)
             self._matched = 0.0 if found is None else found.matched
         near = seen.within(view.T_frame_camera[:3, 3], parameters.keep_range_m)
-        self._add_surfaces(near.moved(self.T_map_drifted))
+        source = evidence.remember(self.T_map_drifted, place.camera_map)
+        self._add_surfaces(near.moved(self.T_map_drifted), source)
         return self.T_map_drifted @ T_drifted_base
 
+    def _go_on(self, T_drifted_base: FloatArray) -> FloatArray:
+        """Follow the odometry to its next pose; returns what it usually errs by meanwhile, (4, 4)."""
+        parameters = self.parameters
+        last, self._last = self._last, T_drifted_base
+        base_map = transform_points(self.T_map_drifted, T_drifted_base[None, :3, 3])[0]
+        if last is None:
+            placed = _covariance(parameters.placed_sigma_m, parameters.placed_sigma_deg)
+            if len(self.known):
+                self.evidence.placed(placed, base_map)
+            return placed
+        if np.array_equal(last, T_drifted_base):
+            return _covariance(parameters.odometry_m, parameters.odometry_deg)
+        way_m, turned_deg = _way(last, T_drifted_base)
+        by_turn_deg = parameters.odometry_deg_per_turn * turned_deg / 360
+        deg = np.linalg.norm([parameters.odometry_deg, parameters.odometry_deg_per_m * way_m, by_turn_deg])
+        usual = _covariance(float(np.hypot(parameters.odometry_m, parameters.odometry_m_per_m * way_m)), float(deg))
+        self.evidence.moved(usual, base_map)
+        self.T_map_drifted = self.evidence.mean(T_drifted_base[:3, 3])
+        return usual
+
+    def _place(self, view: CoarseDepth, T_drifted_base: FloatArray) -> KeyframePlace:
+        both = np.stack([T_drifted_base[:3, 3], view.T_frame_camera[:3, 3]])
+        return KeyframePlace(both[0], *transform_points(self.T_map_drifted, both))
+
+    def _independent_share(self, T_drifted_camera: FloatArray) -> float:
+        last, self._last_camera = self._last_camera, T_drifted_camera
+        return 1.0 if last is None else self.evidence_parameters.independent_share(*_way(last, T_drifted_camera))
+
+    def _registered(self, found: Refined) -> SurfaceFit:
+        """What was found, with the keyframes whose surfaces the points lie on."""
+        shares = np.bincount(self._local_sources[found.nearest], found.weight)
+        sources = np.flatnonzero(shares)
+        return SurfaceFit(
+            found.T_map_drifted, found.slope, found.information, sources, shares[sources] / found.weight.sum()
+        )
+
     def _after_jump(
-        self, surface: Surface, sample: Structure, center: FloatArray, covariance: FloatArray, found: Refined | None
+        self, surface: Surface, sample: Structure, place: KeyframePlace, covariance: FloatArray, without: float
     ) -> Refined | None:
-        """The correction if the odometry has jumped, where the surfaces say so clearly; else the one `found`."""
+        """The correction if the odometry has jumped, where the surfaces say so clearly: `without`, that share fits."""
         parameters = self.parameters
         if len(sample) < parameters.jump_points:
-            return found
+            return None
         wide = covariance + _covariance(parameters.jump_sigma_m, parameters.jump_sigma_deg)
-        jumped = refine(surface, sample, self.T_map_drifted, center, wide, parameters=parameters)
-        without = 0.0 if found is None else found.matched
+        jumped = refine(surface, sample, self.T_map_drifted, place.base_map, wide, parameters=parameters)
         if jumped is None or jumped.matched < max(parameters.jump_found, without + parameters.jump_gain):
-            return found
+            return None
         return jumped
 
     def mark(self) -> DriftMark:
         """Where it is now."""
         return DriftMark(
             self.T_map_drifted,
-            self._covariance,
+            self.evidence.belief,
             self._last,
+            self._last_camera,
             len(self.known),
+            len(self.evidence.past),
             self._near_at,
             self._near_known,
             self._fresh,
             self._matched,
         )
 
-    @classmethod
-    def at_mark(
-        cls,
-        mark: DriftMark,
-        points: FloatArray,
-        normals: FloatArray,
-        parameters: DriftParameters = DEFAULT,
-        icp_parameters: IcpParameters = icp.DEFAULT,
-    ) -> Self:
-        """One that goes on from a mark, with the surfaces (n, 3) known then."""
-        resumed = cls(parameters, icp_parameters, T_map_drifted=mark.T_map_drifted)
+    def resume(self, mark: DriftMark, known: KnownSurfaces, past: tuple[Float32Array, FloatArray, FloatArray]) -> None:
+        """Go on from a mark, with the surfaces known then and what had been believed of earlier keyframes."""
+        self.T_map_drifted, self.evidence.belief = mark.T_map_drifted, mark.belief
+        self.evidence.past.restore(*past)
+        points, normals = known.structure.points, known.structure.normals
         if mark.near_known >= 0:
-            resumed.known.add(Structure(points[: mark.near_known], normals[: mark.near_known]))
-            resumed._gather_local(mark.near_at)
-        so_far = len(resumed.known)
-        resumed.known.add(Structure(points[so_far:], normals[so_far:]))
-        resumed._codes = np.unique(pack_keys(voxel_keys(points, parameters.surface_m)))
-        resumed._covariance, resumed._last, resumed._fresh = mark.covariance, mark.last, mark.fresh
-        resumed._matched = mark.matched
-        return resumed
+            before = slice(mark.near_known)
+            self.known.add(Structure(points[before], normals[before]), known.sources[before])
+            self._gather_local(mark.near_at)
+        after = slice(len(self.known), None)
+        self.known.add(Structure(points[after], normals[after]), known.sources[after])
+        self._codes = np.unique(pack_keys(voxel_keys(points, self.parameters.surface_m)))
+        self._last, self._last_camera, self._fresh = mark.last, mark.last_camera, mark.fresh
+        self._matched = mark.matched
 
-    def _step_covariance(self, T_drifted_base: FloatArray) -> FloatArray:
-        """(4, 4) how far, in x, y, z and heading, the correction may have changed since the last keyframe."""
-        parameters = self.parameters
-        last, self._last = self._last, T_drifted_base
-        if last is None:
-            return _covariance(parameters.placed_sigma_m, parameters.placed_sigma_deg)
-        step = inverse(last) @ T_drifted_base
-        way_m = float(np.linalg.norm(step[:3, 3]))
-        turned = float(np.arccos(np.clip((np.trace(step[:3, :3]) - 1) / 2, -1, 1)) / (2 * np.pi))
-        by_motion_deg = np.hypot(parameters.odometry_deg_per_m * way_m, parameters.odometry_deg_per_turn * turned)
-        deg = np.hypot(parameters.odometry_deg, by_motion_deg)
-        return _covariance(float(np.hypot(parameters.odometry_m, parameters.odometry_m_per_m * way_m)), float(deg))
-
-    def _add_surfaces(self, seen: Structure) -> None:
+    def _add_surfaces(self, seen: Structure, source: int) -> None:
         codes = pack_keys(voxel_keys(seen.points, self.parameters.surface_m))
         codes, first = np.unique(codes, return_index=True)
         fresh = ~is_member(codes, self._codes)
         self._codes = np.insert(self._codes, np.searchsorted(self._codes, codes[fresh]), codes[fresh])
-        self.known.add(seen.take(first[fresh]))
+        self.known.add(seen.take(first[fresh]), source)
         self._fresh += int(fresh.sum())
 
     def _local_surface(self, center: FloatArray) -> Surface | None:
@@ -278,20 +332,25 @@ class DriftCorrection:
         return self._local
 
     def _gather_local(self, center: FloatArray) -> None:
-        near = self.known.within(center, self.parameters.compare_range_m + self.parameters.local_margin_m)
+        reach_m = self.parameters.compare_range_m + self.parameters.local_margin_m
+        near, self._local_sources = self.known.within(center, reach_m)
         self._local = Surface(near, self.icp_parameters) if len(near) >= self.parameters.min_points else None
         self._near_at, self._near_known, self._fresh = center, len(self.known), 0
 
 
 @dataclass(frozen=True)
 class Refined:
-    """A correction found, (4, 4), its covariance (4, 4) in x, y, z and heading, and which share of the points it was
-    found from lies on the surface.
+    """A correction found, (4, 4), and what speaks for it but for the prior: slope (4,) and curvature (4, 4) of the
+    misfit in x, y, z and heading. Of the points the share `matched` lies on the surface, at its points `nearest` (k,),
+    with `weight` (k,).
     """
 
     T_map_drifted: FloatArray
-    covariance: FloatArray
+    slope: FloatArray
+    information: FloatArray
     matched: float
+    nearest: IntArray
+    weight: FloatArray
 
 
 def refine(
@@ -310,11 +369,13 @@ def refine(
     how far it leaves `T_start`: where the surfaces leave a direction open, as in a corridor, the prior holds.
     """
     prior = np.linalg.inv(covariance)
-    information = prior
     total = np.zeros(4)
     matched_at = np.full(4, np.inf)
     variance = parameters.correlated_points * parameters.surface_sigma_m**2
-    for reach_m in _search_radii_m(covariance, parameters):
+    radii_m, settled = _search_radii_m(covariance, parameters), False
+    for reach_m in radii_m:
+        if settled and reach_m > radii_m[-1]:
+            continue
         T = shifted(T_start, center, total)
         if _displacement_m(total - matched_at, parameters.compare_range_m) > parameters.rematch_m:
             found, matched_at = surface.correspondences(sample.moved(T), reach_m), total
@@ -325,9 +386,12 @@ def refine(
         weight = np.square(np.maximum(1 - np.square(residual / reach_m), 0)) / variance
         arms, normals = points[near, :2] - center[:2] - total[:2], found.normals[near]
         jacobian = np.column_stack([normals, arms[:, 0] * normals[:, 1] - arms[:, 1] * normals[:, 0]])
-        information = (jacobian * weight[:, None]).T @ jacobian + prior
-        total = total - np.linalg.solve(information, jacobian.T @ (weight * residual) + prior @ total)
-    return Refined(shifted(T_start, center, total), np.linalg.inv(information), len(near) / len(sample))
+        data, slope = (jacobian * weight[:, None]).T @ jacobian, jacobian.T @ (weight * residual)
+        change = -np.linalg.solve(data + prior, slope + prior @ total)
+        total = total + change
+        settled = _displacement_m(change, parameters.compare_range_m) < parameters.settled_m
+    slope = slope + data @ change
+    return Refined(shifted(T_start, center, total), slope, data, len(near) / len(sample), found.nearest[near], weight)
 
 
 def _search_radii_m(covariance: FloatArray, parameters: DriftParameters) -> tuple[float, ...]:
@@ -352,3 +416,10 @@ def shifted(T_start: FloatArray, center: FloatArray, change: FloatArray) -> Floa
 
 def _covariance(sigma_m: float, sigma_deg: float) -> FloatArray:
     return np.diag(np.square([sigma_m, sigma_m, sigma_m, float(np.radians(sigma_deg))]))
+
+
+def _way(T_from: FloatArray, T_to: FloatArray) -> tuple[float, float]:
+    """How far, in metres and degrees, it is from one pose to another."""
+    step = inverse(T_from) @ T_to
+    cos = (step[0, 0] + step[1, 1] + step[2, 2] - 1) / 2
+    return math.hypot(*step[:3, 3]), math.degrees(math.acos(min(max(cos, -1.0), 1.0)))

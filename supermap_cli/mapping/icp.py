@@ -42,11 +42,13 @@ class Fit:
 
 @dataclass(frozen=True)
 class Correspondences:
-    """Which m of a source's points correspond to one on a surface, (m,) positions, and that one's points and normals
-    (m, 3). They stay the same while the source moves by much less than the surface's points are apart.
+    """Which m of a source's points correspond to one on a surface, (m,) positions, which ones these are, (m,), and
+    their points and normals (m, 3). They stay the same while the source moves by much less than the surface's points
+    are apart.
     """
 
     source: IntArray
+    nearest: IntArray
     points: FloatArray
     normals: FloatArray
 
@@ -94,7 +96,7 @@ class Surface:
         points, normals = self.structure.points[nearest[found]], self.structure.normals[nearest[found]]
         least_cos = np.cos(np.radians(self.parameters.max_normal_angle_deg))
         facing = np.einsum("ij,ij->i", moved.normals[found], normals) > least_cos
-        return Correspondences(found[facing], points[facing], normals[facing])
+        return Correspondences(found[facing], nearest[found[facing]], points[facing], normals[facing])
 
     def _match(self, moved: Structure, reach_m: float) -> tuple[BoolArray, FloatArray, FloatArray, FloatArray]:
         """Which points (n,) correspond to one; of those m distances to its plane (m,), normals, points (m, 3)."""

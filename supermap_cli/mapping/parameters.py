@@ -19,6 +19,7 @@ from supermap_cli.mapping.crops import CropParameters
 from supermap_cli.mapping.depth import DepthParameters
 from supermap_cli.mapping.displacement import DisplacementParameters
 from supermap_cli.mapping.drift import DriftParameters
+from supermap_cli.mapping.drift_evidence import DriftEvidenceParameters
 from supermap_cli.mapping.duplicates import DuplicatesParameters
 from supermap_cli.mapping.floor_by_feet import FloorByFeetParameters
 from supermap_cli.mapping.foreground import ForegroundParameters
@@ -61,6 +62,7 @@ class MappingParameters:
     icp: IcpParameters = field(default_factory=IcpParameters)
     structure: StructureParameters = field(default_factory=StructureParameters)
     drift: DriftParameters = field(default_factory=DriftParameters)
+    drift_evidence: DriftEvidenceParameters = field(default_factory=DriftEvidenceParameters)
     depth: DepthParameters = field(default_factory=DepthParameters)
     returns: ReturnsParameters = field(default_factory=ReturnsParameters)
     visibility: VisibilityParameters = field(default_factory=VisibilityParameters)

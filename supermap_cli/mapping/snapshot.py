@@ -12,15 +12,13 @@ from typing import Any
 
 from supermap_cli.config import Ablation, MappingConfig
 from supermap_cli.geometry.boxes import Box3D
-from supermap_cli.mapping import drift as drift_module
-from supermap_cli.mapping import icp
 from supermap_cli.mapping.absence import AbsenceEvidence, EmptyRun
 from supermap_cli.mapping.belief import Existence, LabelBelief, OutcomeRun, ViewpointCell, ViewpointHistory
-from supermap_cli.mapping.drift import DriftCorrection, DriftMark, DriftParameters
+from supermap_cli.mapping.drift import DriftCorrection, DriftMark, KnownSurfaces
+from supermap_cli.mapping.drift_evidence import DriftBelief
 from supermap_cli.mapping.engine import MappingEngine
 from supermap_cli.mapping.floor_by_feet import FloorByFeet, FootRays
 from supermap_cli.mapping.free_space import FreeSpaceMemory
-from supermap_cli.mapping.icp import IcpParameters
 from supermap_cli.mapping.map_update import IdentityLinks
 from supermap_cli.mapping.motion import Course, MotionState
 from supermap_cli.mapping.object_shape import ObjectShape
@@ -37,6 +35,7 @@ from supermap_cli.mapping.pair_evidence import PairEvidence
 from supermap_cli.mapping.parameters import MappingParameters
 from supermap_cli.mapping.recall import FoundBy, RecallModel, ScoreModel
 from supermap_cli.mapping.splitting import Halves, SplitEvidence
+from supermap_cli.mapping.structure import Structure
 from supermap_cli.mapping.voxel_map import VoxelMap
 from supermap_cli.types.detections import Hypothesis
 from supermap_cli.types.memory import Observation
@@ -53,7 +52,7 @@ CLASSES: Mapping[type, tuple[str, ...]] = {
     **dict.fromkeys(
         (AbsenceEvidence, EmptyRun, DisplacementEvidence, MissEvidence, Halves, IdentityLinks, FootRays), ()
     ),
-    **dict.fromkeys((Observation, Hypothesis, Box3D, DriftMark), ()),
+    **dict.fromkeys((Observation, Hypothesis, Box3D, DriftMark, DriftBelief), ()),
 }
 """What a snapshot consists of -> what is left out: what is worked out anew when it is asked for, and the parameters."""
 
@@ -112,13 +111,22 @@ def restore_engine(
 def drift_snapshot(drift: DriftCorrection, mark: DriftMark) -> bytes:
     """The drift correction as it was at a mark; it may have gone on since."""
     known = drift.known.structure
-    kept: dict[str, Any] = {"points": known.points[: mark.known], "normals": known.normals[: mark.known], "mark": mark}
+    kept: dict[str, Any] = {
+        "points": known.points[: mark.known],
+        "normals": known.normals[: mark.known],
+        "sources": drift.known.sources[: mark.known],
+        "past": list(drift.evidence.past.first(mark.remembered)),
+        "mark": mark,
+    }
     return pack(kept, CLASSES)
 
 
-def restore_drift(
-    snapshot: bytes, parameters: DriftParameters = drift_module.DEFAULT, icp_parameters: IcpParameters = icp.DEFAULT
-) -> DriftCorrection:
+def restore_drift(snapshot: bytes, parameters: MappingParameters | None = None) -> DriftCorrection:
     """The drift correction as it was. Raises `packing.PackingError` for bytes that are no snapshot."""
+    parameters = parameters or MappingParameters()
     kept = unpack(snapshot, CLASSES)
-    return DriftCorrection.at_mark(kept["mark"], kept["points"], kept["normals"], parameters, icp_parameters)
+    known = KnownSurfaces()
+    known.add(Structure(kept["points"], kept["normals"]), kept["sources"])
+    drift = DriftCorrection(parameters.drift, parameters.icp, parameters.drift_evidence)
+    drift.resume(kept["mark"], known, tuple(kept["past"]))
+    return drift

@@ -89,7 +89,9 @@ def begin(config: BuildConfig, prior: PriorMap | None = None, placement: Placeme
         None if placement is None else placement.floor_z,
         parameters=mapping,
     )
-    drift = DriftCorrection(mapping.drift, mapping.icp) if config.mapping.correct_drift else None
+    drift = None
+    if config.mapping.correct_drift:
+        drift = DriftCorrection(mapping.drift, mapping.icp, mapping.drift_evidence)
     for number, record in prior.keyframes():
         engine.free_space.add_record(number, record)
         if drift is not None:

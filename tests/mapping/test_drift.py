@@ -8,6 +8,7 @@ import pytest
 from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.geometry.se3 import inverse
 from supermap_cli.mapping.drift import DriftCorrection, shifted
+from supermap_cli.mapping.snapshot import drift_snapshot, restore_drift
 from supermap_cli.mapping.structure import CoarseDepth
 from support import scenes as s
 
@@ -90,6 +91,20 @@ def test_a_jump_of_the_odometry_is_put_right() -> None:
         seen, drifted = view(WORLD, (-0.4, -0.8 + 0.1 * k, 1.3), drift)
         found = correction.register(seen, drifted)
     assert off_m(found, jump, drifted) < 0.05
+
+
+def test_a_build_that_goes_on_from_a_snapshot_finds_the_same_places() -> None:
+    correction, marks, expected = DriftCorrection(), [], []
+    seen = [
+        view(WORLD, (-0.4, -1.2 + 0.1 * k, 1.3), shifted(np.eye(4), ORIGIN, np.array([0.006 * k, 0, 0, 0.001 * k])))
+        for k in range(20)
+    ]
+    for one in seen:
+        expected.append(correction.register(*one))
+        marks.append(correction.mark())
+    resumed = restore_drift(drift_snapshot(correction, marks[9]))
+    for one, found in zip(seen[10:], expected[10:], strict=True):
+        np.testing.assert_array_equal(resumed.register(*one), found)
 
 
 def test_a_bare_wall_proves_no_jump() -> None:
