@@ -63,6 +63,31 @@ Examples:
 """
 
 
+PerceptionRateOption = Annotated[
+    float | None,
+    typer.Option(help="Images perceived a second, the others give depth. [default: all that are mapped]"),
+]
+NameOption = Annotated[str | None, typer.Option(help="Name of the traversal. [default: the file's name]")]
+MinConfidenceOption = Annotated[
+    float | None,
+    typer.Option(
+        metavar="P",
+        help="Probability of being right (there, and rightly called) from which an object enters the map, between "
+        "0 and 1: higher, and less is wrong and more is missing. None is surer than about 0.95. [default: 0.5]",
+    ),
+]
+AblateOption = Annotated[
+    list[str] | None,
+    typer.Option(help="Switch a component off: tracker, semantic-fusion or geometric-consistency."),
+]
+ResumeOption = Annotated[
+    bool,
+    typer.Option("--resume", help="Resume a stopped build; what is in the map already is passed over."),
+]
+RestartOption = Annotated[bool, typer.Option("--restart", help="Remove what a stopped build wrote, and start again.")]
+AgainOption = Annotated[bool, typer.Option("--again", help="Build a recording that is in the map once more.")]
+
+
 def register(app: typer.Typer) -> None:
     """Add the command to the app."""
     app.command(epilog=EXAMPLES)(build)
@@ -85,32 +110,14 @@ def build(  # noqa: PLR0917 - a command line has many options
     start: StartOption = None,
     end: EndOption = None,
     rate: RateOption = None,
-    perception_rate: Annotated[
-        float | None,
-        typer.Option(help="Images perceived a second, the others give depth. [default: all that are mapped]"),
-    ] = None,
-    min_confidence: Annotated[
-        float | None,
-        typer.Option(
-            metavar="P",
-            help="Probability of being right (there, and rightly called) from which an object enters the map, between "
-            "0 and 1: higher, and less is wrong and more is missing. None is surer than about 0.95. [default: 0.5]",
-        ),
-    ] = None,
+    perception_rate: PerceptionRateOption = None,
+    min_confidence: MinConfidenceOption = None,
     align: AlignOption = "auto",
-    name: Annotated[str | None, typer.Option(help="Name of the traversal. [default: the file's name]")] = None,
-    ablate: Annotated[
-        list[str] | None,
-        typer.Option(help="Switch a component off: tracker, semantic-fusion or geometric-consistency."),
-    ] = None,
-    resume: Annotated[
-        bool,
-        typer.Option("--resume", help="Resume a stopped build; what is in the map already is passed over."),
-    ] = False,
-    restart: Annotated[
-        bool, typer.Option("--restart", help="Remove what a stopped build wrote, and start again.")
-    ] = False,
-    again: Annotated[bool, typer.Option("--again", help="Build a recording that is in the map once more.")] = False,
+    name: NameOption = None,
+    ablate: AblateOption = None,
+    resume: ResumeOption = False,
+    restart: RestartOption = False,
+    again: AgainOption = False,
     as_json: JsonOption = False,
 ) -> None:
     """Build recordings into the map database, one traversal each.

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, get_args
 
 from supermap_cli.geometry.boxes import displacement_m
 from supermap_cli.memory.values import StoredInstance, StoredTraversal, StoredVisit
@@ -31,18 +31,7 @@ ChangeKind = Literal[
     "at neither",
     "doubted",
 ]
-CHANGE_KINDS: tuple[ChangeKind, ...] = (
-    "appeared",
-    "disappeared",
-    "moved",
-    "relabelled",
-    "unchanged",
-    "not observed again",
-    "first observed",
-    "not looked at",
-    "at neither",
-    "doubted",
-)
+CHANGE_KINDS: tuple[ChangeKind, ...] = get_args(ChangeKind)
 """In the order of reports: changes, unchanged, undecidable, what stood at neither time, what may never have been."""
 
 MIN_MOVE_M = 0.1

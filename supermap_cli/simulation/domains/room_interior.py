@@ -38,7 +38,7 @@ _PERSON_M = (0.55, 0.55, 1.8)  # m, the room that a standing person needs
 _STANDS_DRAWN = 60  # tries at a place for a person; bounds the time
 _TWIN_ROUNDS = 4  # rounds in which twins look for a place; bounds the time
 _LEAST_THINGS = 2  # things that even the last attempt has: with fewer there is nothing to map
-_SHARE_BESIDE_ROWS = 0.6  # share, for rows take up the floor: of the things that a room holds without rows
+_SHARE_BESIDE_ROWS = 0.6  # share of the things that a room holds without rows (chosen): rows take up the floor
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ _PASS_SPEED = 0.6  # m/s at most, a slow walk
 _LINES_DRAWN = 400  # lines tried; bounds the time
 _STEP_S = 0.05  # s between points of a way
 _KNOT_EVERY = 5  # points: 0.25 s, as for other routes
-_SHORTEST_PASS_M = 0.3  # m: less is a stand
+_SHORTEST_PASS_M = 0.3  # m, chosen: a shorter pass is a stand
 
 
 def turn_on_the_spot(  # noqa: PLR0917 - where, how and when

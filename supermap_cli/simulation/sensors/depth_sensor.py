@@ -15,7 +15,7 @@ _MULTIPATH_PX, _BLIND_PX = 40, 12  # px, chosen by looking: width of patches of 
 _TEXTURE_PX = 9  # px: side of the square over which texture is measured
 _TEXTURED = 6.0  # grey levels (0..255): standard deviation of the brightness from which a match is certain
 _BLIND_TEXTURED, _BLIND_PLAIN = 2.0, 0.3  # standard deviations of the noise above which a patch is blind
-_PLAIN_FAR_M = 4.0  # m at which a projected pattern no longer helps a plain surface
+_PLAIN_FAR_M = 4.0  # m, chosen: farther off a projected pattern helps no plain surface
 
 
 def measure_depth(view: RenderedView, sensor: DepthSensor, rng: np.random.Generator) -> Float32Array:

@@ -14,7 +14,7 @@ from supermap_cli.simulation.sensors.imu import sample_stamps_ns
 
 _DRAWS = 8  # draws, bounds the time: of errors, of which the one nearest to a given share of the way is taken
 _SCALINGS = 6  # steps: the last error is nearly proportional to the factor: each brings it tenfold nearer
-_LEAST_TARGET_M = 1e-4  # m: a robot that hardly moves has no share of its way to be off by
+_LEAST_TARGET_M = 1e-4  # m, bounds a division: who hardly moves has no share of the way to be off by
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ _KEPT_GROUPS = 4  # groups, bounds the memory: of standing surfaces, kept for tr
 _BLOCK = 1 << 16  # rays cast at once; bounds the memory
 _PIXEL_RAD = 0.002  # rad between neighbouring rays of a 640-pixel camera 69 degrees wide
 _AT_REST = np.eye(4)
-_GLASS_SHARE = 0.3  # share, chosen: of a pixel's colour that is the glass's own, not that of what is behind it
+_GLASS_SHARE = 0.3  # share (chosen) of a pixel's colour that is the glass's own, not that of what is behind it
 
 
 @dataclass(frozen=True)

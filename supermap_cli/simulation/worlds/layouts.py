@@ -23,7 +23,7 @@ _VARIES = 0.08  # share, chosen: by which each side of a room varies
 _WINDOWED_M = 3.0  # m: narrower rooms have no window
 _PASSAGE_M = 1.25  # m, a robot and its turns: left free beside a glass partition
 _OBLIQUE_M = (1.3, 2.0)  # m that an oblique wall takes from each of two walls
-_PARTITION_THICK_M = 0.06  # m, two panes and their frame
+_PARTITION_THICK_M = 0.06  # m, chosen: two panes and their frame
 
 
 @dataclass(frozen=True)
