@@ -52,7 +52,13 @@ class LifecycleParameters:
         "was believed less was never there",
         "as recall.sure_log_odds",
     )
-    forget_log_odds: float = parameter(-1.5, "1", "a tentative object at or below this is forgotten", TUNED)
+    forget_log_odds: float = parameter(
+        -3.0,
+        "1",
+        "a tentative object at or below this is forgotten: what is forgotten and found anew has lost all that spoke "
+        "for it (books of the desk of TUM fr1_rpy were, three times each)",
+        TUNED,
+    )
 
 
 DEFAULT = LifecycleParameters()
