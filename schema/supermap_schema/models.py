@@ -1,8 +1,9 @@
 """The tables of the 4D memory (SQLAlchemy 2, portable SQL; `sqlite` and `postgresql` have the rest).
 
 Times are sensor time, int nanoseconds since the epoch (`_ns`). Positions are metres in the map frame (z up, level): a
-centroid is `x, y, z`; a box is `center_*`, `size_*` along its own axes and `yaw` in radians about z. Transforms are
-JSON, four rows of four numbers. `traversal_id` of an instance, state or edge is the traversal that wrote it first.
+position is `x, y, z`, of an instance or state the centre of its box; a box is `center_*`, `size_*` along its own axes
+and `yaw` in radians about z. Transforms are JSON, four rows of four numbers. `traversal_id` of an instance, state or
+edge is the traversal that wrote it first.
 """
 
 from __future__ import annotations

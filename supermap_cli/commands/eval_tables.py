@@ -96,7 +96,7 @@ def _print_section(console: Console, title: str, figures: Iterable[Figure], erro
 
 
 def _object_figures(scores: ObjectScores) -> Iterator[Figure]:
-    yield from _precision_recall("", scores.labelled, "same label, boxes overlap (IoU > 0.1), centroids within 0.3 m")
+    yield from _precision_recall("", scores.labelled, "same label, boxes overlap (IoU > 0.1), centres within 0.3 m")
     yield from _precision_recall(" without label", scores.unlabelled, "the same, whatever the label")
     yield Figure("label accuracy", scores.label_accuracy, "of those in place, the share that is rightly called")
     yield Figure("centroid error", scores.centroid_error_m, "mean over the right ones", " m")

@@ -57,17 +57,8 @@ class Place:
 
     @property
     def centroid(self) -> FloatArray:
-        """Mean (3,) of the part of the object's surface that images showed (of all of it where they showed none)."""
-        return self._centroid
-
-    @cached_property
-    def _centroid(self) -> FloatArray:
-        for only_seen in (True, False):
-            surface = self.object.surface_world(self.state, only_seen=only_seen)
-            if len(surface):
-                centroid: FloatArray = surface.mean(axis=0)
-                return centroid
-        return self.state.centroid
+        """The centre (3,) of the whole object's box: the paper annotates boxes (sec. V)."""
+        return self.state.box.center
 
     @property
     def box(self) -> Box3D:

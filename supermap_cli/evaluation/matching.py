@@ -14,9 +14,9 @@ from supermap_cli.geometry.arrays import BoolArray, FloatArray
 from supermap_cli.geometry.boxes import Box3D, box_iou
 
 MIN_MATCH_IOU = 0.1
-"""3D IoU of boxes above which two may match: low, because a robot sees objects from some sides only. Chosen."""
+"""3D IoU of boxes above which two may match: low, for a robot sees objects from some sides only (paper, sec. V)."""
 MAX_MATCH_DISTANCE_M = 0.3
-"""Metres between centroids below which two may match. Chosen."""
+"""Metres between the centres of the boxes below which two may match (paper, sec. V)."""
 
 
 class Locatable(Protocol):

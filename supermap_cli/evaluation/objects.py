@@ -53,8 +53,8 @@ class ObjectScores:
     """Precision, recall and F1 of present instances against countable objects that stand at the end.
 
     Matching is one-to-one (`match_one_to_one`: as many pairs as possible, then the greatest IoU); a pair needs a 3D IoU
-    of the boxes > 0.1 and centroids nearer than 0.3 m, and for `labelled` the same label too. An instance that is near
-    nothing but an ignored object (`known_truth`) is neither right nor wrong and counted in `ignored_instances`.
+    of the boxes > 0.1 and their centres nearer than 0.3 m, and for `labelled` the same label too. An instance that is
+    near nothing but an ignored object (`known_truth`) is neither right nor wrong and counted in `ignored_instances`.
 
     `centroid_error_m` and `iou` are means over the labelled matches, `label_accuracy` is the share of label-free
     matches whose label is right: each `None` where there are no such matches. `people` are present instances labelled

@@ -134,7 +134,7 @@ def _object(reader: MapReader, instance: StoredInstance, to_world: WorldTransfor
         presence=instance.presence,
         confidence=instance.states[-1].confidence,
         label_probability=instance.label_belief.get(instance.label, 0.0),
-        centroid=to_world.point(instance.centroid_map),
+        centroid=to_world.point(instance.box.center),
         box=to_world.box(instance.box),
         points=to_world.points(_solid_points(reader, instance)),
         states=tuple(_state(state, label_in_state(instance, state), to_world) for state in instance.states),
@@ -159,7 +159,7 @@ def _state(state: StateRecord, label: str, to_world: WorldTransform) -> Estimate
         last_seen_ns=to_world.time(state.last_seen_ns),
         gone_ns=gone_ns,
         empty_before_ns=empty_before_ns,
-        centroid=to_world.point(state.centroid_map),
+        centroid=to_world.point(state.box.center),
         box=to_world.box(state.box),
         label=label,
     )

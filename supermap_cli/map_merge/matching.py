@@ -49,7 +49,7 @@ def imported_object(record: InstanceRecord, states: Sequence[StateRecord], last:
     first = replace(
         last,
         state=OpenState(earliest.index, earliest.first_seen_ns, earliest.empty_before_ns),
-        voxels=last.voxels.moved(earliest.centroid_map - last.shape.centroid) if len(states) > 1 else last.voxels,
+        voxels=last.voxels.moved(earliest.box.center - last.shape.box.center) if len(states) > 1 else last.voxels,
         _shape=None,
         _changed=set(),
     )

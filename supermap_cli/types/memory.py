@@ -91,6 +91,7 @@ class StateRecord:
     It was supported from `first_seen_ns` to `last_seen_ns`; `gone_ns` is the first contradiction after it (`None`: none
     seen) and the truth between the two is unknown. `empty_before_ns` is the last time its place was seen empty
     before it came (`None`: the place had not been looked at). `index` counts the states of one instance from 0.
+    `centroid_map` is the centre of `box`: the mean of what was seen would depend on the side it was seen from.
     """
 
     object_number: int
@@ -123,8 +124,9 @@ class Visit:
 class InstanceRecord:
     """One confirmed object as the map has it now.
 
-    `label_belief` sums to 1; `existence_log_odds` > 0 means present; `embedding` (d,) float32 unit length or `None`;
-    `engine_state` is for the mapping engine, as JSON numbers and strings (`types.engine_state`).
+    `centroid_map` is the centre of `box`; `label_belief` sums to 1; `existence_log_odds` > 0 means present; `embedding`
+    (d,) float32 unit length or `None`; `engine_state` is for the mapping engine, as JSON numbers and strings
+    (`types.engine_state`).
     """
 
     number: int

@@ -107,6 +107,16 @@ def test_the_states_of_one_instance_never_overlap() -> None:
             assert state.gone_ns <= later.first_seen_ns
 
 
+def test_the_position_of_an_object_and_of_its_states_is_the_centre_of_the_box() -> None:
+    run = s.Run()
+    run.walk(CHAIR_WORLD, 3)
+    delta = run.take()
+    assert delta.instances
+    assert delta.states
+    for record in (*delta.instances, *delta.states):
+        np.testing.assert_array_equal(record.centroid_map, record.box.center)
+
+
 def test_touched_are_the_objects_of_the_last_keyframe() -> None:
     run = s.Run()
     run.walk(CHAIR_WORLD, 3)
