@@ -22,7 +22,7 @@ from supermap_cli.recordings.images import decode_numbers
 from supermap_cli.recordings.opening import MARGIN_NS, OpenedCamera, OpenedRecording, no_poses
 from supermap_cli.recordings.pointclouds import read_points
 from supermap_cli.recordings.poses import recorded_poses
-from supermap_cli.recordings.probing import Topic
+from supermap_cli.recordings.survey import Topic
 from supermap_cli.recordings.storage import RawMessage
 from supermap_cli.types.detections import Detections
 from supermap_cli.types.sensing import CameraFrame, ImuSample, StampedPose, Sweep

@@ -296,7 +296,7 @@ class _FrameBuilder:
         size = (self._rig.camera.width, self._rig.camera.height)
         if (rgb.shape[1], rgb.shape[0]) != size:
             raise ValueError(
-                f"the image has {rgb.shape[1]} x {rgb.shape[0]} pixels, the first one had {size[0]} x {size[1]}"
+                f"the image has {rgb.shape[1]} x {rgb.shape[0]} pixels, most have {size[0]} x {size[1]}"
             )
         return rgb
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from supermap_cli.recordings.notes import Notes
-from supermap_cli.recordings.probing import Topic
+from supermap_cli.recordings.survey import Topic
 from supermap_cli.recordings.topic_plan import TopicPlan
 from supermap_cli.recordings.transforms import TransformTree
 

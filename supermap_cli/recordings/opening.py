@@ -16,7 +16,7 @@ from supermap_cli.recordings.decoding import Decoder
 from supermap_cli.recordings.messages import PoseMessage
 from supermap_cli.recordings.motion import PoseSource, find_base_frame, find_pose_source
 from supermap_cli.recordings.notes import Notes
-from supermap_cli.recordings.probing import Topic, probe_topics, usual_offset_ns
+from supermap_cli.recordings.survey import Topic, survey_topics, usual_offset_ns
 from supermap_cli.recordings.rig import CameraRig, RigBuilder
 from supermap_cli.recordings.roles import parse_named_topics
 from supermap_cli.recordings.storage import Storage
@@ -140,7 +140,7 @@ def open_recording(path: Path, request: RecordingRequest) -> OpenedRecording:
     storage = open_storage(path, notes)
     where = str(path)
     decoder = Decoder(where)
-    topics = probe_topics(storage, decoder)
+    topics = survey_topics(storage, decoder)
     if not any(channel.count for channel in storage.channels):
         raise RecordingError("no messages in the recording", where=where, cure="record again")
     if request.camera not in {None, "equirectangular"}:

@@ -11,7 +11,7 @@ from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.recordings import messages
 from supermap_cli.recordings.motion import PoseSource
 from supermap_cli.recordings.opening import MARGIN_NS, OpenedRecording
-from supermap_cli.recordings.probing import Topic
+from supermap_cli.recordings.survey import Topic
 from supermap_cli.types.sensing import StampedPose
 
 

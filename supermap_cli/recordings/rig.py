@@ -10,7 +10,7 @@ from supermap_cli.geometry.cameras import Camera, EquirectangularCamera
 from supermap_cli.recordings.calibration import camera_from_calibration
 from supermap_cli.recordings.motion import PoseSource
 from supermap_cli.recordings.notes import Notes
-from supermap_cli.recordings.probing import Topic
+from supermap_cli.recordings.survey import Topic
 from supermap_cli.recordings.roles import role_name
 from supermap_cli.recordings.topic_names import is_rectified
 from supermap_cli.recordings.topic_plan import CameraPlan, TopicPlan

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from supermap_cli.errors import RecordingError
 from supermap_cli.recordings.images import DEPTH_ENCODINGS, is_depth_encoding
 from supermap_cli.recordings.messages import ImageMessage, Kind
-from supermap_cli.recordings.probing import Topic
+from supermap_cli.recordings.survey import Topic
 from supermap_cli.recordings.roles import ROLES, NamedTopics, role_name
 from supermap_cli.recordings.topic_names import common_parts, device_of, namespace_of
 from supermap_cli.recordings.topic_plan import CameraPlan, TopicChoice, TopicPlan
@@ -25,6 +25,9 @@ NOT_COLOR_WORDS = (
 
 _NOT_SCAN_WORDS = ("depth", "camera", "color", "map", "ground", "obstacle", "world", "deskew", "filtered", "registered")
 """A point cloud topic whose name holds one of them is no raw scan of a LiDAR."""
+
+_MOST_LISTED = 30
+"""Topics that an error lists."""
 
 _GROUND_TRUTH = re.compile(r"ground_?truth|(^|[/_])gt([/_]|$)")
 """Beside an odometry, the truth is there to judge by; a robot does not have it."""
@@ -124,6 +127,7 @@ class CameraPlanner:
         self._camera_id = camera_id
         self._choices = _Choices(topics, named, where, camera_id)
         self._problems: list[RecordingError] = []
+        self._calibrated_namespaces = {namespace_of(info.name) for info in self._of("camera_info")}
 
     def plan(self) -> CameraPlan:
         """The camera's topics. Raises `RecordingError` if the user named what is not there."""
@@ -185,7 +189,7 @@ class CameraPlanner:
 
     def _color_rank(self, topic: Topic) -> tuple[float, ...]:
         encoding = topic.image.encoding if topic.image else ""
-        has_info = any(namespace_of(info.name) == namespace_of(topic.name) for info in self._of("camera_info"))
+        has_info = namespace_of(topic.name) in self._calibrated_namespaces
         return (
             topic.fault is None,
             not has_word(topic, NOT_COLOR_WORDS),
@@ -265,7 +269,9 @@ class CameraPlanner:
                 )
 
     def _miss(self, what: str, cure: str) -> None:
-        known = ", ".join(topic.name for topic in self._topics) or "none of a known type"
+        names = [topic.name for topic in self._topics[:_MOST_LISTED]]
+        more = len(self._topics) - len(names)
+        known = ", ".join([*names, *([f"and {more} more"] if more else [])]) or "none of a known type"
         self._problems.append(RecordingError(f"{what} among its topics ({known})", where=self._where, cure=cure))
 
     def _unsupported_depth(self, topic: Topic, image: ImageMessage) -> RecordingError:
