@@ -17,9 +17,9 @@ from supermap_cli.errors import ConfigError, RecordingError
 from supermap_cli.recordings.calibration import is_calibrated
 from supermap_cli.recordings.decoding import Decoder
 from supermap_cli.recordings.notes import Notes
-from supermap_cli.recordings.survey import Topic, usual_offset_ns
 from supermap_cli.recordings.roles import NamedTopics
 from supermap_cli.recordings.storage import Storage
+from supermap_cli.recordings.survey import Topic, usual_offset_ns
 from supermap_cli.recordings.topic_names import Device, camera_ids, device_of, words_of
 from supermap_cli.recordings.topic_plan import CameraPlan, TopicPlan
 from supermap_cli.recordings.topics import (

@@ -158,7 +158,7 @@ def _topic(storage: Storage, raws: Sequence[RawMessage], kind: Kind, decoder: De
         _most(said, lambda sample: sample.child_frame_id),
         int(np.median(offsets_ns or (0,))),
         calibration=_usual_calibration([sample.calibration for sample in said if sample.calibration]),
-        fault=None if good or kind == "camera_info" and samples[0].calibration else samples[0].fault,
+        fault=None if good or (kind == "camera_info" and samples[0].calibration) else samples[0].fault,
         offsets_ns=offsets_ns,
         poses=tuple(sample.pose for sample in good if sample.pose and sample.pose.transform() is not None),
         doubts=tuple(_doubts(samples, good)),

@@ -8,8 +8,9 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from supermap_cli.errors import RecordingError
 from supermap_cli.recordings.images import DEPTH_ENCODINGS, is_depth_encoding
 from supermap_cli.recordings.messages import ImageMessage, Kind
-from supermap_cli.recordings.survey import Topic
+from supermap_cli.recordings.pose_topics import why_no_motion
 from supermap_cli.recordings.roles import ROLES, NamedTopics, role_name
+from supermap_cli.recordings.survey import Topic
 from supermap_cli.recordings.topic_names import common_parts, device_of, namespace_of
 from supermap_cli.recordings.topic_plan import CameraPlan, TopicChoice, TopicPlan
 from supermap_cli.types.sensing import MAIN_CAMERA
@@ -50,7 +51,11 @@ def plan_shared(topics: Sequence[Topic], named: Mapping[str, str], where: str) -
     image_frames = {topic.frame_id for topic in topics if topic.kind == "image"}
     choices.choose("lidar", _of(topics, "points"), lambda topic: _lidar_rank(topic, image_frames))
     choices.choose("imu", _of(topics, "imu"), lambda topic: (has_word(topic, ("data",)), topic.channel.count))
-    odometries = [topic for topic in _of(topics, "pose") if topic.channel.msgtype.endswith("Odometry")]
+    odometries = [
+        topic
+        for topic in _of(topics, "pose")
+        if topic.channel.msgtype.endswith("Odometry") and why_no_motion(topic, topics) is None
+    ]
     choices.choose("odometry", odometries, _odometry_rank)
     return choices.chosen
 
@@ -79,7 +84,7 @@ class _Choices:
     def choose(self, role: str, candidates: Sequence[Topic], rank: Callable[[Topic], tuple[float, ...]]) -> None:
         """Fill a role with the topic named for it, else with the candidate of the highest rank, if there is one."""
         if role in self._named:
-            self.chosen[role] = TopicChoice(role, self._named_topic(role), "named by the user")
+            self.chosen[role] = TopicChoice(role, self._named_topic(role), "named by the user", named=True)
             return
         usable = sorted(candidates, key=lambda topic: topic.name)
         if not usable:

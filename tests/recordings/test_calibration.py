@@ -76,4 +76,4 @@ def test_what_makes_no_sense_is_refused_with_a_cure(change, size, what):
 @pytest.mark.parametrize("K", [np.zeros((3, 3)), np.full((3, 3), np.nan)])
 def test_where_only_p_is_filled_in_it_gives_the_intrinsics(K):
     P = np.array([[500.0, 0, 320, 0], [0, 501, 240, 0], [0, 0, 1, 0]])
-    assert camera_from_calibration(calibration(K=K, P=P), (640, 480)) == PinholeCamera(640, 480, 500, 501, 320, 240)
+    assert camera_from_calibration(replace(INFO, K=K, P=P), (640, 480)) == PinholeCamera(640, 480, 500, 501, 320, 240)

@@ -7,8 +7,8 @@ from supermap_cli.errors import RecordingError
 from supermap_cli.recordings.containers import open_storage
 from supermap_cli.recordings.decoding import Decoder
 from supermap_cli.recordings.notes import Notes
-from supermap_cli.recordings.survey import survey_topics
 from supermap_cli.recordings.roles import parse_named_topics
+from supermap_cli.recordings.survey import survey_topics
 from supermap_cli.recordings.topics import plan_topics
 from support import bags
 
