@@ -46,7 +46,8 @@ class MotionFinder:
         """An Odometry topic, or what the user named; else odom (or map) -> base in TF; else a pose topic."""
         chosen = plan.shared.get("odometry")
         if chosen is not None and chosen.topic.kind == "pose":
-            return self._connected(plan, PoseSource(chosen.topic, chosen.topic.frame_id, chosen.topic.child_frame_id))
+            told = PoseSource(chosen.topic, chosen.topic.frame_id, chosen.topic.child_frame_id)
+            return self._connected(plan, told, notes)
         from_tree = moving_base(self.tree, self.frames, _color_frame(plan))
         if from_tree is not None or chosen is not None:
             return from_tree
@@ -67,7 +68,7 @@ class MotionFinder:
         best = max(fitting, key=lambda topic: (len(topic.poses), topic.channel.count, topic.name))
         return PoseSource(best, best.frame_id, best.child_frame_id)
 
-    def _connected(self, plan: TopicPlan, source: PoseSource) -> PoseSource:
+    def _connected(self, plan: TopicPlan, source: PoseSource, notes: Notes) -> PoseSource:
         """The source itself; TF's motion instead where TF alone connects what moves with the camera, and the user named
         nothing.
         """
@@ -77,7 +78,14 @@ class MotionFinder:
         if self.tree.connects(source.child_frame, frame):
             return source
         from_tree = moving_base(self.tree, self.frames, frame)
-        return from_tree if from_tree is not None and self.tree.connects(from_tree.child_frame, frame) else source
+        if from_tree is None or not self.tree.connects(from_tree.child_frame, frame):
+            return source
+        notes.note(
+            "motion of TF",
+            f"{source.description} moves a frame that TF does not connect with the camera: {from_tree.description} is "
+            f"taken as the motion (--frame base={from_tree.child_frame} takes the two frames as one)",
+        )
+        return from_tree
 
 
 def _color_frame(plan: TopicPlan) -> str:

@@ -11,7 +11,7 @@ from supermap_cli.recordings.messages import ImageMessage, Kind
 from supermap_cli.recordings.pose_topics import why_no_motion
 from supermap_cli.recordings.roles import ROLES, NamedTopics, role_name
 from supermap_cli.recordings.survey import Topic
-from supermap_cli.recordings.topic_names import common_parts, device_of, namespace_of
+from supermap_cli.recordings.topic_names import common_parts, common_words, device_of, namespace_of
 from supermap_cli.recordings.topic_plan import CameraPlan, TopicChoice, TopicPlan
 from supermap_cli.types.sensing import MAIN_CAMERA
 
@@ -26,6 +26,9 @@ NOT_COLOR_WORDS = (
 
 _NOT_SCAN_WORDS = ("depth", "camera", "color", "map", "ground", "obstacle", "world", "deskew", "filtered", "registered")
 """A point cloud topic whose name holds one of them is no raw scan of a LiDAR."""
+
+_PNG_BIT_DEPTH_AT = 24
+"""Where a PNG says how many bits a sample has (RFC 2083, section 4.1.1)."""
 
 _MOST_LISTED = 30
 """Topics that an error lists."""
@@ -208,7 +211,9 @@ class CameraPlanner:
     def _depth_candidates(self) -> list[Topic]:
         color = self._choices.topic("color")
         return [
-            topic for topic in self._of("image") if is_depth(topic) and not self._is_mask(topic) and topic is not color
+            topic
+            for topic in self._of("image")
+            if is_depth(topic) and not self._is_mask(topic) and topic is not color and not _is_lossy(topic)
         ]
 
     def _depth_rank(self, topic: Topic) -> tuple[float, ...]:
@@ -236,7 +241,7 @@ class CameraPlanner:
         candidates = [] if image is None else [info for info in infos if _belongs(info, image)]
         if not candidates and len(infos) == 1:
             candidates = infos
-        self._choices.choose(role, candidates, lambda info: _belonging(info, image) if image else (0,))
+        self._choices.choose(role, candidates, lambda info: _belonging(info, image, infos) if image else (0,))
 
     def _note_missing(self) -> None:
         color, depth = self._choices.topic("color"), self._choices.topic("depth")
@@ -248,7 +253,7 @@ class CameraPlanner:
             )
         elif depth is None and not self._lidar_stands_in:
             self._miss_depth()
-        if depth is not None and depth.image and not _can_be_depth(depth.image):
+        if depth is not None and depth.image and (not _can_be_depth(depth.image) or _is_lossy(depth)):
             self._problems.append(self._unsupported_depth(depth, depth.image))
 
     def _miss_depth(self) -> None:
@@ -257,7 +262,8 @@ class CameraPlanner:
             self._unsupported_depth(topic, topic.image)
             for topic in self._of("image")
             if topic.image and (has_word(topic, ("depth",)) or topic.fault)
-            if topic is not self._choices.topic("color") and not self._is_mask(topic) and not _can_be_depth(topic.image)
+            if topic is not self._choices.topic("color") and not self._is_mask(topic)
+            if _is_lossy(topic) or not _can_be_depth(topic.image)
         ]
         self._problems.extend(unsupported)
         if not unsupported:
@@ -280,6 +286,13 @@ class CameraPlanner:
         self._problems.append(RecordingError(f"{what} among its topics ({known})", where=self._where, cure=cure))
 
     def _unsupported_depth(self, topic: Topic, image: ImageMessage) -> RecordingError:
+        if _is_lossy(topic):
+            return RecordingError(
+                f"lossy depth images of 8 bits ({image.encoding.strip()!r}): they hold no distances",
+                where=f"{self._where}, {topic.name}",
+                cure="record compressedDepth, raw or 16-bit PNG images, or name another topic: "
+                f"--topic {role_name('depth', self._camera_id)}=/... or --topic lidar=/...",
+            )
         return RecordingError(
             f"depth images with the encoding {image.encoding!r}, which is not supported",
             where=f"{self._where}, {topic.name}",
@@ -342,18 +355,33 @@ def _can_be_depth(image: ImageMessage) -> bool:
     return is_depth_encoding(image) or image.encoding.partition(";")[0].strip() in {"mono16", "png"}
 
 
+def _is_lossy(topic: Topic) -> bool:
+    """Whether a depth topic's compressed images are JPEG, or PNG of 8 bits: neither holds millimetres."""
+    if topic.image is None or not topic.image.compressed or "compressedDepth" in topic.image.encoding:
+        return False
+    head = bytes(topic.image.data[: _PNG_BIT_DEPTH_AT + 1])
+    is_depth_topic = is_depth_encoding(topic.image) or has_word(topic, ("depth",))
+    small_png = head[:4] == b"\x89PNG" and head[_PNG_BIT_DEPTH_AT:] == b"\x08"
+    return is_depth_topic and (head[:2] == b"\xff\xd8" or small_png)
+
+
 def _belongs(info: Topic, image: Topic) -> bool:
     """Same namespace, or the same non-empty frame."""
     same_frame = info.frame_id == image.frame_id != ""
     return same_frame or namespace_of(info.name) == namespace_of(image.name)
 
 
-def _belonging(info: Topic, image: Topic) -> tuple[float, ...]:
+def _belonging(info: Topic, image: Topic, infos: Sequence[Topic]) -> tuple[float, ...]:
+    """A folder of its own says more than the frame, and this more than a folder that several cameras share."""
     calibration = info.calibration
+    together = namespace_of(info.name) == namespace_of(image.name)
+    alone = sum(namespace_of(other.name) == namespace_of(image.name) for other in infos) == 1
     same_size = calibration is not None and (calibration.width, calibration.height) == image.size
     return (
-        namespace_of(info.name) == namespace_of(image.name),
+        together and alone,
+        info.frame_id == image.frame_id != "",
+        together,
         same_size,
-        common_parts(info.name, image.name),
+        common_words(info.name, image.name),
         info.channel.count,
     )
