@@ -24,6 +24,7 @@ from supermap_cli.recordings.pointclouds import read_points
 from supermap_cli.recordings.poses import recorded_poses
 from supermap_cli.recordings.storage import RawMessage
 from supermap_cli.recordings.survey import Topic
+from supermap_cli.recordings.topics import shows_a_camera
 from supermap_cli.types.detections import Detections
 from supermap_cli.types.sensing import CameraFrame, ImuSample, StampedPose, Sweep
 
@@ -290,15 +291,9 @@ class BagRecording:
                 yield ImuSample(stamp_ns, sample.angular_rate, sample.specific_force, T_base_imu)
 
     def _of_camera(self, camera: OpenedCamera, topics: Sequence[str]) -> Iterator[tuple[int, RawMessage]]:
-        """(stamp, message) of detections or masks in the window; of a topic that several cameras share those that bear
-        the camera's frame.
-        """
+        """(stamp, message) of detections or masks in the window, without those that bear another camera's frame."""
         opened = self._opened
-        others = {
-            other.plan.recorded_frame_id or other.plan.frame_id
-            for other in self._cameras
-            if not {choice.topic.name for choice in other.plan.choices.values()}.isdisjoint(topics)
-        } - {camera.plan.recorded_frame_id or camera.plan.frame_id}
+        others = self._frames_of_other_cameras(camera)
         for raw in self._messages(topics, _LATE_NS):
             stamp_ns = opened.stamp_ns(raw)
             if not opened.window.holds(stamp_ns):
@@ -306,6 +301,18 @@ class BagRecording:
             if others and messages.header_of(opened.decoder.decode(raw), raw.log_ns)[1] in others:
                 continue
             yield stamp_ns, raw
+
+    def _frames_of_other_cameras(self, camera: OpenedCamera) -> frozenset[str]:
+        """Frames of colour images that are not this camera's; where the user named the detections, only those of the
+        cameras that are mapped.
+        """
+        plan, named = camera.plan, camera.plan.choices.get("detections")
+        roles = ("color", "depth", "camera_info", "depth_camera_info")
+        own = {topic.frame_id for role in roles if (topic := plan.topic(role)) is not None}
+        frames = {other.plan.recorded_frame_id or other.plan.frame_id for other in self._cameras}
+        if named is not None and not named.named and plan.frame_id:
+            frames |= {topic.frame_id for topic in self._opened.topics if shows_a_camera(topic)}
+        return frozenset(frames - own - {plan.recorded_frame_id, plan.frame_id, ""})
 
     def _detection_arrivals(self, camera: OpenedCamera) -> Iterator[DetectionArrival]:
         opened = self._opened

@@ -23,8 +23,10 @@ from supermap_cli.recordings.storage import Storage
 from supermap_cli.recordings.survey import Topic
 from supermap_cli.recordings.transforms import TransformTree
 
-_UPRIGHT = np.cos(np.deg2rad(50.0))
-"""Cosine to the base's z axis from which a frame's z axis points up: cameras look no steeper than this."""
+_UPRIGHT, _RATHER_UPRIGHT = np.cos(np.deg2rad(50.0)), np.cos(np.deg2rad(80.0))
+"""Cosines to the base's z axis from which a frame's z axis points up: cameras look no steeper than the first; where
+the images agree the second is enough.
+"""
 
 _OPTICAL_RAD = np.deg2rad(15.0)
 """A frame below that is turned from the body's axes to optical ones up to this much is its optical frame."""
@@ -54,10 +56,10 @@ class Views:
     poses: Sequence[FloatArray]
 
 
-def is_upright(tree: TransformTree, base: str, frame: str) -> bool:
-    """Whether a frame's z axis points up, where an optical frame's points forward."""
+def is_upright(tree: TransformTree, base: str, frame: str, *, rather: bool = False) -> bool:
+    """Whether a frame's z axis points up (`rather` up), where an optical frame's points forward."""
     T = placed(tree, base, frame)
-    return T is not None and bool(T[2, 2] > _UPRIGHT)
+    return T is not None and bool(T[2, 2] > (_RATHER_UPRIGHT if rather else _UPRIGHT))
 
 
 def placed(tree: TransformTree, base: str, frame: str) -> FloatArray | None:
@@ -92,7 +94,7 @@ def views(storage: Storage, decoder: Decoder, depth: Topic, camera: Camera, pose
             try:
                 image = read_image(decoder.decode(raw), raw.log_ns)
                 pose = pose_at(image.stamp_ns)
-                pixels = decode_depth(image) if pose is not None else None
+                pixels = decode_depth(image) * np.float32(depth.depth_scale) if pose is not None else None
             except (RecordingError, ValueError):
                 continue
             if pose is not None and pixels is not None and pixels.shape == (camera.height, camera.width):

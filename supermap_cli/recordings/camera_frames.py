@@ -13,7 +13,7 @@ from supermap_cli.geometry.arrays import Float32Array, FloatArray, IntArray, UIn
 from supermap_cli.geometry.se3 import inverse
 from supermap_cli.recordings.clock_faults import StepForward, outliers, step_back, step_forward
 from supermap_cli.recordings.color_depth_fit import fitted_rig
-from supermap_cli.recordings.images import decode_color, decode_depth
+from supermap_cli.recordings.images import decode_color
 from supermap_cli.recordings.messages import read_image
 from supermap_cli.recordings.opening import OpenedCamera, OpenedRecording
 from supermap_cli.recordings.registration import DepthRegistration, SameCentre, ZBuffer
@@ -300,7 +300,7 @@ class _FrameBuilder:
     def _registered_depth(self, raw: RawMessage, rig: DepthRig, stamp_ns: int) -> Float32Array:
         image = read_image(self._opened.decoder.decode(raw), raw.log_ns)
         try:
-            depth_m = decode_depth(image)
+            depth_m = self._opened.depth_m(image, raw.channel.topic)
         except RecordingError as error:
             raise RecordingError(
                 error.what, where=self._opened.place(raw.channel.topic, stamp_ns), cure=error.cure

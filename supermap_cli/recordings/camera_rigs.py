@@ -144,7 +144,7 @@ class CameraRigs:
         rig = self._build(camera)
         if isinstance(rig.camera, EquirectangularCamera) or camera.recorded_frame_id or rig.color_frame == "":
             return OpenedCamera(camera, rig)
-        if camera_axes.is_upright(self.placement.tree, rig.base_frame, rig.color_frame):
+        if camera_axes.is_upright(self.placement.tree, rig.base_frame, rig.color_frame, rather=True):
             camera = self._turned(camera, rig)
         elif "optical" not in rig.color_frame:
             self._note_taken_as_optical(camera, rig.color_frame)
@@ -159,7 +159,8 @@ class CameraRigs:
         frame, optical = rig.color_frame, "optical" in rig.color_frame
         told = self._images_say_turned(camera, rig)
         why = "as the images agree" if told else "which stands upright in TF"
-        if told is False or (optical and told is None):
+        upright = camera_axes.is_upright(self.placement.tree, rig.base_frame, frame)
+        if told is False or (told is None and (optical or not upright)):
             if not optical:
                 self._note_taken_as_optical(camera, frame)
             return camera

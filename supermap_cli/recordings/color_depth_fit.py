@@ -10,7 +10,7 @@ import numpy as np
 from supermap_cli.errors import RecordingError
 from supermap_cli.geometry.arrays import Float32Array, UInt8Array
 from supermap_cli.geometry.cameras import PinholeCamera
-from supermap_cli.recordings.images import decode_color, decode_depth
+from supermap_cli.recordings.images import decode_color
 from supermap_cli.recordings.messages import read_image
 from supermap_cli.recordings.opening import OpenedCamera, OpenedRecording
 from supermap_cli.recordings.rig import CameraRig
@@ -88,7 +88,7 @@ def sample_pairs(opened: OpenedRecording, camera: OpenedCamera) -> Iterator[tupl
                 continue
             images = [read_image(opened.decoder.decode(latest[name][1]), start_ns) for name in (color, depth)]
             try:
-                pair = decode_color(images[0]), decode_depth(images[1])
+                pair = decode_color(images[0]), opened.depth_m(images[1], depth)
             except (RecordingError, ValueError):
                 continue  # a broken image is reported where it is used
             taken_ns = latest[color][0]

@@ -6,15 +6,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from supermap_cli.recordings.notes import Notes
-from supermap_cli.recordings.pose_topics import BASE_NAMES, last_part, why_no_motion
+from supermap_cli.recordings.pose_topics import BASE_NAMES, ROBOT_WORDS, last_part, why_no_motion
 from supermap_cli.recordings.survey import Topic
+from supermap_cli.recordings.topic_names import words_of
 from supermap_cli.recordings.topic_plan import TopicPlan
 from supermap_cli.recordings.transforms import TransformTree
 
 _ODOM_NAMES = ("odom", "odom_combined", "odometry")
 """Names of the frame that odometry is given in (REP-105; odom_combined is robot_pose_ekf's)."""
 
-_MAP_NAMES = ("map", "world")
+_MAP_NAMES = ("map", "world", "utm", "earth")
 """Names of the frame above it, for robots without odom (REP-105)."""
 
 
@@ -42,6 +43,12 @@ class MotionFinder:
     frames: Mapping[str, str]
     length_s: float
 
+    def not_motion(self) -> dict[str, str]:
+        """Topics of poses that cannot be the robot's motion, and why."""
+        poses = [topic for topic in self.topics if topic.kind == "pose"]
+        told = {topic.name: why_no_motion(topic, self.topics, self.length_s) for topic in poses}
+        return {name: reason for name, reason in told.items() if reason is not None}
+
     def find(self, plan: TopicPlan, notes: Notes) -> PoseSource | None:
         """An Odometry topic, or what the user named; else odom (or map) -> base in TF; else a pose topic."""
         chosen = plan.shared.get("odometry")
@@ -52,11 +59,7 @@ class MotionFinder:
         if from_tree is not None or chosen is not None:
             return from_tree
         poses = [topic for topic in self.topics if topic.kind == "pose"]
-        reasons = {
-            topic.name: reason
-            for topic in poses
-            if (reason := why_no_motion(topic, self.topics, self.length_s)) is not None
-        }
+        reasons = self.not_motion()
         for name, reason in reasons.items():
             notes.note(
                 f"no motion {name}",
@@ -65,7 +68,9 @@ class MotionFinder:
         fitting = [topic for topic in poses if topic.name not in reasons]
         if not fitting:
             return None
-        best = max(fitting, key=lambda topic: (len(topic.poses), topic.channel.count, topic.name))
+        best = max(
+            fitting, key=lambda topic: (_named_as_robots(topic), len(topic.poses), topic.channel.count, topic.name)
+        )
         return PoseSource(best, best.frame_id, best.child_frame_id)
 
     def _connected(self, plan: TopicPlan, source: PoseSource, notes: Notes) -> PoseSource:
@@ -86,6 +91,10 @@ class MotionFinder:
             f"taken as the motion (--frame base={from_tree.child_frame} takes the two frames as one)",
         )
         return from_tree
+
+
+def _named_as_robots(topic: Topic) -> bool:
+    return not words_of(topic.name).isdisjoint(ROBOT_WORDS)
 
 
 def _color_frame(plan: TopicPlan) -> str:

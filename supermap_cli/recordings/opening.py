@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from supermap_cli.errors import ConfigError, RecordingError
-from supermap_cli.geometry.arrays import FloatArray
+from supermap_cli.geometry.arrays import Float32Array, FloatArray
 from supermap_cli.hookspecs import RecordingRequest
 from supermap_cli.recordings import messages
 from supermap_cli.recordings.camera_rigs import OpenedCamera, Placement
 from supermap_cli.recordings.containers import open_storage
 from supermap_cli.recordings.decoding import Decoder
-from supermap_cli.recordings.messages import PoseMessage
+from supermap_cli.recordings.images import decode_depth
+from supermap_cli.recordings.messages import ImageMessage, PoseMessage
 from supermap_cli.recordings.motion import PoseSource
 from supermap_cli.recordings.notes import Notes
 from supermap_cli.recordings.rig_finding import find_rig
@@ -66,6 +69,12 @@ class OpenedRecording:
     def shift_ns(self, topic: str) -> int:
         """What is added to the stamps of a topic."""
         return self.shifts_ns.get(topic, 0)
+
+    def depth_m(self, image: ImageMessage, topic: str) -> Float32Array:
+        """(h, w) metres of a depth image of a topic; see `images.decode_depth`."""
+        scale = next((each.depth_scale for each in self.topics if each.name == topic), 1.0)
+        depth_m = decode_depth(image)
+        return depth_m if scale == 1.0 else depth_m * np.float32(scale)
 
     def place(self, topic: str, stamp_ns: int) -> str:
         """File, topic and time (seconds from the first message, as --start counts) for errors and warnings."""
@@ -128,14 +137,17 @@ def open_recording(path: Path, request: RecordingRequest) -> OpenedRecording:
         shifts_ns=rig.shifts_ns,
         origin=rig.origin,
         problems=rig.problems,
-        motion_problem=no_poses(where) if rig.pose_source is None and not rig.plan.serves("lidar") else None,
+        motion_problem=None
+        if rig.pose_source is not None or rig.plan.serves("lidar")
+        else no_poses(where, rig.not_motion),
     )
 
 
-def no_poses(where: str) -> RecordingError:
-    """The error for a recording that holds no motion."""
+def no_poses(where: str, left_out: Mapping[str, str] | None = None) -> RecordingError:
+    """The error for a recording that holds no motion; topics of poses that are `left_out`, with the reason."""
+    others = "".join(f"; not {name}: {reason}" for name, reason in (left_out or {}).items())
     return RecordingError(
-        "no poses (no odometry, no odom -> base in TF, no pose topic)",
+        f"no poses (no odometry, no odom -> base in TF, no pose topic{others})",
         where=where,
         cure="record an odometry topic or TF, name it with --topic odometry=/..., or record a LiDAR for LiDAR odometry",
     )

@@ -20,6 +20,11 @@ _OTHERS_WORDS = frozenset(
 )
 """Words in the topics of poses that are not the robot's: goals, set points, markers, things, its own hand."""
 
+ROBOT_WORDS = frozenset(
+    {"robot", "base", "slam", "vio", "camera", "odom", "odometry", "localization", "amcl", "ekf", "vehicle", "drone"}
+)
+"""Words in the topics of poses that are the robot's own."""
+
 _LEAST_POSES, _LEAST_POSES_HZ = 10, 0.2
 """Fewer messages than these (and than half the images), or rarer ones (1/s), follow no robot: goals and relocalisations
 are told so seldom.

@@ -54,10 +54,12 @@ class RigBuilder:
         """The rig of a camera that has colour images. Raises `CalibrationError`."""
         color, color_frame = camera.color, camera.frame_id
         model = self._model(color, camera.topic("camera_info"), role_name("camera_info", camera.camera_id))
-        check_mounting(self._tree, base_frame, color_frame, source, where=f"{self._where}, {color.name}")
+        place, name = f"{self._where}, {color.name}", role_name("camera", camera.camera_id)
+        check_mounting(self._tree, base_frame, color_frame, source, where=place, role=name)
         depth, lidar = camera.topic("depth"), self._plan.topic("lidar")
         if depth is None and lidar is not None:
-            check_mounting(self._tree, base_frame, lidar.frame_id, source, where=f"{self._where}, {lidar.name}")
+            place = f"{self._where}, {lidar.name}"
+            check_mounting(self._tree, base_frame, lidar.frame_id, source, where=place, role="lidar")
         depth_rig = None if depth is None else self._depth_rig(depth, camera, model)
         return CameraRig(base_frame, color_frame, model, depth_rig)
 
@@ -93,7 +95,7 @@ class RigBuilder:
         if same_frame:
             return DepthRig(depth_model, color_frame, aligned=depth_model == model)
         place = f"{self._where}, {depth.name}"
-        check_mounting(self._tree, color_frame, frame_id, None, where=place)
+        check_mounting(self._tree, color_frame, frame_id, None, where=place, role=role_name("depth", camera.camera_id))
         if camera.camera_id != MAIN_CAMERA and self._looks_away(color_frame, frame_id):
             raise CalibrationError(
                 f"the depth camera {frame_id!r} looks away from what the camera {camera.camera_id!r} sees",
@@ -108,7 +110,9 @@ class RigBuilder:
         return T_color_depth is not None and bool(T_color_depth[2, 2] < 0)
 
 
-def check_mounting(tree: TransformTree, base: str, sensor: str, source: PoseSource | None, *, where: str) -> None:
+def check_mounting(
+    tree: TransformTree, base: str, sensor: str, source: PoseSource | None, *, where: str, role: str
+) -> None:
     """Raise `CalibrationError` unless TF says where the sensor sits on the base (or it is the base itself)."""
     if base == sensor:
         return
@@ -116,11 +120,12 @@ def check_mounting(tree: TransformTree, base: str, sensor: str, source: PoseSour
         tree.path(base, sensor)
     except CalibrationError as error:
         of_what = f"; {source.description} moves {base!r}" if source else ""
-        cure = _mounting_cure(tree, base, sensor) if "loop" not in error.what else error.cure
-        raise CalibrationError(f"{error.what}{of_what}", where=where, cure=cure) from error
+        cure = _mounting_cure(tree, base, sensor, role) if "loop" not in error.what else error.cure
+        what = error.what if sensor else "the messages name no frame, so that TF cannot place them"
+        raise CalibrationError(f"{what}{of_what}", where=where, cure=cure) from error
 
 
-def _mounting_cure(tree: TransformTree, base: str, sensor: str) -> str:
+def _mounting_cure(tree: TransformTree, base: str, sensor: str, role: str) -> str:
     """What mends a sensor that TF does not place: another base, another frame of the sensor, or its mounting."""
     cures = []
     if sensor in tree.frames:
@@ -132,7 +137,7 @@ def _mounting_cure(tree: TransformTree, base: str, sensor: str) -> str:
             cures.append(f'or give the link: --mount {base}="{top} X Y Z ROLL PITCH YAW"')
     else:
         optical = [frame for frame in sorted(tree.frames) if "optical" in frame and tree.connects(base, frame)]
-        if optical:
-            cures.append(f"name the frame that is meant: --frame camera={optical[0]} (TF has {', '.join(optical)})")
-        cures.append('say where it sits on the base, in metres and radians: --mount camera="X Y Z ROLL PITCH YAW"')
-    return ", ".join([*cures, f"or record /tf_static with {base!r} -> {sensor!r}"])
+        if optical and role != "lidar":
+            cures.append(f"name the frame that is meant: --frame {role}={optical[0]} (TF has {', '.join(optical)})")
+        cures.append(f'say where it sits on the base, in metres and radians: --mount {role}="X Y Z ROLL PITCH YAW"')
+    return ", ".join([*cures, f"or record /tf_static with {base!r} -> {sensor or 'the sensor'!r}"])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -40,6 +40,7 @@ class Rig:
     shifts_ns: dict[str, int]
     origin: FloatArray
     problems: tuple[RecordingError, ...]
+    not_motion: Mapping[str, str] = field(default_factory=dict)
     notes: Notes = field(default_factory=Notes)
 
 
@@ -84,12 +85,13 @@ class _RigFinder:
         cameras: tuple[OpenedCamera, ...] = ()
         problems: list[RecordingError] = []
         shifts: dict[str, int] = {}
+        not_motion: dict[str, str] = {}
         window = find_window(self._data, _leading(plan), notes)
         try:
             placement = placement.with_given([mount.message("") for mount in self._mounts.values() if mount.parent])
             length_s = (self._data.storage.end_ns - self._data.storage.start_ns) / 1e9
             motion = MotionFinder(self.topics, placement.tree, self._request.frames, length_s)
-            source = motion.find(plan, notes)
+            source, not_motion = motion.find(plan, notes), motion.not_motion()
             base_frame = self._base_frame(plan, source, placement.tree, notes)
             placement = placement.with_given(self._links(source, base_frame, placement.tree, notes))
             plan = self._cameras_of(
@@ -117,6 +119,7 @@ class _RigFinder:
             shifts,
             origin,
             tuple(problems),
+            not_motion,
             notes,
         )
 
@@ -184,6 +187,9 @@ def _note_doubts(plan: TopicPlan, source: PoseSource | None, where: str, notes: 
     used = {choice.topic.name: choice.topic for choice in plan.choices.values()}
     if source is not None and source.topic is not None:
         used[source.topic.name] = source.topic
+    for camera in plan.cameras:
+        for doubt in camera.doubts:
+            notes.note(doubt, f"{where}, {doubt}")
     for topic in used.values():
         for doubt in topic.doubts:
             notes.note(f"doubt {topic.name} {doubt}", f"{where}, {topic.name}: {doubt}")

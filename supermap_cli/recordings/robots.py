@@ -3,12 +3,24 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
+from itertools import pairwise
+
+import numpy as np
 
 from supermap_cli.errors import ConfigError, RecordingError
 from supermap_cli.recordings.notes import Notes
 from supermap_cli.recordings.survey import Topic
 from supermap_cli.recordings.topic_names import namespace_of
+
+_ONE_MOMENT_NS = 300_000_000
+"""ns up to which two poses are of one moment of the survey."""
+
+_OTHER_WAY_M, _OTHER_WAY_SHARE, _LEAST_STEPS = 0.2, 0.4, 3
+"""m, and share of the longer way, by which the ways of one robot differ at most by two odometries between two moments,
+and how many such steps tell: slipping wheels and drifting cameras are better than that.
+"""
 
 
 def topics_of_robot(
@@ -43,7 +55,7 @@ def find_robots(topics: Sequence[Topic]) -> tuple[str, ...]:
     """The robots' names, in order; () where there is but one.
 
     Each has a TF of its own (/r1/tf, /r2/tf), or moves a frame of its own (r1/base_link, r2/base_link), or has odometry
-    in a namespace that differs from the other's by a number alone (/r1/odom, /r2/odom).
+    of the same name in another namespace, which differs by a number alone (/r1/odom, /r2/odom) or goes another way.
     """
     tf = {namespace_of(topic.name).strip("/") for topic in topics if topic.kind == "transforms"} - {""}
     if len(tf) > 1:
@@ -52,12 +64,37 @@ def find_robots(topics: Sequence[Topic]) -> tuple[str, ...]:
     prefixes = {topic.child_frame_id.rpartition("/")[0] for topic in odometry} - {""}
     if len(prefixes) > 1:
         return tuple(sorted(prefixes))
-    alike: dict[tuple[str, str], set[str]] = {}
+    alike: dict[str, list[Topic]] = {}
     for topic in odometry:
         first, _, rest = topic.name.strip("/").partition("/")
-        if rest and re.search(r"\d", first):
-            alike.setdefault((re.sub(r"\d+", "#", first), rest), set()).add(first)
-    return next((tuple(sorted(names)) for names in alike.values() if len(names) > 1), ())
+        if first and rest:
+            alike.setdefault(rest, []).append(topic)
+    return next((names for group in alike.values() if len(names := _of_several(group)) > 1), ())
+
+
+def _of_several(odometries: Sequence[Topic]) -> tuple[str, ...]:
+    """The namespaces of odometries of one name that are of several robots: numbered alike, or moving differently."""
+    spaces = {topic.name.strip("/").partition("/")[0]: topic for topic in odometries}
+    numbered = Counter(re.sub(r"\d+", "#", space) for space in spaces if re.search(r"\d", space))
+    if numbered and max(numbered.values()) > 1:
+        usual = numbered.most_common(1)[0][0]
+        return tuple(sorted(space for space in spaces if re.sub(r"\d+", "#", space) == usual))
+    first, *others = spaces.values() if spaces else (None,)
+    apart = first is not None and any(_moves_otherwise(first, other) for other in others)
+    return tuple(sorted(spaces)) if apart else ()
+
+
+def _moves_otherwise(a: Topic, b: Topic) -> bool:
+    """Whether two odometries go different lengths between the moments of the survey: not one robot's two estimates."""
+    stamps = np.array([pose.stamp_ns for pose in b.poses], np.int64)
+    pairs = []
+    for pose in a.poses if len(stamps) else ():
+        nearest = int(np.argmin(np.abs(stamps - pose.stamp_ns)))
+        if abs(int(stamps[nearest]) - pose.stamp_ns) < _ONE_MOMENT_NS:
+            pairs.append((pose.position, b.poses[nearest].position))
+    steps = [(np.linalg.norm(p - q), np.linalg.norm(r - s)) for (p, r), (q, s) in pairwise(pairs)]
+    different = sum(abs(m - n) > _OTHER_WAY_M + _OTHER_WAY_SHARE * max(m, n) for m, n in steps)
+    return len(steps) >= _LEAST_STEPS and different > len(steps) / 2
 
 
 def _owner(topic: Topic, robots: Collection[str]) -> str | None:

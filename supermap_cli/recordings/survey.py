@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import struct
 from collections import Counter
-from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
 from typing import TypeVar
@@ -28,6 +28,9 @@ _MOMENTS, _MOMENT_NS = 8, 500_000_000
 sampled: two messages of a topic at 4 Hz. Set by hand: a look at each costs a chunk or two.
 """
 
+_FARTHEST_M = 100.0
+"""Median depth, in metres, that no depth camera measures: it is millimetres (100 mm is nearer than any begins)."""
+
 _LOOKED_THROUGH = 300
 """Messages of a topic that are looked through where none of its samples is good: ten seconds at 30 Hz."""
 
@@ -42,7 +45,8 @@ class Topic:
     """A topic of a known kind and what most of its sampled messages say (`fault`: why none of them could be read).
 
     `clock_offset_ns` is their stamp minus log time (the median), `offsets_ns` that of every sample, in order of time;
-    `child_frame_id` is an odometry's, `poses` are its samples; `doubts` are what speaks against some of the samples.
+    `child_frame_id` is an odometry's, `poses` are its samples; `frame_ids` are all frames that were named; `doubts` are
+    what speaks against some of the samples. `depth_scale` is what decoded depth is multiplied by to be metres.
     """
 
     channel: Channel
@@ -57,6 +61,8 @@ class Topic:
     offsets_ns: tuple[int, ...] = ()
     poses: tuple[PoseMessage, ...] = ()
     doubts: tuple[str, ...] = ()
+    frame_ids: frozenset[str] = frozenset()
+    depth_scale: float = 1.0
 
     @property
     def name(self) -> str:
@@ -73,6 +79,7 @@ class _Sample:
     child_frame_id: str = ""
     image: ImageMessage | None = None
     size: tuple[int, int] | None = None
+    depth: float | None = None
     calibration: CalibrationMessage | None = None
     pose: PoseMessage | None = None
     fault: RecordingError | None = None
@@ -86,7 +93,7 @@ def survey_topics(storage: Storage, decoder: Decoder) -> tuple[Topic, ...]:
         if channel.count and (kind := messages.kind_of(channel)) is not None
     }
     found: dict[tuple[str, str], list[RawMessage]] = {}
-    for raw in (*_first_messages(storage, kinds), *_later_messages(storage, kinds)):
+    for raw in (*_first_messages(storage, kinds), *_later_messages(storage, kinds, _busy_span(storage, kinds))):
         samples = found.setdefault((raw.channel.topic, raw.channel.msgtype), [])
         if not samples or raw.log_ns > samples[-1].log_ns:
             samples.append(raw)
@@ -116,15 +123,36 @@ def _first_messages(storage: Storage, wanted: Iterable[tuple[str, str]]) -> Iter
             yield first
 
 
-def _later_messages(storage: Storage, wanted: Iterable[tuple[str, str]]) -> Iterator[RawMessage]:
-    """A message of every channel at each later moment; rare ones where they happen to come."""
-    length_ns = storage.end_ns - storage.start_ns
+def _busy_span(storage: Storage, kinds: Mapping[tuple[str, str], Kind]) -> tuple[int, int]:
+    """Between which log times the sensors ran: not what was latched long before, or added long after.
+
+    The index is asked only where the busiest sensor sends too seldom for the length of the whole.
+    """
+    span = storage.start_ns, storage.end_ns
+    counts = {
+        channel.topic: channel.count
+        for channel in storage.channels
+        if kinds.get((channel.topic, channel.msgtype)) in {"image", "points", "imu", "pose"}
+    }
+    busiest = max(counts, key=lambda topic: counts[topic], default=None)
+    if busiest is None or counts[busiest] * _MOMENT_NS >= span[1] - span[0]:
+        return span
+    times = [time for _, time in storage.log_times([busiest])]
+    return (min(times), max(times)) if times else span
+
+
+def _later_messages(storage: Storage, wanted: Iterable[tuple[str, str]], span: tuple[int, int]) -> Iterator[RawMessage]:
+    """A message of every channel at each later moment of a span; rare ones where they happen to come."""
+    begin_ns, end_ns = span
+    length_ns = end_ns - begin_ns
     keys = set(wanted)
     topics = {topic for topic, _ in keys}
     counts = {(channel.topic, channel.msgtype): channel.count for channel in storage.channels}
     often = {key for key in keys if counts[key] * _MOMENT_NS >= 2 * length_ns}
-    last_ns = max(storage.start_ns, storage.end_ns - _MOMENT_NS // 2)
-    for start_ns in np.unique(np.linspace(storage.start_ns, last_ns, _MOMENTS).astype(np.int64))[1:].tolist():
+    last_ns = max(begin_ns, end_ns - _MOMENT_NS // 2)
+    for start_ns in np.unique(np.linspace(begin_ns, last_ns, _MOMENTS).astype(np.int64)).tolist():
+        if start_ns == storage.start_ns:
+            continue
         seen: set[tuple[str, str]] = set()
         for raw in storage.messages(topics, start_ns, start_ns + _MOMENT_NS):
             key = (raw.channel.topic, raw.channel.msgtype)
@@ -161,7 +189,8 @@ def _topic(storage: Storage, raws: Sequence[RawMessage], kind: Kind, decoder: De
         fault=None if good or (kind == "camera_info" and samples[0].calibration) else samples[0].fault,
         offsets_ns=offsets_ns,
         poses=tuple(sample.pose for sample in good if sample.pose and sample.pose.transform() is not None),
-        doubts=tuple(_doubts(samples, good)),
+        doubts=tuple(_doubts(samples, good)) if kind != "detections" else (),
+        frame_ids=frozenset(sample.frame_id for sample in said if sample.frame_id),
     )
     return _with_image(topic, [sample for sample in said if sample.image]) if kind == "image" else topic
 
@@ -212,7 +241,11 @@ def _with_image(topic: Topic, said: Sequence[_Sample]) -> Topic:
     if len(forms) > 1:
         listed = ", ".join(f"{encoding} {width} x {height}" for encoding, width, height in list(forms)[:3])
         doubts = (*doubts, f"its images are not all alike ({listed}), those of {usual[1]} x {usual[2]} pixels count")
-    return replace(topic, image=image, size=size, doubts=doubts)
+    scale = 1.0
+    if "32FC1" in image.encoding and any(each.depth is not None and each.depth > _FARTHEST_M for each in said):
+        scale = 1e-3
+        doubts = (*doubts, "its depth is in millimetres, though floats are metres (REP-118): divided by 1000")
+    return replace(topic, image=image, size=size, doubts=doubts, depth_scale=scale)
 
 
 def _sample(raw: RawMessage, kind: Kind, decoder: Decoder, *, thorough: bool) -> _Sample:
@@ -259,15 +292,16 @@ def _peek_header(raw: RawMessage) -> tuple[int, str] | None:
 
 def _image_sample(image: ImageMessage, log_ns: int, *, thorough: bool) -> _Sample:
     """Whether an image can be used. Raw ones say their size; compressed ones are decoded for it, where thorough."""
-    offset_ns, fault, size = image.stamp_ns - log_ns, None, None
+    offset_ns, fault, size, depth = image.stamp_ns - log_ns, None, None, None
     if not len(image.data) or not (thorough or image.width or image.compressed):
         fault = RecordingError("the first image is broken: it is empty", cure="name another topic")
     elif thorough:
         try:
             pixels = decode_depth(image) if is_depth_encoding(image) else decode_color(image)
             size = (pixels.shape[1], pixels.shape[0])
+            depth = float(np.median(pixels[pixels > 0])) if is_depth_encoding(image) and (pixels > 0).any() else None
         except RecordingError as error:
             fault = error
         except ValueError as error:
             fault = RecordingError(f"the first image is broken: {error}", cure="name another topic")
-    return _Sample(offset_ns, image.frame_id, image=image, size=size, fault=fault)
+    return _Sample(offset_ns, image.frame_id, image=image, size=size, depth=depth, fault=fault)

@@ -25,7 +25,7 @@ class CameraPlan:
     """Which topic serves which role of one camera (`CAMERA_ROLES`), and what stands in its way.
 
     `named` says that the user named some of its topics; `recorded_frame_id` is what its images say, where they were put
-    into another frame.
+    into another frame; `doubts` are what was left out, and why.
     """
 
     camera_id: str
@@ -33,6 +33,7 @@ class CameraPlan:
     problems: tuple[RecordingError, ...] = ()
     named: bool = False
     recorded_frame_id: str = ""
+    doubts: tuple[str, ...] = ()
 
     def topic(self, role: str) -> Topic | None:
         """The topic of a role, if there is one."""

@@ -135,6 +135,7 @@ class CameraPlanner:
         self._camera_id = camera_id
         self._choices = _Choices(topics, named, where, camera_id)
         self._problems: list[RecordingError] = []
+        self._doubts: list[str] = []
         self._calibrated_namespaces = {namespace_of(info.name) for info in self._of("camera_info")}
 
     def plan(self) -> CameraPlan:
@@ -144,12 +145,14 @@ class CameraPlanner:
         choices.choose("masks", self._mask_candidates(), self._mask_rank)
         choices.choose("color", self._color_candidates(), self._color_rank)
         self._prefer_own_detections()
+        self._leave_out_foreign_detections()
         choices.choose("depth", self._depth_candidates(), self._depth_rank)
         self._choose_camera_info("camera_info", "color")
         self._choose_camera_info("depth_camera_info", "depth")
         self._note_missing()
         self._problems += faults(choices.chosen.values(), self._where)
-        return CameraPlan(self._camera_id, dict(choices.chosen), tuple(self._problems), bool(self._named))
+        problems, doubts = tuple(self._problems), tuple(self._doubts)
+        return CameraPlan(self._camera_id, dict(choices.chosen), problems, bool(self._named), doubts=doubts)
 
     def _of(self, kind: Kind) -> list[Topic]:
         return _of(self._own, kind)
@@ -165,6 +168,20 @@ class CameraPlanner:
             lambda topic: (not self._is_of_other_camera(topic, color), topic.channel.count),
         )
         self._choices.choose("masks", self._mask_candidates(), self._mask_rank)
+
+    def _leave_out_foreign_detections(self) -> None:
+        """Detections that bear the frame of another camera are not this one's, whatever their topic is called."""
+        color, detections = self._choices.topic("color"), self._choices.topic("detections")
+        if color is None or detections is None or not color.frame_id or self._choices.is_named("detections"):
+            return
+        others = {topic.frame_id for topic in self._topics if shows_a_camera(topic)} - {color.frame_id, ""}
+        if detections.frame_ids and detections.frame_ids <= others:
+            for role in ("detections", "masks"):
+                self._choices.chosen.pop(role, None)
+            self._doubts.append(
+                f"{detections.name} holds detections in images of the frame {min(detections.frame_ids)!r}, not of "
+                f"{color.name} ({color.frame_id!r}): left out"
+            )
 
     def _is_of_other_camera(self, topic: Topic, color: Topic) -> bool:
         """Whether name and frame say that a topic belongs to another colour topic than the chosen one."""
@@ -197,11 +214,13 @@ class CameraPlanner:
 
     def _color_rank(self, topic: Topic) -> tuple[float, ...]:
         encoding = topic.image.encoding if topic.image else ""
+        detections = self._choices.topic("detections") if len(self._of("detections")) == 1 else None
         has_info = namespace_of(topic.name) in self._calibrated_namespaces
         return (
             topic.fault is None,
             not has_word(topic, NOT_COLOR_WORDS),
             has_info,
+            detections is not None and topic.frame_id in detections.frame_ids,
             has_word(topic, ("color", "rgb")),
             "mono" not in encoding and "8UC1" not in encoding,
             not has_word(topic, ("right",)),
@@ -316,6 +335,11 @@ def is_depth(topic: Topic) -> bool:
 def is_color(topic: Topic) -> bool:
     """Whether an image topic shows what a camera sees (or instance masks, which only its name tells apart)."""
     return topic.image is not None and not is_depth(topic)
+
+
+def shows_a_camera(topic: Topic) -> bool:
+    """Whether a topic holds what a colour camera sees: no masks, no infrared, no pictures of results."""
+    return topic.kind == "image" and is_color(topic) and not has_word(topic, (*MASK_WORDS, *NOT_COLOR_WORDS))
 
 
 def _of(topics: Iterable[Topic], kind: Kind) -> list[Topic]:
