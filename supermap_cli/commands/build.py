@@ -15,13 +15,16 @@ from supermap_cli.commands.common import (
     AlignOption,
     BackendOption,
     CameraOption,
+    ClockOption,
     DbOption,
     DetectorOption,
     EndOption,
     FrameOption,
     JsonOption,
+    MountOption,
     OdometryOption,
     RateOption,
+    RobotOption,
     SegmenterOption,
     StartOption,
     TopicOption,
@@ -106,6 +109,9 @@ def build(  # noqa: PLR0917 - a command line has many options
     option: BackendOption = None,
     topic: TopicOption = None,
     frame: FrameOption = None,
+    mount: MountOption = None,
+    clock: ClockOption = None,
+    robot: RobotOption = None,
     camera: CameraOption = None,
     start: StartOption = None,
     end: EndOption = None,
@@ -139,6 +145,9 @@ def build(  # noqa: PLR0917 - a command line has many options
         options=option,
         topics=topic,
         frames=frame,
+        mounts=mount,
+        clocks=clock,
+        robot=robot,
         camera=camera,
         rate=rate,
         perception_rate=perception_rate,
@@ -260,6 +269,9 @@ def override(
     options: list[str] | None = None,
     topics: list[str] | None = None,
     frames: list[str] | None = None,
+    mounts: list[str] | None = None,
+    clocks: list[str] | None = None,
+    robot: str | None = None,
     camera: str | None = None,
     rate: float | None = None,
     perception_rate: float | None = None,
@@ -279,6 +291,10 @@ def override(
         values["backends"]["options"].setdefault(backend, {}).update(given)
     values["recording"]["topics"].update(pairs(topics, "--topic", "color=/camera/image"))
     values["recording"]["frames"].update(pairs(frames, "--frame", "base=base_link"))
+    values["recording"]["mounts"].update(pairs(mounts, "--mount", 'camera="0.1 0 1.2 0 0.2 0"'))
+    values["recording"]["clocks"].update(pairs(clocks, "--clock", "/lidar/points=-37"))
+    if robot is not None:
+        values["recording"]["robot"] = robot
     if camera is not None:
         values["recording"]["camera"] = camera
     if rate is not None:
@@ -319,6 +335,9 @@ def request(config: BuildConfig, start_s: float | None, end_s: float | None) -> 
     return RecordingRequest(
         topics=config.recording.topics,
         frames=config.recording.frames,
+        mounts=config.recording.mounts,
+        clocks=config.recording.clocks,
+        robot=config.recording.robot,
         camera=config.recording.camera,
         sync_tolerance_s=config.recording.sync_tolerance_s,
         fit_color=config.recording.fit_color,

@@ -35,8 +35,24 @@ TopicOption = Annotated[
     list[str] | None, typer.Option(metavar="ROLE=TOPIC", help="Which topic serves a role, e.g. color=/cam/image.")
 ]
 FrameOption = Annotated[
-    list[str] | None, typer.Option(metavar="ROLE=FRAME", help="The name of the `base` or `odom` frame.")
+    list[str] | None,
+    typer.Option(
+        metavar="ROLE=FRAME",
+        help="The name of the `base` or `odom` frame, or the frame a `camera`, `lidar` or `imu` is in.",
+    ),
 ]
+MountOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="NAME='[PARENT] X Y Z ROLL PITCH YAW'",
+        help="Where a camera (x forward), lidar, imu or frame sits on the base or on a frame, in metres and radians.",
+    ),
+]
+ClockOption = Annotated[
+    list[str] | None,
+    typer.Option(metavar="TOPIC=SECONDS", help="Seconds added to a topic's stamps, 0 to leave them as they are."),
+]
+RobotOption = Annotated[str | None, typer.Option(metavar="NAMESPACE", help="Which of several robots in the recording.")]
 CameraOption = Annotated[str | None, typer.Option(help="Force a camera model: equirectangular.")]
 StartOption = Annotated[float | None, typer.Option(help="Start, in seconds from the recording's first message.")]
 EndOption = Annotated[float | None, typer.Option(help="End, in seconds from the recording's first message.")]

@@ -10,9 +10,12 @@ import typer
 
 from supermap_cli.commands.common import (
     CameraOption,
+    ClockOption,
     EndOption,
     FrameOption,
     JsonOption,
+    MountOption,
+    RobotOption,
     StartOption,
     TopicOption,
     err,
@@ -47,6 +50,9 @@ def inspect(  # noqa: PLR0917 - a command line has many options
     recording: Annotated[Path, typer.Argument(help="A ROS 1 .bag, a ROS 2 .db3 or .mcap file, or a rosbag2 folder.")],
     topic: TopicOption = None,
     frame: FrameOption = None,
+    mount: MountOption = None,
+    clock: ClockOption = None,
+    robot: RobotOption = None,
     camera: CameraOption = None,
     start: StartOption = None,
     end: EndOption = None,
@@ -60,7 +66,15 @@ def inspect(  # noqa: PLR0917 - a command line has many options
     from supermap_cli.config import load_user_config  # noqa: PLC0415
     from supermap_cli.recordings.inspection import inspect_recording  # noqa: PLC0415
 
-    config = override(load_user_config(Path.cwd()).build, topics=topic, frames=frame, camera=camera)
+    config = override(
+        load_user_config(Path.cwd()).build,
+        topics=topic,
+        frames=frame,
+        mounts=mount,
+        clocks=clock,
+        robot=robot,
+        camera=camera,
+    )
     report = inspect_recording(recording, request(config, start, end))
     if as_json:
         print_json(to_document(report))

@@ -22,13 +22,17 @@ from supermap_cli.recordings.images import decode_numbers
 from supermap_cli.recordings.opening import MARGIN_NS, OpenedCamera, OpenedRecording, no_poses
 from supermap_cli.recordings.pointclouds import read_points
 from supermap_cli.recordings.poses import recorded_poses
-from supermap_cli.recordings.probing import Topic
 from supermap_cli.recordings.storage import RawMessage
+from supermap_cli.recordings.survey import Topic
+from supermap_cli.recordings.topics import shows_a_camera
 from supermap_cli.types.detections import Detections
 from supermap_cli.types.sensing import CameraFrame, ImuSample, StampedPose, Sweep
 
 _LATE_NS = 5_000_000_000
 """ns of log time by which detections and masks may come later than their image's stamp: a slow detector on a robot."""
+
+_SILENCE_NS = 30_000_000_000
+"""ns before the first and after the last message of a sensor that still belong to a recording."""
 
 Stamped = TypeVar("Stamped", StampedPose, Sweep, ImuSample)
 
@@ -89,10 +93,27 @@ class BagRecording:
 
     @cached_property
     def _span_ns(self) -> tuple[int, int]:
-        """The window and all its images. Its open sides are times of recording, which stamps lie before or beyond."""
+        """The window and all its images. Its open sides are times of recording, which stamps lie before or beyond; what
+        was added when all sensors were long silent (results, latched messages) is no part of it.
+        """
         window, stamps_ns = self._opened.window, [self.frame_stamps_ns(camera_id) for camera_id in self.cameras]
         first_ns, last_ns = min(int(stamps[0]) for stamps in stamps_ns), max(int(stamps[-1]) for stamps in stamps_ns)
-        return min(window.start_ns, first_ns), max(window.end_ns, last_ns)
+        sensed_ns = self._sensed_ns()
+        start_ns, end_ns = max(window.start_ns, sensed_ns[0]), min(window.end_ns, sensed_ns[1])
+        return min(start_ns, first_ns), max(end_ns, last_ns)
+
+    def _sensed_ns(self) -> tuple[int, int]:
+        """Between which sensor times images, clouds and IMU were recorded; open where that is about the whole."""
+        opened = self._opened
+        roles = ("color", "depth", "lidar", "imu")
+        topics = {choice.topic.name for role, choice in opened.plan.choices.items() if role.partition(".")[0] in roles}
+        first_ns, last_ns = opened.storage.start_ns, opened.storage.end_ns
+        sensed_ns = [-(1 << 62), 1 << 62]
+        if next(iter(opened.storage.messages(topics, None, first_ns + _SILENCE_NS)), None) is None:
+            sensed_ns[0] = min(time for _, time in opened.storage.log_times(topics)) + opened.window.offset_ns
+        if next(iter(opened.storage.messages(topics, last_ns - _SILENCE_NS, None)), None) is None:
+            sensed_ns[1] = max(time for _, time in opened.storage.log_times(topics)) + opened.window.offset_ns
+        return sensed_ns[0], sensed_ns[1]
 
     @cached_property
     def _cameras(self) -> tuple[OpenedCamera, ...]:
@@ -220,7 +241,7 @@ class BagRecording:
     def _sweeps(self, lidar: Topic) -> Iterator[Sweep]:
         opened = self._opened
         transforms = opened.transforms(opened.base_frame, {lidar.frame_id})
-        left_out = 0
+        left_out, shift_ns = 0, opened.shift_ns(lidar.name)
         for raw in self._messages([lidar.name], MARGIN_NS):
             place = opened.place(lidar.name, raw.log_ns + opened.window.offset_ns)
             try:
@@ -231,14 +252,16 @@ class BagRecording:
                 ) from error
             if read.foreign_clock:
                 opened.notes.note("clock of points", f"{place}: point times are of another clock, taken as relative")
-            T_base_lidar = transforms.lookup(opened.base_frame, lidar.frame_id, read.stamp_ns)
+            stamp_ns = read.stamp_ns + shift_ns
+            T_base_lidar = transforms.lookup(opened.base_frame, lidar.frame_id, stamp_ns)
             if T_base_lidar is None:
                 left_out += 1
                 opened.notes.note(
                     "sweeps", f"{place}: TF does not place {lidar.frame_id!r}; {left_out} sweep(s) left out"
                 )
-            elif opened.window.holds(read.stamp_ns, MARGIN_NS):
-                yield Sweep(read.stamp_ns, read.frame_id, read.points, read.point_stamps_ns, T_base_lidar)
+            elif opened.window.holds(stamp_ns, MARGIN_NS):
+                point_stamps_ns = None if read.point_stamps_ns is None else read.point_stamps_ns + shift_ns
+                yield Sweep(stamp_ns, read.frame_id, read.points, point_stamps_ns, T_base_lidar)
 
     def _imu_topic(self) -> Topic | None:
         """The IMU, if TF says how it is turned against the base."""
@@ -261,28 +284,35 @@ class BagRecording:
         transforms = opened.transforms(opened.base_frame, {topic.frame_id})
         for raw in self._messages([topic.name], MARGIN_NS):
             sample = messages.read_imu(opened.decoder.decode(raw), raw.log_ns)
-            T_base_imu = transforms.lookup(opened.base_frame, topic.frame_id, sample.stamp_ns)
+            stamp_ns = sample.stamp_ns + opened.shift_ns(topic.name)
+            T_base_imu = transforms.lookup(opened.base_frame, topic.frame_id, stamp_ns)
             finite = np.isfinite(sample.angular_rate).all() and np.isfinite(sample.specific_force).all()
-            if T_base_imu is not None and finite and opened.window.holds(sample.stamp_ns, MARGIN_NS):
-                yield ImuSample(sample.stamp_ns, sample.angular_rate, sample.specific_force, T_base_imu)
+            if T_base_imu is not None and finite and opened.window.holds(stamp_ns, MARGIN_NS):
+                yield ImuSample(stamp_ns, sample.angular_rate, sample.specific_force, T_base_imu)
 
     def _of_camera(self, camera: OpenedCamera, topics: Sequence[str]) -> Iterator[tuple[int, RawMessage]]:
-        """(stamp, message) of detections or masks in the window; of a topic that several cameras share those that bear
-        the camera's frame.
-        """
+        """(stamp, message) of detections or masks in the window, without those that bear another camera's frame."""
         opened = self._opened
-        others = {
-            other.plan.frame_id
-            for other in self._cameras
-            if not {choice.topic.name for choice in other.plan.choices.values()}.isdisjoint(topics)
-        } - {camera.plan.frame_id}
+        others = self._frames_of_other_cameras(camera)
         for raw in self._messages(topics, _LATE_NS):
-            stamp_ns = messages.peek_stamp_ns(raw, opened.decoder.decode)
+            stamp_ns = opened.stamp_ns(raw)
             if not opened.window.holds(stamp_ns):
                 continue
             if others and messages.header_of(opened.decoder.decode(raw), raw.log_ns)[1] in others:
                 continue
             yield stamp_ns, raw
+
+    def _frames_of_other_cameras(self, camera: OpenedCamera) -> frozenset[str]:
+        """Frames of colour images that are not this camera's; where the user named the detections, only those of the
+        cameras that are mapped.
+        """
+        plan, named = camera.plan, camera.plan.choices.get("detections")
+        roles = ("color", "depth", "camera_info", "depth_camera_info")
+        own = {topic.frame_id for role in roles if (topic := plan.topic(role)) is not None}
+        frames = {other.plan.recorded_frame_id or other.plan.frame_id for other in self._cameras}
+        if named is not None and not named.named and plan.frame_id:
+            frames |= {topic.frame_id for topic in self._opened.topics if shows_a_camera(topic)}
+        return frozenset(frames - own - {plan.recorded_frame_id, plan.frame_id, ""})
 
     def _detection_arrivals(self, camera: OpenedCamera) -> Iterator[DetectionArrival]:
         opened = self._opened

@@ -31,15 +31,16 @@ class Decoder:
 
     def __init__(self, where: str) -> None:
         self.where = where
-        self._functions: dict[Channel, Callable[[bytes | memoryview], Any]] = {}
+        self._functions: dict[tuple[str, str, str, bytes], Callable[[bytes | memoryview], Any]] = {}
 
     def decode(self, raw: RawMessage) -> Any:
         """The message object. Raises `RecordingError` naming topic and type if the bytes do not fit the definition."""
         channel = raw.channel
         try:
-            function = self._functions.get(channel)
+            key = (channel.serialization, channel.msgtype, channel.definition_format, channel.definition)
+            function = self._functions.get(key)
             if function is None:
-                function = self._functions[channel] = _decoding_function(channel)
+                function = self._functions[key] = _decoding_function(channel)
             return function(raw.data)
         except (
             SerdeError,

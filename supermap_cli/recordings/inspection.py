@@ -17,7 +17,6 @@ from supermap_cli.recordings.opening import OpenedCamera, OpenedRecording, open_
 from supermap_cli.recordings.roles import CAMERA_ROLES, ROLES
 from supermap_cli.recordings.storage import Channel
 from supermap_cli.recordings.topic_plan import TopicChoice
-from supermap_cli.recordings.transforms import TransformTree
 
 _GAP_PERIODS = 5
 """Periods of a topic that a pause must last to be reported as a gap."""
@@ -156,7 +155,7 @@ def inspect_recording(path: Path, request: RecordingRequest) -> Inspection:
         cameras=tuple(cameras),
         usable_frames=sum(camera.usable_frames for camera in cameras),
         problems=tuple(ProblemReport(problem.what, problem.where, problem.cure) for problem in problems),
-        warnings=(*opened.notes.lines, *_conflicts(opened.tree)),
+        warnings=opened.notes.lines,
     )
 
 
@@ -268,8 +267,3 @@ def _model_text(opened: OpenedCamera) -> str:
     name = type(camera).__name__.removesuffix("Camera").lower()
     how = "" if depth is None else (", depth aligned" if depth.aligned else ", depth to be registered")
     return f"{name} {camera.width} x {camera.height}, {camera.focal_px():.0f} px a radian{how}"
-
-
-def _conflicts(tree: TransformTree) -> Iterator[str]:
-    for child, (old, new) in sorted(tree.conflicts.items()):
-        yield f"TF: {child!r} has two parents, {old!r} and {new!r}; the last one counts"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import struct
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -93,6 +93,10 @@ class PoseMessage:
     position: FloatArray
     orientation_xyzw: FloatArray
     covariance: FloatArray | None = None
+
+    def later(self, by_ns: int) -> PoseMessage:
+        """The same with another stamp."""
+        return replace(self, stamp_ns=self.stamp_ns + by_ns) if by_ns else self
 
     def transform(self) -> FloatArray | None:
         """`T_frame_child`; `None` for a pose that is not finite or has a zero quaternion."""
