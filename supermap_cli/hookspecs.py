@@ -19,6 +19,7 @@ from supermap_cli.protocols import (
     TextEncoder,
     Tracker,
 )
+from supermap_cli.types.limits import RecordingLimits
 
 if TYPE_CHECKING:
     import sqlite3
@@ -44,7 +45,7 @@ class RecordingRequest(BaseModel):
     `topics` maps a role ("color", "depth", "camera_info", "depth_camera_info", "lidar", "imu", "odometry",
     "detections", "masks", and those of one camera as "color.front") to a topic; `frames` maps "base" or "odom" to a
     frame's name; `camera` may force a camera model ("equirectangular"). `start_s` and `end_s` count from the
-    recording's first message.
+    recording's first message; `limits` bound what is read into memory.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -56,6 +57,7 @@ class RecordingRequest(BaseModel):
     end_s: float | None = None
     sync_tolerance_s: float = 0.02
     fit_color: bool = True
+    limits: RecordingLimits = RecordingLimits()
 
 
 class Register(Protocol):

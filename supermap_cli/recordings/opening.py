@@ -137,7 +137,7 @@ class OpenedRecording:
 def open_recording(path: Path, request: RecordingRequest) -> OpenedRecording:
     """Open and understand a recording. Raises `RecordingError` only where not even `inspect` could say anything."""
     notes = Notes()
-    storage = open_storage(path, notes)
+    storage = open_storage(path, notes, request.limits)
     where = str(path)
     decoder = Decoder(where)
     topics = probe_topics(storage, decoder)
