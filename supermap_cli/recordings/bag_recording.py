@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import heapq
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from supermap_cli.protocols import SensorMessage
 from supermap_cli.recordings import messages
 from supermap_cli.recordings.camera_frames import CameraFrames, ImageTimes
 from supermap_cli.recordings.clock_faults import REORDER_NS
+from supermap_cli.recordings.decoding import MessageError
 from supermap_cli.recordings.detection_messages import DetectionArrival, join_masks, read_detections
 from supermap_cli.recordings.fingerprint import content_fingerprint, window_fingerprint
 from supermap_cli.recordings.images import decode_numbers
@@ -29,6 +30,9 @@ from supermap_cli.types.sensing import CameraFrame, ImuSample, StampedPose, Swee
 
 _LATE_NS = 5_000_000_000
 """ns of log time by which detections and masks may come later than their image's stamp: a slow detector on a robot."""
+
+_MOST_BROKEN = 50
+"""Sweeps that may be broken before the first sound one; with more the topic is not what it says."""
 
 Stamped = TypeVar("Stamped", StampedPose, Sweep, ImuSample)
 
@@ -220,15 +224,24 @@ class BagRecording:
     def _sweeps(self, lidar: Topic) -> Iterator[Sweep]:
         opened = self._opened
         transforms = opened.transforms(opened.base_frame, {lidar.frame_id})
-        left_out = 0
+        left_out = broken = sound = 0
         for raw in self._messages([lidar.name], MARGIN_NS):
             place = opened.place(lidar.name, raw.log_ns + opened.window.offset_ns)
             try:
                 read = read_points(raw, opened.decoder)
-            except ValueError as error:
-                raise RecordingError(
-                    str(error), where=place, cure="name another LiDAR topic with --topic lidar=/..."
-                ) from error
+            except MessageError as error:
+                broken += 1
+                opened.decoder.leave_out(raw, error)
+                if broken > _MOST_BROKEN and not sound:
+                    raise RecordingError(
+                        f"none of the first {broken} LiDAR sweeps can be read: {error.what}",
+                        where=place,
+                        cure="name another LiDAR topic with --topic lidar=/...",
+                    ) from error
+                continue
+            sound += 1
+            if not len(read.points):
+                continue
             if read.foreign_clock:
                 opened.notes.note("clock of points", f"{place}: point times are of another clock, taken as relative")
             T_base_lidar = transforms.lookup(opened.base_frame, lidar.frame_id, read.stamp_ns)
@@ -259,8 +272,7 @@ class BagRecording:
     def _imu(self, topic: Topic) -> Iterator[ImuSample]:
         opened = self._opened
         transforms = opened.transforms(opened.base_frame, {topic.frame_id})
-        for raw in self._messages([topic.name], MARGIN_NS):
-            sample = messages.read_imu(opened.decoder.decode(raw), raw.log_ns)
+        for _, sample in opened.decoder.each(self._messages([topic.name], MARGIN_NS), messages.read_imu):
             T_base_imu = transforms.lookup(opened.base_frame, topic.frame_id, sample.stamp_ns)
             finite = np.isfinite(sample.angular_rate).all() and np.isfinite(sample.specific_force).all()
             if T_base_imu is not None and finite and opened.window.holds(sample.stamp_ns, MARGIN_NS):
@@ -276,11 +288,10 @@ class BagRecording:
             for other in self._cameras
             if not {choice.topic.name for choice in other.plan.choices.values()}.isdisjoint(topics)
         } - {camera.plan.frame_id}
-        for raw in self._messages(topics, _LATE_NS):
-            stamp_ns = messages.peek_stamp_ns(raw, opened.decoder.decode)
+        for stamp_ns, raw in opened.decoder.stamped(self._messages(topics, _LATE_NS), messages.peek_stamp_ns):
             if not opened.window.holds(stamp_ns):
                 continue
-            if others and messages.header_of(opened.decoder.decode(raw), raw.log_ns)[1] in others:
+            if others and (header := opened.decoder.read(raw, messages.header_of)) and header[1] in others:
                 continue
             yield stamp_ns, raw
 
@@ -291,17 +302,24 @@ class BagRecording:
             return
         names = [arrays.name] if masks is None else [arrays.name, masks.name]
         for stamp_ns, raw in self._of_camera(camera, names):
-            arrived_ns, message = raw.log_ns + opened.window.offset_ns, opened.decoder.decode(raw)
+            arrived_ns = raw.log_ns + opened.window.offset_ns
             if raw.channel.topic == arrays.name:
-                detections = read_detections(message, stamp_ns, camera.camera_id)
-                yield DetectionArrival(stamp_ns, arrived_ns, detections=detections)
+                reader = partial(_detections_of, stamp_ns=stamp_ns, camera_id=camera.camera_id)
+                if (detections := opened.decoder.read(raw, reader)) is not None:
+                    yield DetectionArrival(stamp_ns, arrived_ns, detections=detections)
+                continue
+            if (image := opened.decoder.read(raw, messages.read_image)) is None:
                 continue
             place = opened.place(raw.channel.topic, stamp_ns)
             try:
-                numbers = decode_numbers(messages.read_image(message, raw.log_ns))
+                numbers = decode_numbers(image)
             except ValueError as error:
                 opened.notes.note(f"masks {camera.camera_id}", f"{place}: {error}, left out")
                 continue
             except RecordingError as error:
                 raise RecordingError(error.what, where=place, cure=error.cure) from error
             yield DetectionArrival(stamp_ns, arrived_ns, numbers=numbers)
+
+
+def _detections_of(message: Any, _: int, *, stamp_ns: int, camera_id: str) -> Detections:
+    return read_detections(message, stamp_ns, camera_id)

@@ -13,6 +13,7 @@ from supermap_cli.geometry.arrays import Float32Array, FloatArray, IntArray, UIn
 from supermap_cli.geometry.se3 import inverse
 from supermap_cli.recordings.clock_faults import StepForward, outliers, step_back, step_forward
 from supermap_cli.recordings.color_depth_fit import fitted_rig
+from supermap_cli.recordings.decoding import MessageError
 from supermap_cli.recordings.images import decode_color, decode_depth
 from supermap_cli.recordings.messages import peek_stamp_ns, read_image
 from supermap_cli.recordings.opening import OpenedCamera, OpenedRecording
@@ -60,9 +61,9 @@ class ImageTimes:
     @cached_property
     def _times_ns(self) -> dict[str, IntArray]:
         times: dict[str, list[tuple[int, int]]] = {topic: [] for topic in self._topics}
-        decode = self._opened.decoder.decode
-        for raw in self._opened.storage.messages(self._topics, *self._opened.window.log_range(_MARGIN_NS)):
-            times[raw.channel.topic].append((peek_stamp_ns(raw, decode), raw.log_ns))
+        raws = self._opened.storage.messages(self._topics, *self._opened.window.log_range(_MARGIN_NS))
+        for stamp_ns, raw in self._opened.decoder.stamped(raws, peek_stamp_ns):
+            times[raw.channel.topic].append((stamp_ns, raw.log_ns))
         return {topic: np.array(pairs, np.int64).reshape(-1, 2) for topic, pairs in times.items()}
 
     def of_topic(self, topic: str) -> IntArray:
@@ -199,8 +200,9 @@ class CameraFrames:
         if self._depth is not None:
             missing[self._depth] = {pair[1] for pair in pairs if pair[1] is not None}
         arrived: dict[tuple[str, int], RawMessage] = {}
-        for raw in self._messages() if queue else ():
-            topic, stamp_ns = raw.channel.topic, peek_stamp_ns(raw, self._opened.decoder.decode)
+        raws = self._messages() if queue else ()
+        for stamp_ns, raw in self._opened.decoder.stamped(raws, peek_stamp_ns):
+            topic = raw.channel.topic
             if stamp_ns not in missing[topic]:
                 continue
             missing[topic].remove(stamp_ns)
@@ -247,7 +249,7 @@ class _FrameBuilder:
 
     def build(self, color: RawMessage, depth: RawMessage | None) -> CameraFrame | None:
         """The frame, or `None` (with a note) if its images are broken or its place is unknown."""
-        stamp_ns = peek_stamp_ns(color, self._opened.decoder.decode)
+        stamp_ns = peek_stamp_ns(color, self._opened.decoder)
         try:
             T_base_camera = self._mounting(self._rig.color_frame, stamp_ns)
             if self._rig.depth is not None and self._rig.depth.T_color_depth is not None:
@@ -256,9 +258,12 @@ class _FrameBuilder:
             depth_m, depth_stamp_ns = None, None
             if depth is not None and self._rig.depth is not None:
                 depth_m = self._registered_depth(depth, self._rig.depth, stamp_ns)
-                depth_stamp_ns = peek_stamp_ns(depth, self._opened.decoder.decode)
+                depth_stamp_ns = peek_stamp_ns(depth, self._opened.decoder)
         except ValueError as fault:
             self._drop(stamp_ns, str(fault))
+            return None
+        except MessageError as fault:
+            self._drop(stamp_ns, fault.what)
             return None
         return CameraFrame(
             stamp_ns,
@@ -286,7 +291,7 @@ class _FrameBuilder:
         return T
 
     def _rgb(self, raw: RawMessage, stamp_ns: int) -> UInt8Array:
-        image = read_image(self._opened.decoder.decode(raw), raw.log_ns)
+        image = self._opened.decoder.read_strictly(raw, read_image)
         try:
             rgb = decode_color(image)
         except RecordingError as error:
@@ -301,7 +306,7 @@ class _FrameBuilder:
         return rgb
 
     def _registered_depth(self, raw: RawMessage, rig: DepthRig, stamp_ns: int) -> Float32Array:
-        image = read_image(self._opened.decoder.decode(raw), raw.log_ns)
+        image = self._opened.decoder.read_strictly(raw, read_image)
         try:
             depth_m = decode_depth(image)
         except RecordingError as error:

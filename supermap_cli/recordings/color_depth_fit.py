@@ -80,14 +80,15 @@ def sample_pairs(opened: OpenedRecording, camera: OpenedCamera) -> Iterator[tupl
     taken_ns: int | None = None
     for start_ns in np.linspace(first_ns, last_ns, count).astype(np.int64):
         latest: dict[str, tuple[int, RawMessage]] = {}
-        for raw in opened.storage.messages([color, depth], int(start_ns), int(start_ns) + _WINDOW_NS):
-            latest[raw.channel.topic] = (peek_stamp_ns(raw, opened.decoder.decode), raw)
+        raws = opened.storage.messages([color, depth], int(start_ns), int(start_ns) + _WINDOW_NS)
+        for stamp_ns, raw in opened.decoder.stamped(raws, peek_stamp_ns):
+            latest[raw.channel.topic] = (stamp_ns, raw)
             if len(latest) < 2 or abs(latest[color][0] - latest[depth][0]) > tolerance_ns:
                 continue
             if taken_ns is not None and latest[color][0] - taken_ns < _SPACING_NS:
                 continue
-            images = [read_image(opened.decoder.decode(latest[name][1]), start_ns) for name in (color, depth)]
             try:
+                images = [opened.decoder.read_strictly(latest[name][1], read_image) for name in (color, depth)]
                 pair = decode_color(images[0]), decode_depth(images[1])
             except (RecordingError, ValueError):
                 continue  # a broken image is reported where it is used

@@ -129,8 +129,9 @@ class OpenedRecording:
         """(sensor time of arrival, transform) of the moving transforms in the window, in the order of log time."""
         names = [topic.name for topic in self.topics if topic.kind == "transforms" and not _is_static(topic)]
         start_ns, end_ns = self.window.log_range(margin_ns)
-        for raw in self.storage.messages(names, start_ns, end_ns):
-            for transform in messages.read_transforms(self.decoder.decode(raw), raw.log_ns):
+        raws = self.storage.messages(names, start_ns, end_ns)
+        for raw, transforms in self.decoder.each(raws, messages.read_transforms):
+            for transform in transforms:
                 yield raw.log_ns + self.window.offset_ns, transform
 
 
@@ -139,7 +140,7 @@ def open_recording(path: Path, request: RecordingRequest) -> OpenedRecording:
     notes = Notes()
     storage = open_storage(path, notes, request.limits)
     where = str(path)
-    decoder = Decoder(where)
+    decoder = Decoder(where, notes, request.limits, storage.start_ns)
     topics = probe_topics(storage, decoder)
     if not any(channel.count for channel in storage.channels):
         raise RecordingError("no messages in the recording", where=where, cure="record again")
@@ -228,8 +229,8 @@ def _is_static(topic: Topic) -> bool:
 
 def _static_transforms(storage: Storage, decoder: Decoder, topics: tuple[Topic, ...]) -> Iterator[PoseMessage]:
     names = [topic.name for topic in topics if topic.kind == "transforms" and _is_static(topic)]
-    for raw in storage.messages(names):
-        yield from messages.read_transforms(decoder.decode(raw), raw.log_ns)
+    for _, transforms in decoder.each(storage.messages(names), messages.read_transforms):
+        yield from transforms
 
 
 def _first_tree(storage: Storage, decoder: Decoder, topics: tuple[Topic, ...]) -> TransformTree:
@@ -238,8 +239,9 @@ def _first_tree(storage: Storage, decoder: Decoder, topics: tuple[Topic, ...]) -
     for transform in _static_transforms(storage, decoder, topics):
         tree.add(transform, static=True)
     names = [topic.name for topic in topics if topic.kind == "transforms" and not _is_static(topic)]
-    for raw in islice(storage.messages(names), _FIRST_TRANSFORMS):
-        for transform in messages.read_transforms(decoder.decode(raw), raw.log_ns):
+    first = islice(storage.messages(names), _FIRST_TRANSFORMS)
+    for _, transforms in decoder.each(first, messages.read_transforms):
+        for transform in transforms:
             tree.add(transform, static=False)
     return tree
 

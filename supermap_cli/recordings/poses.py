@@ -65,8 +65,8 @@ def _from_topic(
 ) -> Iterator[StampedPose]:
     moved = source.child_frame or opened.base_frame
     transforms = opened.transforms(moved, {opened.base_frame})
-    for raw in opened.storage.messages([topic.name], *opened.window.log_range(MARGIN_NS)):
-        message = messages.read_pose(opened.decoder.decode(raw), raw.log_ns)
+    raws = opened.storage.messages([topic.name], *opened.window.log_range(MARGIN_NS))
+    for _, message in opened.decoder.each(raws, messages.read_pose):
         T_odom_moved = message.transform()
         if T_odom_moved is None:
             skipped.add("a pose that is not finite", message.stamp_ns)

@@ -64,7 +64,8 @@ def probe_topics(storage: Storage, decoder: Decoder) -> tuple[Topic, ...]:
 def usual_offset_ns(storage: Storage, topic: Topic, decoder: Decoder) -> int:
     """Sensor time minus log time of a topic: the median of its first messages, of which one may be an outlier."""
     first = islice(storage.messages([topic.name]), _FIRST_STAMPS)
-    return int(np.median([messages.peek_stamp_ns(raw, decoder.decode) - raw.log_ns for raw in first]))
+    offsets_ns = [stamp_ns - raw.log_ns for stamp_ns, raw in decoder.stamped(first, messages.peek_stamp_ns)]
+    return int(np.median(offsets_ns)) if offsets_ns else 0
 
 
 def _first_messages(storage: Storage, wanted: Iterable[tuple[str, str]]) -> Iterator[RawMessage]:
@@ -93,21 +94,20 @@ def _probe(raw: RawMessage, kind: Kind, decoder: Decoder) -> Topic:
 def _read(raw: RawMessage, kind: Kind, decoder: Decoder) -> Topic:
     channel, log_ns = raw.channel, raw.log_ns
     if kind == "points" and channel.msgtype.endswith("CustomMsg"):
-        stamp_ns = messages.peek_stamp_ns(raw, decoder.decode)
-        return Topic(channel, kind, decoder.decode(raw).header.frame_id.lstrip("/"), "", stamp_ns - log_ns)
-    message = decoder.decode(raw)
+        stamp_ns, frame_id = decoder.read_strictly(raw, messages.header_of)
+        return Topic(channel, kind, frame_id, "", stamp_ns - log_ns)
     if kind == "transforms":
-        first = next(messages.read_transforms(message, log_ns), None)
+        first = next(iter(decoder.read_strictly(raw, messages.read_transforms)), None)
         return Topic(channel, kind, clock_offset_ns=first.stamp_ns - log_ns if first else 0)
     if kind == "image":
-        return _read_image(raw, messages.read_image(message, log_ns))
+        return _read_image(raw, decoder.read_strictly(raw, messages.read_image))
     if kind == "camera_info":
-        calibration = messages.read_calibration(message, log_ns)
+        calibration = decoder.read_strictly(raw, messages.read_calibration)
         return Topic(channel, kind, calibration.frame_id, "", calibration.stamp_ns - log_ns, calibration=calibration)
     if kind == "pose":
-        pose = messages.read_pose(message, log_ns)
+        pose = decoder.read_strictly(raw, messages.read_pose)
         return Topic(channel, kind, pose.frame_id, pose.child_frame_id, pose.stamp_ns - log_ns)
-    stamp_ns, frame_id = messages.header_of(message, log_ns)
+    stamp_ns, frame_id = decoder.read_strictly(raw, messages.header_of)
     return Topic(channel, kind, frame_id, "", stamp_ns - log_ns)
 
 
