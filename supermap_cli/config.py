@@ -32,6 +32,9 @@ class RecordingConfig(Section):
     frames: dict[str, str] = Field(default_factory=dict, description="'base' or 'odom' -> frame name")
     camera: str | None = Field(default=None, description="force a camera model: 'equirectangular'")
     sync_tolerance_s: float = Field(default=0.02, gt=0, description="greatest distance of colour and depth stamps")
+    detection_tolerance_s: float = Field(
+        default=0.001, ge=0, le=60, description="greatest distance of recorded detections and their image's stamp"
+    )
     fit_color: bool = Field(default=True, description="correct a colour calibration that does not fit the depth")
     limits: RecordingLimits = Field(default_factory=RecordingLimits)
 

@@ -56,6 +56,7 @@ class RecordingRequest(BaseModel):
     start_s: float | None = None
     end_s: float | None = None
     sync_tolerance_s: float = 0.02
+    detection_tolerance_s: float = 0.001
     fit_color: bool = True
     limits: RecordingLimits = RecordingLimits()
 

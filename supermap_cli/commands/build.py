@@ -16,12 +16,14 @@ from supermap_cli.commands.common import (
     BackendOption,
     CameraOption,
     DbOption,
+    DetectionToleranceOption,
     DetectorOption,
     EndOption,
     FrameOption,
     JsonOption,
     OdometryOption,
     RateOption,
+    RecordingLimitOption,
     SegmenterOption,
     StartOption,
     TopicOption,
@@ -107,6 +109,8 @@ def build(  # noqa: PLR0917 - a command line has many options
     topic: TopicOption = None,
     frame: FrameOption = None,
     camera: CameraOption = None,
+    detection_tolerance: DetectionToleranceOption = None,
+    limit: RecordingLimitOption = None,
     start: StartOption = None,
     end: EndOption = None,
     rate: RateOption = None,
@@ -140,6 +144,8 @@ def build(  # noqa: PLR0917 - a command line has many options
         topics=topic,
         frames=frame,
         camera=camera,
+        detection_tolerance=detection_tolerance,
+        limits=limit,
         rate=rate,
         perception_rate=perception_rate,
         min_confidence=min_confidence,
@@ -261,6 +267,8 @@ def override(
     topics: list[str] | None = None,
     frames: list[str] | None = None,
     camera: str | None = None,
+    detection_tolerance: float | None = None,
+    limits: list[str] | None = None,
     rate: float | None = None,
     perception_rate: float | None = None,
     min_confidence: float | None = None,
@@ -279,6 +287,9 @@ def override(
         values["backends"]["options"].setdefault(backend, {}).update(given)
     values["recording"]["topics"].update(pairs(topics, "--topic", "color=/camera/image"))
     values["recording"]["frames"].update(pairs(frames, "--frame", "base=base_link"))
+    values["recording"]["limits"].update(pairs(limits, "--limit", "image_pixels=200000000"))
+    if detection_tolerance is not None:
+        values["recording"]["detection_tolerance_s"] = detection_tolerance
     if camera is not None:
         values["recording"]["camera"] = camera
     if rate is not None:
@@ -321,7 +332,9 @@ def request(config: BuildConfig, start_s: float | None, end_s: float | None) -> 
         frames=config.recording.frames,
         camera=config.recording.camera,
         sync_tolerance_s=config.recording.sync_tolerance_s,
+        detection_tolerance_s=config.recording.detection_tolerance_s,
         fit_color=config.recording.fit_color,
+        limits=config.recording.limits,
         start_s=start_s,
         end_s=end_s,
     )

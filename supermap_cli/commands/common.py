@@ -37,6 +37,19 @@ TopicOption = Annotated[
 FrameOption = Annotated[
     list[str] | None, typer.Option(metavar="ROLE=FRAME", help="The name of the `base` or `odom` frame.")
 ]
+RecordingLimitOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="NAME=VALUE",
+        help="How much a recording may hold, e.g. image_pixels=200000000; see docs/configuration.md.",
+    ),
+]
+DetectionToleranceOption = Annotated[
+    float | None,
+    typer.Option(
+        metavar="SECONDS", help="Recorded detections belong to the nearest image in so many seconds. [default: 0.001]"
+    ),
+]
 CameraOption = Annotated[str | None, typer.Option(help="Force a camera model: equirectangular.")]
 StartOption = Annotated[float | None, typer.Option(help="Start, in seconds from the recording's first message.")]
 EndOption = Annotated[float | None, typer.Option(help="End, in seconds from the recording's first message.")]

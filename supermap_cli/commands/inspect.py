@@ -10,9 +10,11 @@ import typer
 
 from supermap_cli.commands.common import (
     CameraOption,
+    DetectionToleranceOption,
     EndOption,
     FrameOption,
     JsonOption,
+    RecordingLimitOption,
     StartOption,
     TopicOption,
     err,
@@ -48,6 +50,8 @@ def inspect(  # noqa: PLR0917 - a command line has many options
     topic: TopicOption = None,
     frame: FrameOption = None,
     camera: CameraOption = None,
+    detection_tolerance: DetectionToleranceOption = None,
+    limit: RecordingLimitOption = None,
     start: StartOption = None,
     end: EndOption = None,
     as_json: JsonOption = False,
@@ -60,7 +64,14 @@ def inspect(  # noqa: PLR0917 - a command line has many options
     from supermap_cli.config import load_user_config  # noqa: PLC0415
     from supermap_cli.recordings.inspection import inspect_recording  # noqa: PLC0415
 
-    config = override(load_user_config(Path.cwd()).build, topics=topic, frames=frame, camera=camera)
+    config = override(
+        load_user_config(Path.cwd()).build,
+        topics=topic,
+        frames=frame,
+        camera=camera,
+        detection_tolerance=detection_tolerance,
+        limits=limit,
+    )
     report = inspect_recording(recording, request(config, start, end))
     if as_json:
         print_json(to_document(report))

@@ -17,9 +17,12 @@ from supermap_cli.recordings import messages
 from supermap_cli.recordings.camera_frames import CameraFrames, ImageTimes
 from supermap_cli.recordings.clock_faults import REORDER_NS
 from supermap_cli.recordings.decoding import MessageError
-from supermap_cli.recordings.detection_messages import DetectionArrival, join_masks, read_detections
+from supermap_cli.recordings.detection_messages import DetectionArrival, join_masks
+from supermap_cli.recordings.detection_readers import read_detections
+from supermap_cli.recordings.detection_stamps import DetectionStamps, find_stamps, unjoined
 from supermap_cli.recordings.fingerprint import content_fingerprint, window_fingerprint
 from supermap_cli.recordings.images import decode_numbers
+from supermap_cli.recordings.limits import Limits
 from supermap_cli.recordings.opening import MARGIN_NS, OpenedCamera, OpenedRecording, no_poses
 from supermap_cli.recordings.pointclouds import read_points
 from supermap_cli.recordings.poses import recorded_poses
@@ -74,6 +77,7 @@ class BagRecording:
             raise ValueError("a recording without problems has a camera")
         self._opened = opened
         times = ImageTimes(opened)
+        self._stamps: dict[str, DetectionStamps] = {}
         self._frames = {camera.camera_id: CameraFrames(opened, camera, times) for camera in opened.cameras}
 
     @property
@@ -195,6 +199,7 @@ class BagRecording:
         if topic is None:
             return np.zeros(0, np.int64)
         stamps = {stamp_ns for stamp_ns, _ in self._of_camera(camera, [topic.name])}
+        self._check_joined(camera, topic)
         return np.array(sorted(stamps), np.int64)
 
     def detections(self, camera_id: str | None = None) -> Iterator[Detections]:
@@ -278,6 +283,30 @@ class BagRecording:
             if T_base_imu is not None and finite and opened.window.holds(sample.stamp_ns, MARGIN_NS):
                 yield ImuSample(sample.stamp_ns, sample.angular_rate, sample.specific_force, T_base_imu)
 
+    def _detection_stamps(self, camera: OpenedCamera) -> DetectionStamps:
+        """By what a camera's detections belong to its images."""
+        found = self._stamps.get(camera.camera_id)
+        if found is None:
+            opened, topic = self._opened, camera.plan.topic("detections")
+            raws = iter(()) if topic is None else self._messages([topic.name], _LATE_NS)
+            tolerance_ns = round(opened.request.detection_tolerance_s * 1e9)
+            images_ns = self._frames[camera.camera_id].image_stamps_ns()
+            found = self._stamps[camera.camera_id] = find_stamps(raws, images_ns, tolerance_ns, opened.decoder)
+            if found.own and topic is not None:
+                opened.notes.note(
+                    f"stamps {topic.name}",
+                    f"{self.path}, {topic.name}: the arrays have not the stamps of images; those that their detections "
+                    "bear count",
+                )
+        return found
+
+    def _check_joined(self, camera: OpenedCamera, topic: Topic) -> None:
+        """Raise `RecordingError` where no detections of a camera belong to any of its images."""
+        stamps, decoder = self._detection_stamps(camera), self._opened.decoder
+        problem = unjoined(self._messages([topic.name], _LATE_NS), stamps, decoder, f"{self.path}, {topic.name}")
+        if problem is not None:
+            raise problem
+
     def _of_camera(self, camera: OpenedCamera, topics: Sequence[str]) -> Iterator[tuple[int, RawMessage]]:
         """(stamp, message) of detections or masks in the window; of a topic that several cameras share those that bear
         the camera's frame.
@@ -288,7 +317,8 @@ class BagRecording:
             for other in self._cameras
             if not {choice.topic.name for choice in other.plan.choices.values()}.isdisjoint(topics)
         } - {camera.plan.frame_id}
-        for stamp_ns, raw in opened.decoder.stamped(self._messages(topics, _LATE_NS), messages.peek_stamp_ns):
+        stamp_of = self._detection_stamps(camera).of
+        for stamp_ns, raw in opened.decoder.stamped(self._messages(topics, _LATE_NS), stamp_of):
             if not opened.window.holds(stamp_ns):
                 continue
             if others and (header := opened.decoder.read(raw, messages.header_of)) and header[1] in others:
@@ -304,7 +334,9 @@ class BagRecording:
         for stamp_ns, raw in self._of_camera(camera, names):
             arrived_ns = raw.log_ns + opened.window.offset_ns
             if raw.channel.topic == arrays.name:
-                reader = partial(_detections_of, stamp_ns=stamp_ns, camera_id=camera.camera_id)
+                reader = partial(
+                    _detections_of, stamp_ns=stamp_ns, camera_id=camera.camera_id, limits=opened.decoder.limits
+                )
                 if (detections := opened.decoder.read(raw, reader)) is not None:
                     yield DetectionArrival(stamp_ns, arrived_ns, detections=detections)
                 continue
@@ -321,5 +353,5 @@ class BagRecording:
             yield DetectionArrival(stamp_ns, arrived_ns, numbers=numbers)
 
 
-def _detections_of(message: Any, _: int, *, stamp_ns: int, camera_id: str) -> Detections:
-    return read_detections(message, stamp_ns, camera_id)
+def _detections_of(message: Any, _: int, *, stamp_ns: int, camera_id: str, limits: Limits) -> Detections:
+    return read_detections(message, stamp_ns, camera_id, limits)

@@ -167,6 +167,10 @@ class CameraFrames:
             )
         return list(pairs)
 
+    def image_stamps_ns(self) -> IntArray:
+        """(n,) int64 stamps of all colour images about the window, usable or not, ascending."""
+        return np.unique(self._times.of_topic(self._color)[:, 0])
+
     def stamps_ns(self) -> IntArray:
         """(n,) int64 stamps of the usable frames."""
         return np.array([color_ns for color_ns, _ in self._pairs], np.int64)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import binascii
 import json
 import struct
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from types import SimpleNamespace
 from typing import Any, TypeVar
 
@@ -20,7 +20,7 @@ from rosbags.typesys import Stores, TypesysError, get_types_from_idl, get_types_
 from rosbags.typesys.store import Typestore
 
 from supermap_cli.errors import RecordingError
-from supermap_cli.recordings.definitions import FALLBACK_DEFINITIONS
+from supermap_cli.recordings.definitions import FALLBACK_DEFINITIONS, OLDER_DEFINITIONS
 from supermap_cli.recordings.limits import Limits
 from supermap_cli.recordings.notes import Notes
 from supermap_cli.recordings.storage import Channel, RawMessage
@@ -163,10 +163,52 @@ def _decoding_function(channel: Channel, limits: Limits) -> Callable[[bytes | me
         return _protobuf_function(channel)
     if channel.serialization not in {"cdr", "ros1"}:
         raise ValueError(f"unknown serialization {channel.serialization!r}")
-    typestore = _typestore(channel, limits)
+    package = channel.msgtype.partition("/")[0]
+    layouts = [FALLBACK_DEFINITIONS.get(package, {})]
+    if not channel.definition.strip():
+        layouts += OLDER_DEFINITIONS.get(package, ())
+    functions = [_ros_function(channel, layout, limits) for layout in layouts]
+    return functions[0] if len(functions) == 1 else _by_the_bytes(functions)
+
+
+def _ros_function(channel: Channel, fallback: Mapping[str, str], limits: Limits) -> Callable[[bytes | memoryview], Any]:
+    typestore = _typestore(channel, fallback, limits)
     if channel.serialization == "ros1":
         return lambda data: typestore.deserialize_ros1(data, channel.msgtype)
     return lambda data: typestore.deserialize_cdr(data, channel.msgtype)
+
+
+def _by_the_bytes(functions: Sequence[Callable[[bytes | memoryview], Any]]) -> Callable[[bytes | memoryview], Any]:
+    """The first of several layouts that fits a message to its last byte and gives likely detections; what
+    fitted last is tried first.
+    """
+    order = list(functions)
+
+    def decode(data: bytes | memoryview) -> Any:
+        fault: Exception = ValueError("no known layout of its type fits")
+        for function in tuple(order):
+            try:
+                message = function(data)
+            except FAULTS as error:
+                fault = error
+                continue
+            if _is_plausible(message):
+                order.remove(function)
+                order.insert(0, function)
+                return message
+        raise ValueError(f"none of {len(order)} layouts of its type fits ({_text(fault)})")
+
+    return decode
+
+
+def _is_plausible(message: Any) -> bool:
+    """Whether all scores are probabilities and all labels text: a number read as text has zeros in it, or is empty."""
+    for result in (result for detection in message.detections for result in detection.results):
+        hypothesis = getattr(result, "hypothesis", result)
+        label = getattr(hypothesis, "class_id", None) or getattr(hypothesis, "id", "")
+        if not 0 <= float(hypothesis.score) <= 1 or label == "" or "\0" in str(label):
+            return False
+    return True
 
 
 def _parse_json(data: bytes, limits: Limits) -> Any:
@@ -200,13 +242,13 @@ def _protobuf_function(channel: Channel) -> Callable[[bytes | memoryview], Any]:
     return decode
 
 
-def _typestore(channel: Channel, limits: Limits) -> Typestore:
+def _typestore(channel: Channel, definitions: Mapping[str, str], limits: Limits) -> Typestore:
     """The channel's type and all it is made of: by its own definitions, and the default's for what they lack."""
     embedded, default = _embedded_types(channel), get_typestore(_DEFAULTS[channel.serialization]).fielddefs
     package = channel.msgtype.partition("/")[0]
     fallback: dict[str, Any] = {}
     if channel.msgtype not in embedded and channel.msgtype not in default:
-        for type_name, text in FALLBACK_DEFINITIONS.get(package, {}).items():
+        for type_name, text in definitions.items():
             fallback.update(get_types_from_msg(text, f"{package}/msg/{type_name}"))
     needed: dict[str, Any] = {}
     wanted = [channel.msgtype]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import re
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -50,9 +51,23 @@ KINDS: dict[str, Kind] = {
     "foxglove.FrameTransforms": "transforms",
     "foxglove_msgs/msg/FrameTransform": "transforms",
     "foxglove_msgs/msg/FrameTransforms": "transforms",
-    "vision_msgs/msg/Detection2DArray": "detections",
+    **dict.fromkeys(
+        (
+            "vision_msgs/msg/Detection2DArray",
+            *("yolo_msgs/msg/DetectionArray", "yolov8_msgs/msg/DetectionArray"),
+            *("ultralytics_ros/msg/YoloResult", "darknet_ros_msgs/msg/BoundingBoxes"),
+            *("depthai_ros_msgs/msg/SpatialDetectionArray", "depthai_ros_msgs/msg/TrackDetection2DArray"),
+            *("zed_msgs/msg/ObjectsStamped", "zed_interfaces/msg/ObjectsStamped"),
+        ),
+        "detections",
+    ),
 }
 """What a message type is used for. All others are ignored."""
+
+_NEAR_DETECTIONS = re.compile(
+    r"/msg/\w*(Detection|BoundingBox|ObjectArray|ObjectsStamped|TrackedObject|YoloResult)", re.I
+)
+"""Names of types that hold detections, though of a layout that is not read."""
 
 
 @dataclass(frozen=True)
@@ -125,6 +140,11 @@ def kind_of(channel: Channel) -> Kind | None:
     if channel.serialization in {"protobuf", "json"}:
         return KINDS.get(channel.msgtype) if channel.msgtype.startswith("foxglove.") else None
     return KINDS.get(channel.msgtype)
+
+
+def is_near_detections(channel: Channel) -> bool:
+    """Whether a channel seems to hold detections of a type that is not read."""
+    return kind_of(channel) is None and _NEAR_DETECTIONS.search(channel.msgtype) is not None
 
 
 def stamp_ns_of(time: Any) -> int:

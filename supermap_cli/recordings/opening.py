@@ -19,7 +19,7 @@ from supermap_cli.recordings.notes import Notes
 from supermap_cli.recordings.probing import Topic, probe_topics, usual_offset_ns
 from supermap_cli.recordings.rig import CameraRig, RigBuilder
 from supermap_cli.recordings.roles import parse_named_topics
-from supermap_cli.recordings.storage import Storage
+from supermap_cli.recordings.storage import Channel, Storage
 from supermap_cli.recordings.topic_plan import CameraPlan, TopicPlan
 from supermap_cli.recordings.topics import plan_topics
 from supermap_cli.recordings.transforms import MovingTransforms, TransformTree
@@ -146,6 +146,7 @@ def open_recording(path: Path, request: RecordingRequest) -> OpenedRecording:
         raise RecordingError("no messages in the recording", where=where, cure="record again")
     if request.camera not in {None, "equirectangular"}:
         raise ConfigError(f"unknown camera model {request.camera!r}", cure="only 'equirectangular' can be forced")
+    _note_unread(storage, topics, where, notes)
     named = parse_named_topics(request.topics)
     plan = (plan_named_cameras if named.color_cameras else plan_topics)(topics, named, where)
     tree = _first_tree(storage, decoder, topics)
@@ -181,6 +182,24 @@ def open_recording(path: Path, request: RecordingRequest) -> OpenedRecording:
         window=_window(storage, plan, request, decoder, notes),
         problems=tuple(problems),
         motion_problem=no_poses(where) if source is None and not plan.serves("lidar") else None,
+    )
+
+
+def _note_unread(storage: Storage, topics: tuple[Topic, ...], where: str, notes: Notes) -> None:
+    """Name what a build can do without and does: detections and IMUs that cannot be read."""
+    for topic in topics:
+        if topic.fault is not None and topic.kind in {"detections", "imu"}:
+            notes.note(f"unread {topic.name}", f"{where}, {topic.name}: left out: {topic.fault.what}")
+    for channel in storage.channels:
+        if channel.count and messages.is_near_detections(channel):
+            notes.note(f"unread {channel.topic}", f"{where}, {channel.topic}: {unread_detections(channel)}")
+
+
+def unread_detections(channel: Channel) -> str:
+    """What to do about detections of a type that is not read."""
+    return (
+        f"detections of the type {channel.msgtype} are not read; convert them to vision_msgs/Detection2DArray, or "
+        "detect with --detector onnx"
     )
 
 

@@ -38,7 +38,7 @@ _INDEX_ENTRY = struct.Struct("<III")
 
 
 @dataclass(frozen=True)
-class _Block:
+class _BagChunk:
     """A chunk: where its data are in the file, and what is in it. `counts` are by connection."""
 
     offset: int
@@ -58,7 +58,7 @@ class Ros1Storage:
         self._limits = limits
         self._left_out = LeftOut(notes, str(path))
         with path.open("rb") as file:
-            scan = _Scan(file, path, limits, self._left_out)
+            scan = _BagScan(file, path, limits, self._left_out)
         self._blocks = scan.blocks
         self._by_id = scan.channels()
         self.channels = tuple(sorted(dict.fromkeys(self._by_id.values()), key=lambda each: (each.topic, each.msgtype)))
@@ -81,7 +81,7 @@ class Ros1Storage:
         wanted = {number: channel for number, channel in self._by_id.items() if channel.topic in topics}
         with self._path.open("rb") as file:
 
-            def reader(block: _Block) -> Callable[[], Iterable[RawMessage]]:
+            def reader(block: _BagChunk) -> Callable[[], Iterable[RawMessage]]:
                 return lambda: self._read_block(file, block, wanted, first, beyond)
 
             yield from merge_lazily(
@@ -98,7 +98,7 @@ class Ros1Storage:
             yield message.channel.topic, message.log_ns
 
     def _read_block(
-        self, file: BinaryIO, block: _Block, wanted: dict[int, Channel], first: int, beyond: int
+        self, file: BinaryIO, block: _BagChunk, wanted: dict[int, Channel], first: int, beyond: int
     ) -> list[RawMessage]:
         try:
             records = memoryview(_content(file, block, self._limits))
@@ -120,7 +120,7 @@ _FAULTS = (RuntimeError, OSError, EOFError, ValueError)
 """What unpacking a damaged chunk raises."""
 
 
-def _content(file: BinaryIO, block: _Block, limits: Limits) -> bytes:
+def _content(file: BinaryIO, block: _BagChunk, limits: Limits) -> bytes:
     """The records of a chunk, unpacked; as many as there are where it is cut off. Raises what `_FAULTS` names."""
     file.seek(block.offset)
     packed = file.read(block.size)
@@ -180,11 +180,11 @@ def _walk(records: memoryview) -> Iterator[tuple[int, dict[str, bytes], int, int
         yield (fields.get("op") or b"\0")[0], fields, start, position
 
 
-class _Scan:
+class _BagScan:
     """All chunks and connections of a bag. `closed` says that the bag's recorder wrote it to its end."""
 
     def __init__(self, file: BinaryIO, path: Path, limits: Limits, left_out: LeftOut) -> None:
-        self.blocks: list[_Block] = []
+        self.blocks: list[_BagChunk] = []
         self.closed = False
         self._connections: dict[int, tuple[str, str, str]] = {}
         self._file = file
@@ -192,7 +192,7 @@ class _Scan:
         self._size = path.stat().st_size
         self._limits = limits
         self._left_out = left_out
-        self._chunk: _Block | None = None
+        self._chunk: _BagChunk | None = None
         self._index: Counter[int] = Counter()
         self._times: list[int] = []
         self._walk_file()
@@ -262,7 +262,7 @@ class _Scan:
             self._close_chunk()
             unpacked = fields.get("size", b"\0\0\0\0")[:4].ljust(4, b"\0")
             compression = fields.get("compression", b"none").decode("ascii", "replace")
-            self._chunk = _Block(start, size, compression, _UINT32.unpack(unpacked)[0], 0, 0, Counter())
+            self._chunk = _BagChunk(start, size, compression, _UINT32.unpack(unpacked)[0], 0, 0, Counter())
         elif op == _INDEX:
             number = fields.get("conn", b"")[:4].ljust(4, b"\0")
             self._file.seek(start)
@@ -289,7 +289,7 @@ class _Scan:
             counts, times = self._read_chunk(block)
         if counts:
             self.blocks.append(
-                _Block(
+                _BagChunk(
                     block.offset,
                     block.size,
                     block.compression,
@@ -300,7 +300,7 @@ class _Scan:
                 )
             )
 
-    def _read_chunk(self, block: _Block) -> tuple[Counter[int], list[int]]:
+    def _read_chunk(self, block: _BagChunk) -> tuple[Counter[int], list[int]]:
         counts: Counter[int] = Counter()
         times: list[int] = []
         try:
