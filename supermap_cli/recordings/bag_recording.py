@@ -344,7 +344,7 @@ class BagRecording:
                 continue
             place = opened.place(raw.channel.topic, stamp_ns)
             try:
-                numbers = decode_numbers(image)
+                numbers = decode_numbers(image, opened.decoder.limits)
             except ValueError as error:
                 opened.notes.note(f"masks {camera.camera_id}", f"{place}: {error}, left out")
                 continue

@@ -297,7 +297,7 @@ class _FrameBuilder:
     def _rgb(self, raw: RawMessage, stamp_ns: int) -> UInt8Array:
         image = self._opened.decoder.read_strictly(raw, read_image)
         try:
-            rgb = decode_color(image)
+            rgb = decode_color(image, self._opened.decoder.limits)
         except RecordingError as error:
             raise RecordingError(
                 error.what, where=self._opened.place(self._color, stamp_ns), cure=error.cure
@@ -312,7 +312,7 @@ class _FrameBuilder:
     def _registered_depth(self, raw: RawMessage, rig: DepthRig, stamp_ns: int) -> Float32Array:
         image = self._opened.decoder.read_strictly(raw, read_image)
         try:
-            depth_m = decode_depth(image)
+            depth_m = decode_depth(image, self._opened.decoder.limits)
         except RecordingError as error:
             raise RecordingError(
                 error.what, where=self._opened.place(raw.channel.topic, stamp_ns), cure=error.cure

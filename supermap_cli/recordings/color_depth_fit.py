@@ -89,7 +89,7 @@ def sample_pairs(opened: OpenedRecording, camera: OpenedCamera) -> Iterator[tupl
                 continue
             try:
                 images = [opened.decoder.read_strictly(latest[name][1], read_image) for name in (color, depth)]
-                pair = decode_color(images[0]), decode_depth(images[1])
+                pair = decode_color(images[0], opened.decoder.limits), decode_depth(images[1], opened.decoder.limits)
             except (RecordingError, ValueError):
                 continue  # a broken image is reported where it is used
             taken_ns = latest[color][0]

@@ -42,6 +42,9 @@ _CHUNK = struct.Struct("<QQQII")
 
 _UINT32 = struct.Struct("<I")
 
+_FIRST_IMPOSSIBLE_NS = 1 << 62
+"""ns; no clock shows more (the year 2116). Times are unsigned in the file, and signed everywhere else."""
+
 _FOOTER = struct.Struct("<BQQQI")
 """The whole record: opcode, length, start of the summary and of its offsets, CRC from the summary's start to here."""
 
@@ -93,7 +96,13 @@ class McapStorage:
             merged.setdefault((channel.topic, channel.msgtype), []).append(channel)
         self.channels = tuple(_merge(merged[key]) for key in sorted(merged))
         self.start_ns = min((block.start_ns for block in self._blocks), default=0)
-        self.end_ns = max((block.end_ns for block in self._blocks), default=0)
+        if self.start_ns >= _FIRST_IMPOSSIBLE_NS:
+            raise RecordingError(
+                "all messages were recorded at times that no clock shows",
+                where=str(path),
+                cure="record or copy it again",
+            )
+        self.end_ns = min(max((block.end_ns for block in self._blocks), default=0), _FIRST_IMPOSSIBLE_NS)
 
     def messages(
         self, topics: Collection[str], start_ns: int | None = None, end_ns: int | None = None
@@ -153,7 +162,9 @@ class McapStorage:
         for opcode, start, end in _walk(records):
             if opcode == Opcode.MESSAGE:
                 number, _, log_ns, _ = _MESSAGE.unpack_from(records, start)
-                if number in wanted and first <= log_ns < beyond:
+                if log_ns >= _FIRST_IMPOSSIBLE_NS:
+                    self._left_out.add("messages", f"a message of time {log_ns} ns, which no clock shows", start)
+                elif number in wanted and first <= log_ns < beyond:
                     place = block.offset + start
                     message = self._message(wanted[number], log_ns, records[start + _MESSAGE.size : end], place)
                     found += [] if message is None else [message]

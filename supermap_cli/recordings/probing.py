@@ -12,6 +12,7 @@ from supermap_cli.errors import RecordingError
 from supermap_cli.recordings import messages
 from supermap_cli.recordings.decoding import Decoder
 from supermap_cli.recordings.images import decode_color, decode_depth, is_depth_encoding
+from supermap_cli.recordings.limits import Limits
 from supermap_cli.recordings.messages import CalibrationMessage, ImageMessage, Kind
 from supermap_cli.recordings.storage import Channel, RawMessage, Storage
 
@@ -100,7 +101,7 @@ def _read(raw: RawMessage, kind: Kind, decoder: Decoder) -> Topic:
         first = next(iter(decoder.read_strictly(raw, messages.read_transforms)), None)
         return Topic(channel, kind, clock_offset_ns=first.stamp_ns - log_ns if first else 0)
     if kind == "image":
-        return _read_image(raw, decoder.read_strictly(raw, messages.read_image))
+        return _read_image(raw, decoder.read_strictly(raw, messages.read_image), decoder.limits)
     if kind == "camera_info":
         calibration = decoder.read_strictly(raw, messages.read_calibration)
         return Topic(channel, kind, calibration.frame_id, "", calibration.stamp_ns - log_ns, calibration=calibration)
@@ -111,12 +112,12 @@ def _read(raw: RawMessage, kind: Kind, decoder: Decoder) -> Topic:
     return Topic(channel, kind, frame_id, "", stamp_ns - log_ns)
 
 
-def _read_image(raw: RawMessage, image: ImageMessage) -> Topic:
+def _read_image(raw: RawMessage, image: ImageMessage, limits: Limits) -> Topic:
     """An image's topic; the size of a compressed one is known only once it is decoded."""
     size = (image.width, image.height) if image.width else None
     fault = None
     try:
-        pixels = decode_depth(image) if is_depth_encoding(image) else decode_color(image)
+        pixels = decode_depth(image, limits) if is_depth_encoding(image) else decode_color(image, limits)
         size = (pixels.shape[1], pixels.shape[0])
     except RecordingError as error:
         fault = error
