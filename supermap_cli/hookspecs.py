@@ -19,6 +19,7 @@ from supermap_cli.protocols import (
     TextEncoder,
     Tracker,
 )
+from supermap_cli.types.limits import RecordingLimits
 
 if TYPE_CHECKING:
     import sqlite3
@@ -46,7 +47,7 @@ class RecordingRequest(BaseModel):
     sensor ("camera", "depth", "lidar", "imu") to a frame's name; `mounts` maps a sensor or a frame to "[parent] x y z
     roll pitch yaw" (m, rad); `clocks` maps a topic to seconds that are added to its stamps; `robot` names one of
     several; `camera` may force a camera model ("equirectangular"). `start_s` and `end_s` count from the recording's
-    first message.
+    first message; `limits` bound what is read into memory.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -60,7 +61,9 @@ class RecordingRequest(BaseModel):
     start_s: float | None = None
     end_s: float | None = None
     sync_tolerance_s: float = 0.02
+    detection_tolerance_s: float = 0.001
     fit_color: bool = True
+    limits: RecordingLimits = RecordingLimits()
 
 
 class Register(Protocol):

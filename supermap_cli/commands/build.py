@@ -17,6 +17,7 @@ from supermap_cli.commands.common import (
     CameraOption,
     ClockOption,
     DbOption,
+    DetectionToleranceOption,
     DetectorOption,
     EndOption,
     FrameOption,
@@ -24,6 +25,7 @@ from supermap_cli.commands.common import (
     MountOption,
     OdometryOption,
     RateOption,
+    RecordingLimitOption,
     RobotOption,
     SegmenterOption,
     StartOption,
@@ -113,6 +115,8 @@ def build(  # noqa: PLR0917 - a command line has many options
     clock: ClockOption = None,
     robot: RobotOption = None,
     camera: CameraOption = None,
+    detection_tolerance: DetectionToleranceOption = None,
+    limit: RecordingLimitOption = None,
     start: StartOption = None,
     end: EndOption = None,
     rate: RateOption = None,
@@ -149,6 +153,8 @@ def build(  # noqa: PLR0917 - a command line has many options
         clocks=clock,
         robot=robot,
         camera=camera,
+        detection_tolerance=detection_tolerance,
+        limits=limit,
         rate=rate,
         perception_rate=perception_rate,
         min_confidence=min_confidence,
@@ -273,6 +279,8 @@ def override(
     clocks: list[str] | None = None,
     robot: str | None = None,
     camera: str | None = None,
+    detection_tolerance: float | None = None,
+    limits: list[str] | None = None,
     rate: float | None = None,
     perception_rate: float | None = None,
     min_confidence: float | None = None,
@@ -295,6 +303,9 @@ def override(
     values["recording"]["clocks"].update(pairs(clocks, "--clock", "/lidar/points=-37"))
     if robot is not None:
         values["recording"]["robot"] = robot
+    values["recording"]["limits"].update(pairs(limits, "--limit", "image_pixels=200000000"))
+    if detection_tolerance is not None:
+        values["recording"]["detection_tolerance_s"] = detection_tolerance
     if camera is not None:
         values["recording"]["camera"] = camera
     if rate is not None:
@@ -340,7 +351,9 @@ def request(config: BuildConfig, start_s: float | None, end_s: float | None) -> 
         robot=config.recording.robot,
         camera=config.recording.camera,
         sync_tolerance_s=config.recording.sync_tolerance_s,
+        detection_tolerance_s=config.recording.detection_tolerance_s,
         fit_color=config.recording.fit_color,
+        limits=config.recording.limits,
         start_s=start_s,
         end_s=end_s,
     )

@@ -53,6 +53,19 @@ ClockOption = Annotated[
     typer.Option(metavar="TOPIC=SECONDS", help="Seconds added to a topic's stamps, 0 to leave them as they are."),
 ]
 RobotOption = Annotated[str | None, typer.Option(metavar="NAMESPACE", help="Which of several robots in the recording.")]
+RecordingLimitOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="NAME=VALUE",
+        help="How much a recording may hold, e.g. image_pixels=200000000; see docs/configuration.md.",
+    ),
+]
+DetectionToleranceOption = Annotated[
+    float | None,
+    typer.Option(
+        metavar="SECONDS", help="Recorded detections belong to the nearest image in so many seconds. [default: 0.001]"
+    ),
+]
 CameraOption = Annotated[str | None, typer.Option(help="Force a camera model: equirectangular.")]
 StartOption = Annotated[float | None, typer.Option(help="Start, in seconds from the recording's first message.")]
 EndOption = Annotated[float | None, typer.Option(help="End, in seconds from the recording's first message.")]

@@ -11,10 +11,12 @@ import typer
 from supermap_cli.commands.common import (
     CameraOption,
     ClockOption,
+    DetectionToleranceOption,
     EndOption,
     FrameOption,
     JsonOption,
     MountOption,
+    RecordingLimitOption,
     RobotOption,
     StartOption,
     TopicOption,
@@ -54,6 +56,8 @@ def inspect(  # noqa: PLR0917 - a command line has many options
     clock: ClockOption = None,
     robot: RobotOption = None,
     camera: CameraOption = None,
+    detection_tolerance: DetectionToleranceOption = None,
+    limit: RecordingLimitOption = None,
     start: StartOption = None,
     end: EndOption = None,
     as_json: JsonOption = False,
@@ -74,6 +78,8 @@ def inspect(  # noqa: PLR0917 - a command line has many options
         clocks=clock,
         robot=robot,
         camera=camera,
+        detection_tolerance=detection_tolerance,
+        limits=limit,
     )
     report = inspect_recording(recording, request(config, start, end))
     if as_json:

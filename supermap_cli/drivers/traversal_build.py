@@ -34,7 +34,7 @@ from supermap_cli.memory.values import Checkpoint, StoredTraversal, TraversalSta
 from supermap_cli.observing import Observers
 from supermap_cli.parameters import stored_config
 from supermap_cli.plugin_manager import Plugins, make_observers
-from supermap_cli.protocols import Observer, Recording
+from supermap_cli.protocols import Observer, Recording, WarningDetector
 from supermap_cli.session import MappingSession
 from supermap_cli.stages.map_registration import Placement
 from supermap_cli.stages.session_state import SessionBackends, SessionState, begin
@@ -377,7 +377,9 @@ class TraversalBuild:
 
     def _stored_warnings(self, session: MappingSession) -> tuple[str, ...]:
         """What the recording, the odometry and the session warn of, one line each; stored with the traversal."""
-        return (*self.recording.warnings, *self.backends.odometry.warnings, *session.warnings)
+        detector = self.backends.detector
+        of_detector = detector.warnings if isinstance(detector, WarningDetector) else ()
+        return (*self.recording.warnings, *self.backends.odometry.warnings, *of_detector, *session.warnings)
 
     def _all_warnings(self, session: MappingSession) -> tuple[str, ...]:
         """The same, and what happened in this build."""

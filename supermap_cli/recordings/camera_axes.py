@@ -92,10 +92,12 @@ def views(storage: Storage, decoder: Decoder, depth: Topic, camera: Camera, pose
     for start_ns in np.linspace(storage.start_ns, storage.end_ns, _VIEWS, endpoint=False).astype(np.int64).tolist():
         for raw in storage.messages([depth.name], start_ns, start_ns + _WINDOW_NS):
             try:
-                image = read_image(decoder.decode(raw), raw.log_ns)
+                image = decoder.read_strictly(raw, read_image)
                 pose = pose_at(image.stamp_ns)
-                pixels = decode_depth(image) * np.float32(depth.depth_scale) if pose is not None else None
-            except (RecordingError, ValueError):
+                pixels = None
+                if pose is not None:
+                    pixels = decode_depth(image, decoder.limits) * np.float32(depth.depth_scale)
+            except RecordingError:
                 continue
             if pose is not None and pixels is not None and pixels.shape == (camera.height, camera.width):
                 depths.append(pixels)

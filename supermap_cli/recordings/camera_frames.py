@@ -13,6 +13,7 @@ from supermap_cli.geometry.arrays import Float32Array, FloatArray, IntArray, UIn
 from supermap_cli.geometry.se3 import inverse
 from supermap_cli.recordings.clock_faults import StepForward, outliers, step_back, step_forward
 from supermap_cli.recordings.color_depth_fit import fitted_rig
+from supermap_cli.recordings.decoding import MessageError
 from supermap_cli.recordings.images import decode_color
 from supermap_cli.recordings.messages import read_image
 from supermap_cli.recordings.opening import OpenedCamera, OpenedRecording
@@ -60,8 +61,9 @@ class ImageTimes:
     @cached_property
     def _times_ns(self) -> dict[str, IntArray]:
         times: dict[str, list[tuple[int, int]]] = {topic: [] for topic in self._topics}
-        for raw in self._opened.storage.messages(self._topics, *self._opened.window.log_range(_MARGIN_NS)):
-            times[raw.channel.topic].append((self._opened.stamp_ns(raw), raw.log_ns))
+        raws = self._opened.storage.messages(self._topics, *self._opened.window.log_range(_MARGIN_NS))
+        for stamp_ns, raw in self._opened.stamped(raws):
+            times[raw.channel.topic].append((stamp_ns, raw.log_ns))
         return {topic: np.array(pairs, np.int64).reshape(-1, 2) for topic, pairs in times.items()}
 
     def of_topic(self, topic: str) -> IntArray:
@@ -165,6 +167,10 @@ class CameraFrames:
             )
         return list(pairs)
 
+    def image_stamps_ns(self) -> IntArray:
+        """(n,) int64 stamps of all colour images about the window, usable or not, ascending."""
+        return np.unique(self._times.of_topic(self._color)[:, 0])
+
     def stamps_ns(self) -> IntArray:
         """(n,) int64 stamps of the usable frames."""
         return np.array([color_ns for color_ns, _ in self._pairs], np.int64)
@@ -198,8 +204,9 @@ class CameraFrames:
         if self._depth is not None:
             missing[self._depth] = {pair[1] for pair in pairs if pair[1] is not None}
         arrived: dict[tuple[str, int], RawMessage] = {}
-        for raw in self._messages() if queue else ():
-            topic, stamp_ns = raw.channel.topic, self._opened.stamp_ns(raw)
+        raws = self._messages() if queue else ()
+        for stamp_ns, raw in self._opened.stamped(raws):
+            topic = raw.channel.topic
             if stamp_ns not in missing[topic]:
                 continue
             missing[topic].remove(stamp_ns)
@@ -259,6 +266,9 @@ class _FrameBuilder:
         except ValueError as fault:
             self._drop(stamp_ns, str(fault))
             return None
+        except MessageError as fault:
+            self._drop(stamp_ns, fault.what)
+            return None
         return CameraFrame(
             stamp_ns,
             self._rig.color_frame,
@@ -285,9 +295,9 @@ class _FrameBuilder:
         return T
 
     def _rgb(self, raw: RawMessage, stamp_ns: int) -> UInt8Array:
-        image = read_image(self._opened.decoder.decode(raw), raw.log_ns)
+        image = self._opened.decoder.read_strictly(raw, read_image)
         try:
-            rgb = decode_color(image)
+            rgb = decode_color(image, self._opened.decoder.limits)
         except RecordingError as error:
             raise RecordingError(
                 error.what, where=self._opened.place(self._color, stamp_ns), cure=error.cure
@@ -298,7 +308,7 @@ class _FrameBuilder:
         return rgb
 
     def _registered_depth(self, raw: RawMessage, rig: DepthRig, stamp_ns: int) -> Float32Array:
-        image = read_image(self._opened.decoder.decode(raw), raw.log_ns)
+        image = self._opened.decoder.read_strictly(raw, read_image)
         try:
             depth_m = self._opened.depth_m(image, raw.channel.topic)
         except RecordingError as error:

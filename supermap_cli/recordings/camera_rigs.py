@@ -82,8 +82,9 @@ class RecordedMotion:
             return tree.lookup(self.source.odom_frame, self.base_frame, stamp_ns)
         name, log_ns = self.source.topic.name, stamp_ns - self.offset_ns
         nearest: tuple[int, PoseMessage] | None = None
-        for raw in self.data.storage.messages([name], log_ns - 2 * _NEAR_NS, log_ns + 2 * _NEAR_NS):
-            pose = messages.read_pose(self.data.decoder.decode(raw), raw.log_ns).later(self.shifts_ns.get(name, 0))
+        raws = self.data.storage.messages([name], log_ns - 2 * _NEAR_NS, log_ns + 2 * _NEAR_NS)
+        for _, read in self.data.decoder.each(raws, messages.read_pose):
+            pose = read.later(self.shifts_ns.get(name, 0))
             off_ns = abs(pose.stamp_ns - stamp_ns)
             if off_ns <= _NEAR_NS and (nearest is None or off_ns < nearest[0]):
                 nearest = off_ns, pose

@@ -191,6 +191,8 @@ def _try_streams(opened: OpenedRecording, recording: BagRecording) -> tuple[list
         try:
             if role in recording.streams:
                 list(islice(stream(), 1))
+                if role == "detections":
+                    [recording.detection_stamps_ns(camera_id) for camera_id in camera_ids]
         except RecordingError as error:
             problems.append(error)
     return reports, problems

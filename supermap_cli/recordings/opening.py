@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -20,7 +20,7 @@ from supermap_cli.recordings.messages import ImageMessage, PoseMessage
 from supermap_cli.recordings.motion import PoseSource
 from supermap_cli.recordings.notes import Notes
 from supermap_cli.recordings.rig_finding import find_rig
-from supermap_cli.recordings.storage import RawMessage, Storage
+from supermap_cli.recordings.storage import Channel, RawMessage, Storage
 from supermap_cli.recordings.survey import Topic, survey_topics
 from supermap_cli.recordings.tf_survey import is_static
 from supermap_cli.recordings.topic_plan import TopicPlan
@@ -64,7 +64,12 @@ class OpenedRecording:
 
     def stamp_ns(self, raw: RawMessage) -> int:
         """The stamp of a message, by the camera's clock."""
-        return messages.peek_stamp_ns(raw, self.decoder.decode) + self.shift_ns(raw.channel.topic)
+        return messages.peek_stamp_ns(raw, self.decoder) + self.shift_ns(raw.channel.topic)
+
+    def stamped(self, raws: Iterable[RawMessage]) -> Iterator[tuple[int, RawMessage]]:
+        """(stamp by the camera's clock, message) of all that have a stamp; the others are left out with a note."""
+        for stamp_ns, raw in self.decoder.stamped(raws, messages.peek_stamp_ns):
+            yield stamp_ns + self.shift_ns(raw.channel.topic), raw
 
     def shift_ns(self, topic: str) -> int:
         """What is added to the stamps of a topic."""
@@ -73,7 +78,7 @@ class OpenedRecording:
     def depth_m(self, image: ImageMessage, topic: str) -> Float32Array:
         """(h, w) metres of a depth image of a topic; see `images.decode_depth`."""
         scale = next((each.depth_scale for each in self.topics if each.name == topic), 1.0)
-        depth_m = decode_depth(image)
+        depth_m = decode_depth(image, self.decoder.limits)
         return depth_m if scale == 1.0 else depth_m * np.float32(scale)
 
     def place(self, topic: str, stamp_ns: int) -> str:
@@ -97,29 +102,31 @@ class OpenedRecording:
         """(sensor time of arrival, transform) of the moving transforms in the window, in the order of log time."""
         names = [topic.name for topic in self.topics if topic.kind == "transforms" and not is_static(topic.name)]
         start_ns, end_ns = self.window.log_range(margin_ns)
-        for raw in self.storage.messages(names, start_ns, end_ns):
+        raws = self.storage.messages(names, start_ns, end_ns)
+        for raw, transforms in self.decoder.each(raws, messages.read_transforms):
             shift_ns = self.shift_ns(raw.channel.topic)
-            for transform in messages.read_transforms(self.decoder.decode(raw), raw.log_ns):
+            for transform in transforms:
                 yield raw.log_ns + self.window.offset_ns, transform.later(shift_ns)
 
     def _static_transforms(self) -> Iterator[PoseMessage]:
         names = [topic.name for topic in self.topics if topic.kind == "transforms" and is_static(topic.name)]
-        for raw in self.storage.messages(names):
-            yield from messages.read_transforms(self.decoder.decode(raw), raw.log_ns)
+        for _, transforms in self.decoder.each(self.storage.messages(names), messages.read_transforms):
+            yield from transforms
         yield from self.placement.given
 
 
 def open_recording(path: Path, request: RecordingRequest) -> OpenedRecording:
     """Open and understand a recording. Raises `RecordingError` only where not even `inspect` could say anything."""
     notes = Notes()
-    storage = open_storage(path, notes)
+    storage = open_storage(path, notes, request.limits)
     where = str(path)
-    decoder = Decoder(where)
+    decoder = Decoder(where, notes, request.limits, storage.start_ns)
     topics = survey_topics(storage, decoder)
     if not any(channel.count for channel in storage.channels):
         raise RecordingError("no messages in the recording", where=where, cure="record again")
     if request.camera not in {None, "equirectangular"}:
         raise ConfigError(f"unknown camera model {request.camera!r}", cure="only 'equirectangular' can be forced")
+    _note_unread(storage, topics, where, notes)
     rig = find_rig(RecordedData(storage, decoder, request, where), topics, notes)
     return OpenedRecording(
         path=path,
@@ -140,6 +147,24 @@ def open_recording(path: Path, request: RecordingRequest) -> OpenedRecording:
         motion_problem=None
         if rig.pose_source is not None or rig.plan.serves("lidar")
         else no_poses(where, rig.not_motion),
+    )
+
+
+def _note_unread(storage: Storage, topics: tuple[Topic, ...], where: str, notes: Notes) -> None:
+    """Name what a build can do without and does: detections and IMUs that cannot be read."""
+    for topic in topics:
+        if topic.fault is not None and topic.kind in {"detections", "imu"}:
+            notes.note(f"unread {topic.name}", f"{where}, {topic.name}: left out: {topic.fault.what}")
+    for channel in storage.channels:
+        if channel.count and messages.is_near_detections(channel):
+            notes.note(f"unread {channel.topic}", f"{where}, {channel.topic}: {unread_detections(channel)}")
+
+
+def unread_detections(channel: Channel) -> str:
+    """What to do about detections of a type that is not read."""
+    return (
+        f"detections of the type {channel.msgtype} are not read; convert them to vision_msgs/Detection2DArray, or "
+        "detect with --detector onnx"
     )
 
 

@@ -66,8 +66,12 @@ def _from_topic(
 ) -> Iterator[StampedPose]:
     moved = source.child_frame or opened.base_frame
     transforms = opened.transforms(moved, {opened.base_frame})
-    for raw in opened.storage.messages([topic.name], *opened.window.log_range(MARGIN_NS)):
-        message = messages.read_pose(opened.decoder.decode(raw), raw.log_ns).later(opened.shift_ns(topic.name))
+    raws, shift_ns = (
+        opened.storage.messages([topic.name], *opened.window.log_range(MARGIN_NS)),
+        opened.shift_ns(topic.name),
+    )
+    for _, read in opened.decoder.each(raws, messages.read_pose):
+        message = read.later(shift_ns)
         T_odom_moved = message.transform()
         if T_odom_moved is None:
             skipped.add("a pose that is not finite", message.stamp_ns)

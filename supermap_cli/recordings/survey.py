@@ -16,6 +16,7 @@ from supermap_cli.recordings import messages
 from supermap_cli.recordings.calibration import is_calibrated
 from supermap_cli.recordings.decoding import Decoder
 from supermap_cli.recordings.images import decode_color, decode_depth, is_depth_encoding
+from supermap_cli.recordings.limits import Limits
 from supermap_cli.recordings.messages import CalibrationMessage, ImageMessage, Kind, PoseMessage
 from supermap_cli.recordings.storage import Channel, RawMessage, Storage
 
@@ -104,7 +105,8 @@ def survey_topics(storage: Storage, decoder: Decoder) -> tuple[Topic, ...]:
 def usual_offset_ns(storage: Storage, topic: Topic, decoder: Decoder) -> int:
     """Sensor time minus log time of a topic: the median of its first messages, of which one may be an outlier."""
     first = islice(storage.messages([topic.name]), _FIRST_STAMPS)
-    return int(np.median([messages.peek_stamp_ns(raw, decoder.decode) - raw.log_ns for raw in first]))
+    offsets_ns = [stamp_ns - raw.log_ns for stamp_ns, raw in decoder.stamped(first, messages.peek_stamp_ns)]
+    return int(np.median(offsets_ns)) if offsets_ns else 0
 
 
 def _first_messages(storage: Storage, wanted: Iterable[tuple[str, str]]) -> Iterator[RawMessage]:
@@ -260,21 +262,20 @@ def _read(raw: RawMessage, kind: Kind, decoder: Decoder, *, thorough: bool) -> _
     log_ns = raw.log_ns
     if kind in {"points", "imu", "detections"} and not thorough and (header := _peek_header(raw)) is not None:
         return _Sample((header[0] or log_ns) - log_ns, header[1])
-    message = decoder.decode(raw)
     if kind == "transforms":
-        first = next(messages.read_transforms(message, log_ns), None)
+        first = next(iter(decoder.read_strictly(raw, messages.read_transforms)), None)
         return _Sample(first.stamp_ns - log_ns if first else 0)
     if kind == "image":
-        return _image_sample(messages.read_image(message, log_ns), log_ns, thorough=thorough)
+        return _image_sample(decoder.read_strictly(raw, messages.read_image), log_ns, decoder.limits, thorough=thorough)
     if kind == "camera_info":
-        calibration = messages.read_calibration(message, log_ns)
+        calibration = decoder.read_strictly(raw, messages.read_calibration)
         fault = None if is_calibrated(calibration) else RecordingError("the camera is not calibrated (K is zero)")
         offset_ns = calibration.stamp_ns - log_ns
         return _Sample(offset_ns, calibration.frame_id, calibration=calibration, fault=fault)
     if kind == "pose":
-        pose = messages.read_pose(message, log_ns)
+        pose = decoder.read_strictly(raw, messages.read_pose)
         return _Sample(pose.stamp_ns - log_ns, pose.frame_id, pose.child_frame_id, pose=pose)
-    stamp_ns, frame_id = messages.header_of(message, log_ns)
+    stamp_ns, frame_id = decoder.read_strictly(raw, messages.header_of)
     return _Sample(stamp_ns - log_ns, frame_id)
 
 
@@ -290,14 +291,14 @@ def _peek_header(raw: RawMessage) -> tuple[int, str] | None:
     return seconds * 1_000_000_000 + nanoseconds, frame.lstrip("/")
 
 
-def _image_sample(image: ImageMessage, log_ns: int, *, thorough: bool) -> _Sample:
+def _image_sample(image: ImageMessage, log_ns: int, limits: Limits, *, thorough: bool) -> _Sample:
     """Whether an image can be used. Raw ones say their size; compressed ones are decoded for it, where thorough."""
     offset_ns, fault, size, depth = image.stamp_ns - log_ns, None, None, None
     if not len(image.data) or not (thorough or image.width or image.compressed):
         fault = RecordingError("the first image is broken: it is empty", cure="name another topic")
     elif thorough:
         try:
-            pixels = decode_depth(image) if is_depth_encoding(image) else decode_color(image)
+            pixels = decode_depth(image, limits) if is_depth_encoding(image) else decode_color(image, limits)
             size = (pixels.shape[1], pixels.shape[0])
             depth = float(np.median(pixels[pixels > 0])) if is_depth_encoding(image) and (pixels > 0).any() else None
         except RecordingError as error:

@@ -89,8 +89,8 @@ def survey_transforms(
         names = [topic.name for topic in named if is_static(topic.name) == static]
         whole = whole or sum(topic.channel.count for topic in named if not is_static(topic.name)) <= _MOST_READ
         raws = storage.messages(names) if static or whole else _sampled(storage, names)
-        for raw in raws:
-            for message in messages.read_transforms(decoder.decode(raw), raw.log_ns):
+        for _, transforms in decoder.each(raws, messages.read_transforms):
+            for message in transforms:
                 T = message.transform()
                 if T is not None and message.child_frame_id and message.child_frame_id != message.frame_id:
                     key = (message.frame_id, message.child_frame_id)

@@ -53,7 +53,11 @@ def plan_shared(topics: Sequence[Topic], named: Mapping[str, str], where: str) -
     choices = _Choices(topics, named, where)
     image_frames = {topic.frame_id for topic in topics if topic.kind == "image"}
     choices.choose("lidar", _of(topics, "points"), lambda topic: _lidar_rank(topic, image_frames))
-    choices.choose("imu", _of(topics, "imu"), lambda topic: (has_word(topic, ("data",)), topic.channel.count))
+    choices.choose(
+        "imu",
+        [topic for topic in _of(topics, "imu") if topic.fault is None],
+        lambda topic: (has_word(topic, ("data",)), topic.channel.count),
+    )
     odometries = [
         topic
         for topic in _of(topics, "pose")
@@ -141,7 +145,7 @@ class CameraPlanner:
     def plan(self) -> CameraPlan:
         """The camera's topics. Raises `RecordingError` if the user named what is not there."""
         choices = self._choices
-        choices.choose("detections", self._of("detections"), lambda topic: (topic.channel.count,))
+        choices.choose("detections", self._readable("detections"), lambda topic: (topic.channel.count,))
         choices.choose("masks", self._mask_candidates(), self._mask_rank)
         choices.choose("color", self._color_candidates(), self._color_rank)
         self._prefer_own_detections()
@@ -157,14 +161,18 @@ class CameraPlanner:
     def _of(self, kind: Kind) -> list[Topic]:
         return _of(self._own, kind)
 
+    def _readable(self, kind: Kind) -> list[Topic]:
+        """The topics of a kind that a build can do without, as far as they can be read."""
+        return [topic for topic in self._of(kind) if topic.fault is None]
+
     def _prefer_own_detections(self) -> None:
         """Of several detection topics the one of the colour camera; which images are masks does not change by it."""
         color = self._choices.topic("color")
-        if color is None or len(self._of("detections")) < 2:
+        if color is None or len(self._readable("detections")) < 2:
             return
         self._choices.choose(
             "detections",
-            self._of("detections"),
+            self._readable("detections"),
             lambda topic: (not self._is_of_other_camera(topic, color), topic.channel.count),
         )
         self._choices.choose("masks", self._mask_candidates(), self._mask_rank)

@@ -124,7 +124,7 @@ _CONTEXT = multiprocessing.get_context("forkserver")
 _CONTEXT.set_forkserver_preload(
     [
         *("supermap_cli.drivers.traversal_build", "supermap_cli.memory.databases.sqlite", "supermap_schema.upgrading"),
-        *(f"supermap_cli.recordings.{each}" for each in ("bag_recording", "ros_storage", "self_calibration")),
+        *(f"supermap_cli.recordings.{each}" for each in ("bag_recording", "sqlite_storage", "self_calibration")),
         *("supermap_bytetrack.tracker", "supermap_depth_segmenter.segmenter", "supermap_recorded.detector"),
         *("supermap_recorded.odometry", "supermap_kiss_icp", "supermap_onnx"),
         *("rosbags.typesys.stores.ros2_jazzy", "scipy.optimize", "scipy.spatial", "scipy.sparse.csgraph"),
