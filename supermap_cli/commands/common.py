@@ -8,7 +8,7 @@ import signal
 import sys
 import tempfile
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -19,6 +19,8 @@ from supermap_cli.config import load_user_config
 
 if TYPE_CHECKING:
     from rich.console import Console
+
+    from supermap_cli.memory.store import MapStore
 
 DEFAULT_DB = "supermap.db"
 
@@ -77,6 +79,19 @@ def interrupt_on_sigterm() -> None:
     """SIGTERM raises `KeyboardInterrupt` from now on, as Ctrl-C does: work that is stopped politely cleans up."""
     if threading.current_thread() is threading.main_thread():
         signal.signal(signal.SIGTERM, signal.default_int_handler)
+
+
+def check_outputs(store: MapStore, named: Mapping[str, tuple[Path | None, str | None]]) -> None:
+    """Refuse, before anything is computed, outputs that would be written over what they are no newer version of.
+
+    `named` gives the path of an option and its kind (of `output_files.KINDS`; `None`: by its suffix). Raises
+    `ExportError`.
+    """
+    from supermap_cli.output_files import check_output  # noqa: PLC0415 - keeps start-up light
+
+    for option, (path, kind) in named.items():
+        if path is not None:
+            check_output(path, kind or path.suffix.lower().removeprefix("."), option=option, database=store.file)
 
 
 @contextmanager

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 from sqlalchemy import Connection, Engine, Row, Select, delete, func, insert, select, update
@@ -59,6 +60,11 @@ class MapStore:
     def identity(self) -> str:
         """Equal for equal maps, however their path or URL is written."""
         return self._database.identity
+
+    @property
+    def file(self) -> Path | None:
+        """The file of an SQLite map; `None` for a map on a server."""
+        return self._database.file
 
     def __enter__(self) -> Self:
         return self
@@ -208,6 +214,23 @@ class MapStore:
         self._engine, self._created = None, False
         self._database.remove()
         return True
+
+    def remove(self, is_known: Callable[[StoredTraversal], object]) -> None:
+        """Remove the map and its files, if it holds no other traversals than those known.
+
+        Raises `MemoryStoreError` otherwise.
+        """
+        others = [traversal.name for traversal in self.traversals() if not is_known(traversal)]
+        if others or self._lock is None:
+            raise MemoryStoreError(
+                f"this map holds more than would be built anew: {', '.join(others[:3])}",
+                where=self.where,
+                cure="name another folder, or move the map away",
+            )
+        if self._engine is not None:
+            self._engine.dispose()
+            self._engine = None
+            self._database.remove()
 
     # What mapping continues from
 

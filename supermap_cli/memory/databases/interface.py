@@ -6,6 +6,7 @@ import sqlite3
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Protocol
 
 from sqlalchemy import Connection, Engine
@@ -44,6 +45,10 @@ class Database(Protocol):
     @property
     def identity(self) -> str:
         """Equal for equal places, however they are written."""
+
+    @property
+    def file(self) -> Path | None:
+        """The SQLite file; `None` for a database on a server."""
 
     def stored_version(self) -> int | None:
         """The schema version of the map; `None` if there is none.

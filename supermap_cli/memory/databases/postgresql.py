@@ -71,6 +71,10 @@ class PostgresqlSchema:
         """The URL without its password; two names of one server are not recognised as equal."""
         return self.where
 
+    @property
+    def file(self) -> None:
+        """There is none: the map is on a server."""
+
     def stored_version(self) -> int | None:
         """The number of the newest migration of a schema that is marked as a map."""
         with self._connected("AUTOCOMMIT") as connection:

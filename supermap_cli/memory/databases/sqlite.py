@@ -47,6 +47,11 @@ class SqliteFile:
         """The absolute path with links resolved."""
         return str(self.path.resolve())
 
+    @property
+    def file(self) -> Path:
+        """The path as it was given."""
+        return self.path
+
     def stored_version(self) -> int | None:
         """`PRAGMA user_version` of a map; `None` for a file without tables, left by a build that was killed early."""
         if self._is_missing():
