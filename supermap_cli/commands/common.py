@@ -20,6 +20,7 @@ from supermap_cli.config import load_user_config
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from supermap_cli.memory.databases.waiting import Waiting
     from supermap_cli.memory.store import MapStore
 
 DEFAULT_DB = "supermap.db"
@@ -53,6 +54,9 @@ AtOption = Annotated[
 LimitOption = Annotated[
     int, typer.Option(min=1, metavar="N", help="How many objects are listed, those seen last; counts are of all.")
 ]
+WaitOption = Annotated[
+    float, typer.Option(min=0, max=86400, metavar="SECONDS", help="How long to wait while another program writes.")
+]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON by the published schema instead of a table.")]
 
 
@@ -73,6 +77,13 @@ def err() -> Console:
     from rich.console import Console  # noqa: PLC0415 - keeps start-up light
 
     return Console(stderr=True, highlight=False, soft_wrap=not sys.stderr.isatty())
+
+
+def waiting(seconds: float) -> Waiting:
+    """Wait for other programs that write, and say so on stderr."""
+    from supermap_cli.memory.databases.waiting import Waiting  # noqa: PLC0415 - keeps start-up light
+
+    return Waiting(seconds, lambda message: err().print(message, markup=False))
 
 
 def interrupt_on_sigterm() -> None:

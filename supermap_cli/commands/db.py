@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from supermap_cli.commands import db_merge, db_sql, db_vacuum
-from supermap_cli.commands.common import DbOption, JsonOption, database_url, err, out, print_json
+from supermap_cli.commands.common import DbOption, JsonOption, WaitOption, database_url, err, out, print_json, waiting
 from supermap_cli.commands.show import print_traversals
 from supermap_cli.commands.tables import print_table
 
@@ -59,13 +59,13 @@ def check(db: DbOption = None, json: JsonOption = False) -> None:
         raise typer.Exit(1)
 
 
-def upgrade(db: DbOption = None, json: JsonOption = False) -> None:
+def upgrade(db: DbOption = None, wait: WaitOption = 30.0, json: JsonOption = False) -> None:
     """Bring the database to this program's version."""
     from supermap_cli.memory.databases import database_of  # noqa: PLC0415 - keeps start-up light
     from supermap_cli.memory.opening import upgrade_database  # noqa: PLC0415
 
     url = database_url(db)
-    before, after = upgrade_database(url)
+    before, after = upgrade_database(url, waiting(wait))
     where = database_of(url).where
     if json:
         print_json({"path": where, "before": before, "after": after})

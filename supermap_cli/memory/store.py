@@ -209,11 +209,17 @@ class MapStore:
         """Remove the database if this store created it and it has no complete traversal; returns whether it did."""
         if not self._created or any(traversal.status == "complete" for traversal in self.traversals()):
             return False
+        self.check_place()
         if self._engine is not None:
             self._engine.dispose()
         self._engine, self._created = None, False
         self._database.remove()
         return True
+
+    def check_place(self) -> None:
+        """Raise `MemoryStoreError` if the map was removed, moved or replaced since it was opened for writing."""
+        if self._lock is not None:
+            self._lock.check_place()
 
     def remove(self, is_known: Callable[[StoredTraversal], object]) -> None:
         """Remove the map and its files, if it holds no other traversals than those known.
@@ -228,6 +234,7 @@ class MapStore:
                 cure="name another folder, or move the map away",
             )
         if self._engine is not None:
+            self.check_place()
             self._engine.dispose()
             self._engine = None
             self._database.remove()
@@ -385,6 +392,7 @@ class MapStore:
         ):
             self._lock.check(connection)
             yield connection
+            self._lock.check_place()
 
     @contextmanager
     def _translated(self) -> Iterator[None]:

@@ -31,6 +31,9 @@ class Lock(Protocol):
     def check(self, connection: Connection) -> None:
         """Raise `MemoryStoreError` if the lock was lost, so that another build may be writing."""
 
+    def check_place(self) -> None:
+        """Raise `MemoryStoreError` if the database is no longer where it was when the lock was taken."""
+
     def release(self) -> None:
         """Release the lock; does nothing if it is not held."""
 

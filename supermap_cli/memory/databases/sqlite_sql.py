@@ -23,6 +23,7 @@ _CURES = {
     "not authorized": "this command only reads: give one SELECT",
     "one statement": "give one SELECT",
     "disk image": "see `supermap db check`",
+    "locked": "another program writes: try again when it has ended",
 }
 """Part of SQLite's message -> cure."""
 
