@@ -8,10 +8,13 @@ from contextlib import contextmanager
 
 from sqlalchemy.exc import DatabaseError
 
-from supermap_cli.errors import MemoryStoreError
+from supermap_cli.errors import MemoryStoreError, QueryError
 from supermap_cli.memory.databases import Database, SqlRows, Waiting, database_of
 from supermap_cli.memory.store import MapStore
 from supermap_schema import SCHEMA_VERSION
+
+OPENED: dict[str, None] = {}
+"""Paths and URLs of the maps that this process has opened, in their order."""
 
 
 def open_store(url: str, *, create: bool = False, read_only: bool = False, waiting: Waiting | None = None) -> MapStore:
@@ -24,6 +27,7 @@ def open_store(url: str, *, create: bool = False, read_only: bool = False, waiti
     Raises `MemoryStoreError`: not found, no map database, of another version, not writable, or locked by another build.
     """
     database = database_of(url, waiting)
+    OPENED[url] = None
     # A file that is there is locked before it is opened: SQLite must not open one that is written under another name.
     is_file = database.file is not None and database.file.exists()
     lock = database.take_lock() if is_file and not read_only else None
@@ -56,11 +60,18 @@ def current_database(url: str) -> Database:
 
 @contextmanager
 def read_sql(
-    url: str, statement: str, prepare: Callable[[sqlite3.Connection], None] | None = None
+    url: str, statement: str, prepare: Callable[[sqlite3.Connection], None] | None = None, limit_s: float = 0.0
 ) -> Iterator[SqlRows]:
     """Run one read-only SQL statement (see `Database.read_sql`)."""
-    with current_database(url).read_sql(statement, prepare) as rows:
+    if not statement.isprintable() and any(_is_no_text(letter) for letter in statement):
+        raise QueryError("the SQL statement holds what is no text", cure="give it in UTF-8, without NUL")
+    with current_database(url).read_sql(statement, prepare, limit_s) as rows:
         yield rows
+
+
+def _is_no_text(letter: str) -> bool:
+    """NUL, and what stands for bytes that are no UTF-8."""
+    return letter == "\0" or "\ud800" <= letter <= "\udfff"
 
 
 def upgrade_database(url: str, waiting: Waiting | None = None) -> tuple[int, int]:

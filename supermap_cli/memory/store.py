@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -27,6 +26,7 @@ from supermap_cli.memory.pruning import (
 )
 from supermap_cli.memory.reading import MapReader, select_traversals
 from supermap_cli.memory.rollback import drop_before_images, roll_back
+from supermap_cli.memory.stored_values import parsed_object
 from supermap_cli.memory.values import Checkpoint, StoredTraversal, TraversalStart
 from supermap_cli.memory.writing import measure_moves, write_checkpoint, write_delta
 from supermap_cli.types.memory import InstanceRecord, KeyframeRecord, MapDelta, SpatialEdge, StateRecord, Visit
@@ -181,7 +181,7 @@ class MapStore:
                 changes["end_ns"] = int(end_ns)
             if learnt:
                 configured = select(models.Traversal.config).where(models.Traversal.id == traversal_id)
-                config = json.loads(connection.execute(configured).scalar_one())
+                config = parsed_object(connection.execute(configured).scalar_one(), "the configuration of a traversal")
                 changes["config"] = rows.to_json({**config, **learnt})
             _update_traversal(connection, traversal_id, **changes)
         self._database.release_free_pages()  # checkpoints are large

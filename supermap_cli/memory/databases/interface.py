@@ -90,9 +90,11 @@ class Database(Protocol):
         """A `MemoryStoreError`, with a cure, for an error of the database."""
 
     def read_sql(
-        self, statement: str, prepare: Callable[[sqlite3.Connection], None] | None = None
+        self, statement: str, prepare: Callable[[sqlite3.Connection], None] | None = None, limit_s: float = 0.0
     ) -> AbstractContextManager[SqlRows]:
         """Run one read-only statement; `prepare` may add functions to an SQLite connection first.
+
+        `limit_s` is how many seconds it may compute, 0 = any.
 
         Raises `QueryError`, with the database's message, for a statement that is wrong, that would write, or that is
         more than one; also while rows are iterated over.

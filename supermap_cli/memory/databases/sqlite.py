@@ -21,9 +21,11 @@ from supermap_cli.memory.databases.sqlite_errors import gone, is_busy, sqlite_er
 from supermap_cli.memory.databases.sqlite_lock import FileLock
 from supermap_cli.memory.databases.sqlite_sql import read_rows
 from supermap_cli.memory.databases.waiting import ATTEMPT_S, Waiting
-from supermap_schema import sqlite
+from supermap_schema import models, sqlite
 
 _IMMUTABLE = "immutable=1"
+_TABLES = tuple(table.name for table in models.Base.metadata.sorted_tables)
+"""A view under one of these names could do anything, and never end."""
 _FILE_MAGIC = b"SQLite format 3\x00"
 
 
@@ -66,15 +68,21 @@ class SqliteFile:
                     int(connection.execute(f"PRAGMA {name}").fetchone()[0])
                     for name in ("application_id", "user_version")
                 )
-                is_empty = connection.execute("SELECT NOT EXISTS (SELECT 1 FROM sqlite_master)").fetchone()[0]
+                kinds = dict(connection.execute("SELECT name, type FROM sqlite_master").fetchall())
         except sqlite3.Error as error:
             self._check_is_sqlite()
             raise self._unreadable(error) from error
-        if application_id == 0 and is_empty:
+        if application_id == 0 and not kinds:
             return None
         if application_id != sqlite.APPLICATION_ID:
             raise MemoryStoreError(
                 "a SQLite database, but no SuperMap map", where=self.where, cure="choose another file with --db"
+            )
+        if not_tables := [name for name in _TABLES if kinds.get(name, "table") != "table"]:
+            raise MemoryStoreError(
+                f"the map is damaged: {not_tables[0]} is a {kinds[not_tables[0]]}, no table",
+                where=self.where,
+                cure="`supermap db recover --out NEW.db` saves what can be saved",
             )
         return version
 
@@ -191,10 +199,10 @@ class SqliteFile:
         return sqlite_error(error.orig or error, self.where)
 
     def read_sql(
-        self, statement: str, prepare: Callable[[sqlite3.Connection], None] | None = None
+        self, statement: str, prepare: Callable[[sqlite3.Connection], None] | None = None, limit_s: float = 0.0
     ) -> AbstractContextManager[SqlRows]:
         """Run one read-only statement."""
-        return read_rows(self.connect_read_only, statement, prepare)
+        return read_rows(self.connect_read_only, statement, prepare, limit_s)
 
     def connect_read_only(self) -> sqlite3.Connection:
         """A connection that never writes; it also works on a database in a read-only folder.
