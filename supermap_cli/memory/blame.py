@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from supermap_cli.errors import MemoryStoreError, SupermapError
+from supermap_cli.errors import STUMBLES, MemoryStoreError, SupermapError
 from supermap_cli.memory.checking import check
 from supermap_cli.memory.opening import OPENED, open_store
+from supermap_cli.memory.stored_values import damaged
 
 
 def damage_of_opened_maps() -> MemoryStoreError | None:
@@ -15,6 +16,8 @@ def damage_of_opened_maps() -> MemoryStoreError | None:
                 problems = check(reader)
         except SupermapError as error:
             return MemoryStoreError(error.what, where=error.where, cure=error.cure)
+        except STUMBLES as error:
+            return damaged(f"it cannot be checked: {error}", url)
         if problems:
             first = problems[0]
             return MemoryStoreError(

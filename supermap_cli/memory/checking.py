@@ -38,7 +38,7 @@ def check(reader: MapReader) -> list[Problem]:
     """Every broken invariant of the map. Whatever damage there is ends no check but the one that meets it."""
     connection = reader.connection
     dialect = dialect_of(connection)
-    problems = list(_missing(connection, dialect))
+    problems = list(_surviving("schema", connection, lambda each: _missing(each, dialect)))
     if any(problem.row in models.Base.metadata.tables for problem in problems):
         return problems
     problems += _surviving("file", connection, dialect.damage)

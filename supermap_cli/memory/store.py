@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
@@ -25,8 +25,9 @@ from supermap_cli.memory.pruning import (
     prune_thumbnails,
 )
 from supermap_cli.memory.reading import MapReader, select_traversals
+from supermap_cli.memory.repairing import repair
 from supermap_cli.memory.rollback import drop_before_images, roll_back
-from supermap_cli.memory.stored_values import parsed_object
+from supermap_cli.memory.stored_values import damaged, parsed_object
 from supermap_cli.memory.values import Checkpoint, StoredTraversal, TraversalStart
 from supermap_cli.memory.writing import measure_moves, write_checkpoint, write_delta
 from supermap_cli.types.memory import InstanceRecord, KeyframeRecord, MapDelta, SpatialEdge, StateRecord, Visit
@@ -372,14 +373,24 @@ class MapStore:
         with self._translated():
             self._database.vacuum(self._engine)
 
+    def repair(self) -> tuple[str, ...]:
+        """Make what follows from other rows anew, in one transaction; returns in words what was done."""
+        with self._writing() as connection:
+            return repair(connection)
+
     # Sessions
 
     @contextmanager
     def _reading(self) -> Iterator[Connection]:
         if self._engine is None:
             raise MemoryStoreError("there is no map database", where=self.where, cure="run `supermap build`")
-        with self._translated(), self._engine.connect() as connection, connection.begin():
-            yield connection
+        with self._translated(), self._engine.connect() as connection:
+            transaction = connection.begin()
+            try:
+                yield connection
+            finally:
+                with suppress(DatabaseError):  # a damaged file may refuse even that
+                    transaction.rollback()
 
     @contextmanager
     def _writing(self) -> Iterator[Connection]:
@@ -401,6 +412,8 @@ class MapStore:
             yield
         except IntegrityError:
             raise
+        except UnicodeDecodeError as error:  # SQLite's own message quotes the damaged file
+            raise damaged(f"what it holds is no text: {error.reason}", self.where) from error
         except DatabaseError as error:
             raise self._database.failure(error) from error
 

@@ -16,9 +16,9 @@ GREATEST = 1e15
 below where squares and float32 overflow. Chosen."""
 
 
-def damaged(what: str) -> MemoryStoreError:
+def damaged(what: str, where: str | None = None) -> MemoryStoreError:
     """The error of a row that holds something else than it should."""
-    return MemoryStoreError(f"the map is damaged: {what}", cure="see `supermap db check`")
+    return MemoryStoreError(f"the map is damaged: {what}", where=where, cure="see `supermap db check`")
 
 
 def parsed(text: object, what: str) -> Any:

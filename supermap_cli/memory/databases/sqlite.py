@@ -69,7 +69,7 @@ class SqliteFile:
                     for name in ("application_id", "user_version")
                 )
                 kinds = dict(connection.execute("SELECT name, type FROM sqlite_master").fetchall())
-        except sqlite3.Error as error:
+        except (sqlite3.Error, UnicodeDecodeError) as error:
             self._check_is_sqlite()
             raise self._unreadable(error) from error
         if application_id == 0 and not kinds:
@@ -238,7 +238,7 @@ class SqliteFile:
             raise
         return connection
 
-    def _unreadable(self, error: sqlite3.Error) -> MemoryStoreError:
+    def _unreadable(self, error: Exception) -> MemoryStoreError:
         """The error for a damaged file, or for a WAL of a killed build that cannot be recovered for lack of space."""
         if _no_room(error) and self._beside("-wal").exists():
             return MemoryStoreError(
@@ -315,6 +315,6 @@ def _prepare_writer(connection: sqlite3.Connection, seconds: float) -> None:
     connection.execute(sqlite.BUSY_TIMEOUT)
 
 
-def _no_room(error: sqlite3.Error) -> bool:
+def _no_room(error: Exception) -> bool:
     """Whether SQLite could not create or write a file."""
     return getattr(error, "sqlite_errorname", "").startswith(("SQLITE_IOERR", "SQLITE_FULL", "SQLITE_CANTOPEN"))

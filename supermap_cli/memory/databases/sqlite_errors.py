@@ -16,6 +16,7 @@ _CURES = {
     "SQLITE_ERROR": _RECOVER,
     "SQLITE_SCHEMA": _RECOVER,
     "SQLITE_TOOBIG": _RECOVER,
+    "SQLITE_CONSTRAINT": _RECOVER,
     "SQLITE_NOMEM": "free memory and try again",
 }
 """The beginning of the name of SQLite's error code -> cure."""

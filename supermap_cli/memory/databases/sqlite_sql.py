@@ -74,6 +74,10 @@ def _rows(cursor: sqlite3.Cursor, deadline_s: float) -> Generator[tuple[SqlValue
 def _refusals_as_query_errors(connection: sqlite3.Connection, deadline_s: float = math.inf) -> Iterator[None]:
     try:
         yield
+    except UnicodeEncodeError as error:
+        raise QueryError("the SQL statement holds what is no text", cure="give it in UTF-8") from error
+    except UnicodeDecodeError as error:
+        raise QueryError("the map holds what is no text", cure="see `supermap db check`") from error
     except (sqlite3.Error, sqlite3.Warning) as error:
         message = str(error)
         if message == "interrupted" and time.thread_time() > deadline_s:
