@@ -31,11 +31,13 @@ from supermap_cli.commands.common import (
     StartOption,
     TopicOption,
     TrackerOption,
+    WaitOption,
     database_url,
     err,
     interrupt_on_sigterm,
     out,
     print_json,
+    waiting,
 )
 from supermap_cli.errors import BuildStoppedError, ConfigError
 
@@ -128,6 +130,7 @@ def build(  # noqa: PLR0917 - a command line has many options
     resume: ResumeOption = False,
     restart: RestartOption = False,
     again: AgainOption = False,
+    wait: WaitOption = 30.0,
     as_json: JsonOption = False,
 ) -> None:
     """Build recordings into the map database, one traversal each.
@@ -139,7 +142,7 @@ def build(  # noqa: PLR0917 - a command line has many options
 
     if name is not None and len(recordings) > 1:
         raise ConfigError("--name names one traversal", cure="build the recordings one by one")
-    follow = Follow(_unfinished(resume=resume, restart=restart), again=again, name=name, align=align)
+    follow = Follow(_unfinished(resume=resume, restart=restart), again=again, name=name, align=align, wait_s=wait)
     config = override(
         load_user_config(Path.cwd()).build,
         detector=detector,
@@ -178,13 +181,14 @@ def _print_warnings(summary: BuildSummary) -> None:
 @dataclass(frozen=True)
 class Follow:
     """How recordings follow what is in the map: what becomes of a build that was stopped, whether one may be in the map
-    already, its name, and how it is placed.
+    already, its name, how it is placed, and how long another program that writes is waited for.
     """
 
     unfinished: Unfinished = "refuse"
     again: bool = False
     name: str | None = None
     align: str = "auto"
+    wait_s: float = 30.0
 
 
 def _unfinished(*, resume: bool, restart: bool) -> Unfinished:
@@ -208,7 +212,7 @@ def build_all(
     plugins = load_plugins()
     for broken in plugins.broken:
         err().print(f"warning: plugin {broken.name} is left out: {broken.error}", markup=False)
-    with open_store(url, create=True) as store:
+    with open_store(url, create=True, waiting=waiting(follow.wait_s)) as store:
         for path in paths:
             began = time.perf_counter()
             recording = open_recording(path, wanted, plugins)

@@ -8,7 +8,7 @@ import signal
 import sys
 import tempfile
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -19,6 +19,9 @@ from supermap_cli.config import load_user_config
 
 if TYPE_CHECKING:
     from rich.console import Console
+
+    from supermap_cli.memory.databases.waiting import Waiting
+    from supermap_cli.memory.store import MapStore
 
 DEFAULT_DB = "supermap.db"
 
@@ -80,6 +83,9 @@ AtOption = Annotated[
 LimitOption = Annotated[
     int, typer.Option(min=1, metavar="N", help="How many objects are listed, those seen last; counts are of all.")
 ]
+WaitOption = Annotated[
+    float, typer.Option(min=0, max=86400, metavar="SECONDS", help="How long to wait while another program writes.")
+]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON by the published schema instead of a table.")]
 
 
@@ -102,10 +108,30 @@ def err() -> Console:
     return Console(stderr=True, highlight=False, soft_wrap=not sys.stderr.isatty())
 
 
+def waiting(seconds: float) -> Waiting:
+    """Wait for other programs that write, and say so on stderr."""
+    from supermap_cli.memory.databases.waiting import Waiting  # noqa: PLC0415 - keeps start-up light
+
+    return Waiting(seconds, lambda message: err().print(message, markup=False))
+
+
 def interrupt_on_sigterm() -> None:
     """SIGTERM raises `KeyboardInterrupt` from now on, as Ctrl-C does: work that is stopped politely cleans up."""
     if threading.current_thread() is threading.main_thread():
         signal.signal(signal.SIGTERM, signal.default_int_handler)
+
+
+def check_outputs(store: MapStore, named: Mapping[str, tuple[Path | None, str | None]]) -> None:
+    """Refuse, before anything is computed, outputs that would be written over what they are no newer version of.
+
+    `named` gives the path of an option and its kind (of `output_files.KINDS`; `None`: by its suffix). Raises
+    `ExportError`.
+    """
+    from supermap_cli.output_files import check_output  # noqa: PLC0415 - keeps start-up light
+
+    for option, (path, kind) in named.items():
+        if path is not None:
+            check_output(path, kind or path.suffix.lower().removeprefix("."), option=option, database=store.file)
 
 
 @contextmanager

@@ -29,6 +29,8 @@ Examples:
     supermap db sql "SELECT kind, count(*) FROM changes GROUP BY kind" --json
 """
 TABLE_LIMIT = 100
+SQL_LIMIT_S = 15.0
+"""Seconds of computing; the views take far less on the largest maps of docs/benchmarks.md. Chosen."""
 
 
 def sql(
@@ -42,6 +44,9 @@ def sql(
             show_default=False,
         ),
     ] = None,
+    timeout: Annotated[
+        float, typer.Option(min=0, max=86400, metavar="SECONDS", help="How long it may compute, 0 = any time.")
+    ] = SQL_LIMIT_S,
     json: JsonOption = False,
 ) -> None:
     """Ask the database in SQL; nothing can be changed.
@@ -52,7 +57,7 @@ def sql(
     from supermap_cli.memory.opening import read_sql  # noqa: PLC0415 - keeps start-up light
 
     most = limit if limit is not None else (0 if json else TABLE_LIMIT)
-    with read_sql(database_url(db), statement, add_sql_functions) as found:
+    with read_sql(database_url(db), statement, add_sql_functions, timeout) as found:
         shown = islice(found.rows, most or None)
         if json:
             _print_json(found, shown)

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 import typer
 from typer.core import TyperGroup
+
+from supermap_cli.errors import STUMBLES
 
 if TYPE_CHECKING:
     import sqlite3
@@ -22,6 +25,22 @@ class CommandGroup(TyperGroup):
     """
 
     _has_those_of_plugins = False
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run the command. What it stumbles over is the map's fault if the map breaks its own invariants, else ours."""
+        try:
+            return super().invoke(ctx)
+        except STUMBLES as error:
+            if (opening := sys.modules.get("supermap_cli.memory.opening")) is None or not opening.OPENED:
+                raise
+            from supermap_cli.memory.blame import damage_of_opened_maps  # noqa: PLC0415 - keeps start-up light
+
+            if (damage := damage_of_opened_maps()) is None:
+                raise
+            raise damage from error
+        finally:
+            if (opening := sys.modules.get("supermap_cli.memory.opening")) is not None:
+                opening.OPENED.clear()
 
     def list_commands(self, ctx: Any) -> list[str]:
         """The names of all commands, the built-in ones first."""

@@ -224,6 +224,7 @@ class TraversalBuild:
         now; the next build asks what is to become of it.
         """
         with suppress(MemoryStoreError):
+            self.store.check_place()
             if traversal_id is not None and self._keep_on_failure and self.store.checkpoint(traversal_id) is not None:
                 mapped = self.session is not None and self.session.newest is not None
                 self.kept_s = self._mapped_s() if mapped else None
