@@ -97,7 +97,7 @@ def views(storage: Storage, decoder: Decoder, depth: Topic, camera: Camera, pose
                 pixels = None
                 if pose is not None:
                     pixels = decode_depth(image, decoder.limits) * np.float32(depth.depth_scale)
-            except RecordingError:
+            except (RecordingError, ValueError):
                 continue
             if pose is not None and pixels is not None and pixels.shape == (camera.height, camera.width):
                 depths.append(pixels)
