@@ -12,7 +12,7 @@ from supermap_cli.errors import ConfigError, RecordingError
 from supermap_cli.geometry.arrays import Float32Array, FloatArray
 from supermap_cli.hookspecs import RecordingRequest
 from supermap_cli.recordings import messages
-from supermap_cli.recordings.camera_rigs import OpenedCamera, Placement
+from supermap_cli.recordings.camera_rigs import OpenedCamera, RigFrames
 from supermap_cli.recordings.containers import open_storage
 from supermap_cli.recordings.decoding import Decoder
 from supermap_cli.recordings.images import decode_depth
@@ -47,7 +47,7 @@ class OpenedRecording:
     notes: Notes
     topics: tuple[Topic, ...]
     plan: TopicPlan
-    placement: Placement
+    frames: RigFrames
     pose_source: PoseSource | None
     base_frame: str
     cameras: tuple[OpenedCamera, ...]
@@ -60,7 +60,7 @@ class OpenedRecording:
     @property
     def tree(self) -> TransformTree:
         """The TF tree's structure, with what the user said of it."""
-        return self.placement.tree
+        return self.frames.tree
 
     def stamp_ns(self, raw: RawMessage) -> int:
         """The stamp of a message, by the camera's clock."""
@@ -90,7 +90,7 @@ class OpenedRecording:
         return MovingTransforms(
             self._static_transforms(),
             (lambda: iter(())) if rigid else (lambda: self.moving_transforms(MARGIN_NS)),
-            self.placement.links,
+            self.frames.links,
         )
 
     def moving_transforms(self, margin_ns: int) -> Iterator[tuple[int, PoseMessage]]:
@@ -106,7 +106,7 @@ class OpenedRecording:
         names = [topic.name for topic in self.topics if topic.kind == "transforms" and is_static(topic.name)]
         for raw in self.storage.messages(names):
             yield from messages.read_transforms(self.decoder.decode(raw), raw.log_ns)
-        yield from self.placement.given
+        yield from self.frames.given
 
 
 def open_recording(path: Path, request: RecordingRequest) -> OpenedRecording:
@@ -129,7 +129,7 @@ def open_recording(path: Path, request: RecordingRequest) -> OpenedRecording:
         notes=notes,
         topics=rig.topics,
         plan=rig.plan,
-        placement=rig.placement,
+        frames=rig.frames,
         pose_source=rig.pose_source,
         base_frame=rig.base_frame,
         cameras=rig.cameras,
