@@ -34,8 +34,8 @@ __all__ = ["MARGIN_NS", "OpenedCamera", "OpenedRecording", "Window", "no_poses",
 class OpenedRecording:
     """What is known once a recording is open, before any stream is read.
 
-    `problems` stand in the way of any build, the gravest first; `cameras`, the main one first, are those that can be
-    used, and none where a problem concerns them.
+    `robot` is the one that is meant, of several; `problems` stand in the way of any build, the gravest first;
+    `cameras`, the main one first, are those that can be used, and none where a problem concerns them.
     `motion_problem` says why there is no motion to be had from it. `shifts_ns` are added to the stamps of topics whose
     clock is not the camera's; `origin` (3,) in metres is taken off recorded positions.
     """
@@ -45,6 +45,7 @@ class OpenedRecording:
     storage: Storage
     decoder: Decoder
     notes: Notes
+    robot: str | None
     topics: tuple[Topic, ...]
     plan: TopicPlan
     frames: RigFrames
@@ -127,6 +128,7 @@ def open_recording(path: Path, request: RecordingRequest) -> OpenedRecording:
         storage=storage,
         decoder=decoder,
         notes=notes,
+        robot=rig.robot,
         topics=rig.topics,
         plan=rig.plan,
         frames=rig.frames,

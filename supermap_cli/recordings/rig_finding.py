@@ -10,7 +10,7 @@ import numpy as np
 from supermap_cli.errors import CalibrationError, RecordingError
 from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.recordings.camera_finding import CameraFinder, RecordedRobot, clock_problems, plan_named_cameras
-from supermap_cli.recordings.camera_rigs import CameraRigs, OpenedCamera, RigFrames, RecordedMotion
+from supermap_cli.recordings.camera_rigs import CameraRigs, OpenedCamera, RecordedMotion, RigFrames
 from supermap_cli.recordings.messages import PoseMessage
 from supermap_cli.recordings.motion import MotionFinder, PoseSource, find_base_frame
 from supermap_cli.recordings.mounting import check_frames, parse_mounts, same_frames, with_given_frames
@@ -30,6 +30,7 @@ from supermap_cli.recordings.window import RecordedData, Window, find_window
 class Rig:
     """What was found; see `OpenedRecording`."""
 
+    robot: str | None
     topics: tuple[Topic, ...]
     plan: TopicPlan
     frames: RigFrames
@@ -70,7 +71,7 @@ class _RigFinder:
         self._mounts = {mount.name: mount for mount in parse_mounts(request.mounts)}
         self._named: NamedTopics = parse_named_topics(request.topics)
         named = set(request.topics.values())
-        self.topics = topics_of_robot(topics, request.robot, named, where, notes)
+        self.robot, self.topics = topics_of_robot(topics, request.robot, named, where, notes)
         planned = (plan_named_cameras if self._named.color_cameras else plan_topics)(self.topics, self._named, where)
         self._plan = planned
 
@@ -109,6 +110,7 @@ class _RigFinder:
         _note_doubts(plan, source, self._where, notes)
         origin = _origin(source, frames.tree, self._where, notes)
         return Rig(
+            self.robot,
             self.topics,
             plan,
             frames,
