@@ -47,7 +47,7 @@ def sensor_clocks(
         apart_ns = topic.clock_offset_ns - reference.clock_offset_ns
         if abs(apart_ns) < OTHER_CLOCK_NS or not (_is_steady(topic) and _is_steady(reference)):
             continue
-        what = f"its clock is {_apart_text(apart_ns)} that of {reference.name}, by times of recording"
+        what = f"its clock is {_apart_text(apart_ns, reference.name)}, by times of recording"
         if _is_sure(topic, reference, apart_ns):
             shifts[topic.name] = -_scale_ns(apart_ns)
             notes.note(
@@ -110,15 +110,15 @@ def _scale_ns(apart_ns: int) -> int:
     )
 
 
-def _apart_text(apart_ns: int) -> str:
+def _apart_text(apart_ns: int, other: str) -> str:
     """How far apart, and which known scales of time that tells: "37.0 s ahead of (TAI ...)"."""
     side = "ahead of" if apart_ns > 0 else "behind"
     seconds = abs(apart_ns) / 1e9
     known = next((text for each, text in _KNOWN_NS.items() if abs(seconds - each) < _KNOWN_WITHIN_NS / 1e9), None)
     if seconds > 10 * 365 * 86400:
-        counted = "counts since it was switched on" if apart_ns < 0 else "is that of the day, the camera's counts"
-        return f"another ({counted}), {seconds / 86400:.0f} days {side}"
+        counted = "it counts since it was switched on" if apart_ns < 0 else "which counts since it was switched on"
+        return f"{seconds / 86400:.0f} days {side} that of {other} ({counted})"
     hours = round(seconds / 3600)
     if known is None and 0 < hours <= _MOST_HOURS and abs(seconds - hours * 3600) < 1:
         known = f"{hours} h of time zone"
-    return f"{seconds:.1f} s {side}" + (f" ({known})" if known else "")
+    return f"{seconds:.1f} s {side} that of {other}" + (f" ({known})" if known else "")
