@@ -19,6 +19,9 @@ _SURE_NS = 10_000_000_000
 _STEADY_NS = 60_000_000
 """ns by which the offsets of one clock vary, at most; messages that are merely late vary more."""
 
+_LATE_VARIES = 4
+"""What waits to be recorded does so for times that vary by at least a quarter."""
+
 _AHEAD_NS = 500_000_000
 """ns that a stamp may lie beyond the time of recording; a message is never recorded before it was stamped."""
 
@@ -48,7 +51,11 @@ def sensor_clocks(
         if abs(apart_ns) < OTHER_CLOCK_NS or not (_is_steady(topic) and _is_steady(reference)):
             continue
         what = f"its clock is {_apart_text(apart_ns, reference.name)}, by times of recording"
-        if _is_sure(topic, reference, apart_ns):
+        if _is_late(topic, reference, apart_ns):
+            notes.note(
+                f"clock {topic.name}", f"{where}, {topic.name}: {what}; as this varies, messages are recorded late"
+            )
+        elif _is_sure(topic, reference, apart_ns):
             shifts[topic.name] = -_scale_ns(apart_ns)
             notes.note(
                 f"clock {topic.name}",
@@ -77,6 +84,12 @@ def check_clocks(given: Mapping[str, float], topics: Sequence[str]) -> None:
             )
         if not np.isfinite(offset_s) or abs(offset_s) > 1e10:
             raise ConfigError(f"--clock {topic}={offset_s:g} is no time", cure="write seconds, such as -37")
+
+
+def _is_late(topic: Topic, reference: Topic, apart_ns: int) -> bool:
+    """Whether the messages of one waited before they were recorded: for times that vary as much as they are long."""
+    later = min((topic, reference), key=lambda each: each.clock_offset_ns)
+    return _spread_ns(later.offsets_ns) * _LATE_VARIES > abs(apart_ns)
 
 
 def _is_sure(topic: Topic, reference: Topic, apart_ns: int) -> bool:
