@@ -50,7 +50,7 @@ def camera_from_calibration(
     scale_u, scale_v = _scale((width // across, height // down), image_size)
     fx, fy, cx, cy = fx * scale_u, fy * scale_v, (cx + 0.5) * scale_u - 0.5, (cy + 0.5) * scale_v - 0.5
     intrinsics = PinholeCamera(*image_size, fx, fy, cx, cy)
-    distortion = () if rectified else calibration.D
+    distortion = () if rectified or not np.isfinite(calibration.D).all() else calibration.D
     if model in _FISHEYE:
         return FisheyeCamera(*image_size, fx, fy, cx, cy, _distortion(distortion, 4) if any(distortion) else ())
     if model not in _PERSPECTIVE:

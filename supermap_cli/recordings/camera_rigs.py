@@ -50,18 +50,18 @@ class OpenedCamera:
 
 
 @dataclass(frozen=True)
-class Placement:
+class RigFrames:
     """Where everything sits: the tree, which of conflicting links count, and the transforms `given` besides TF."""
 
     tree: TransformTree
     links: Mapping[str, Link]
     given: tuple[PoseMessage, ...] = ()
 
-    def with_given(self, given: Sequence[PoseMessage]) -> Placement:
+    def with_given(self, given: Sequence[PoseMessage]) -> RigFrames:
         """The same with further transforms, which count before what TF says."""
         for message in given:
             self.tree.fix(message)
-        return Placement(self.tree, {**self.links, **links_of(tuple(given))}, (*self.given, *given))
+        return RigFrames(self.tree, {**self.links, **links_of(tuple(given))}, (*self.given, *given))
 
 
 @dataclass(frozen=True)
@@ -97,17 +97,17 @@ class RecordedMotion:
 
 
 class CameraRigs:
-    """Opens the cameras of a plan. `plan` and `placement` change where a camera's frame is turned."""
+    """Opens the cameras of a plan. `plan` and `frames` change where a camera's frame is turned."""
 
     def __init__(
         self,
         plan: TopicPlan,
-        placement: Placement,
+        frames: RigFrames,
         motion: RecordedMotion,
         notes: Notes,
     ) -> None:
         self.plan = plan
-        self.placement = placement
+        self.frames = frames
         self._motion = motion
         self._forced_model = motion.data.request.camera
         self._where = motion.data.where
@@ -145,14 +145,14 @@ class CameraRigs:
         rig = self._build(camera)
         if isinstance(rig.camera, EquirectangularCamera) or camera.recorded_frame_id or rig.color_frame == "":
             return OpenedCamera(camera, rig)
-        if camera_axes.is_upright(self.placement.tree, rig.base_frame, rig.color_frame, rather=True):
+        if camera_axes.is_upright(self.frames.tree, rig.base_frame, rig.color_frame, rather=True):
             camera = self._turned(camera, rig)
         elif "optical" not in rig.color_frame:
             self._note_taken_as_optical(camera, rig.color_frame)
         return OpenedCamera(camera, self._build(camera))
 
     def _build(self, camera: CameraPlan) -> CameraRig:
-        builder = RigBuilder(self.plan, self.placement.tree, self._forced_model, where=self._where)
+        builder = RigBuilder(self.plan, self.frames.tree, self._forced_model, where=self._where)
         return builder.build(camera, self._motion.base_frame, self._motion.source)
 
     def _turned(self, camera: CameraPlan, rig: CameraRig) -> CameraPlan:
@@ -160,16 +160,16 @@ class CameraRigs:
         frame, optical = rig.color_frame, "optical" in rig.color_frame
         told = self._images_say_turned(camera, rig)
         why = "as the images agree" if told else "which stands upright in TF"
-        upright = camera_axes.is_upright(self.placement.tree, rig.base_frame, frame)
+        upright = camera_axes.is_upright(self.frames.tree, rig.base_frame, frame)
         if told is False or (told is None and (optical or not upright)):
             if not optical:
                 self._note_taken_as_optical(camera, frame)
             return camera
-        below = camera_axes.optical_below(self.placement.tree, frame)
+        below = camera_axes.optical_below(self.frames.tree, frame)
         if below is None:
             below = f"{frame} (turned)"
             quaternion = quaternion_xyzw_from_rotation(BODY_OPTICAL[:3, :3])
-            self.placement = self.placement.with_given([PoseMessage(0, frame, below, np.zeros(3), quaternion)])
+            self.frames = self.frames.with_given([PoseMessage(0, frame, below, np.zeros(3), quaternion)])
         self._notes.note(
             f"optical {camera.color.name}",
             f"{self._where}, {camera.color.name}: its frame {frame!r}, {why}, is the camera's body (x forward), no "
@@ -181,13 +181,13 @@ class CameraRigs:
         """The depth camera in its optical frame too, where it has an upright frame of its own."""
         depth = camera.topic("depth")
         own = depth.frame_id if depth is not None else ""
-        if own in {"", frame, below} or not camera_axes.is_upright(self.placement.tree, self._motion.base_frame, own):
+        if own in {"", frame, below} or not camera_axes.is_upright(self.frames.tree, self._motion.base_frame, own):
             return camera
-        turned = camera_axes.optical_below(self.placement.tree, own)
+        turned = camera_axes.optical_below(self.frames.tree, own)
         if turned is None:
             turned = f"{own} (turned)"
             quaternion = quaternion_xyzw_from_rotation(BODY_OPTICAL[:3, :3])
-            self.placement = self.placement.with_given([PoseMessage(0, own, turned, np.zeros(3), quaternion)])
+            self.frames = self.frames.with_given([PoseMessage(0, own, turned, np.zeros(3), quaternion)])
         choices = {
             role: replace(choice, topic=replace(choice.topic, frame_id=turned)) if role.startswith("depth") else choice
             for role, choice in camera.choices.items()
@@ -195,7 +195,7 @@ class CameraRigs:
         return replace(camera, choices=choices)
 
     def _images_say_turned(self, camera: CameraPlan, rig: CameraRig) -> bool | None:
-        depth, tree = camera.topic("depth"), self.placement.tree
+        depth, tree = camera.topic("depth"), self.frames.tree
         if depth is None or rig.depth is None:
             return None
         T_base_camera = camera_axes.placed(tree, rig.base_frame, rig.depth.frame_id)
@@ -213,7 +213,7 @@ class CameraRigs:
 
     def _note_taken_as_optical(self, camera: CameraPlan, frame: str) -> None:
         """An image's frame should be the optical one (z forward)."""
-        optical = sorted(other for other in self.placement.tree.frames if "optical" in other)
+        optical = sorted(other for other in self.frames.tree.frames if "optical" in other)
         hint = f" (TF also has {', '.join(optical)}: --frame camera={optical[0]})" if optical else ""
         self._notes.note(
             f"optical {camera.color.name}",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import islice
@@ -13,6 +13,7 @@ import numpy as np
 from supermap_cli.errors import RecordingError
 from supermap_cli.hookspecs import RecordingRequest
 from supermap_cli.recordings.bag_recording import BagRecording
+from supermap_cli.recordings.doctor import RoleVerdict, explicit_settings, verdicts
 from supermap_cli.recordings.opening import OpenedCamera, OpenedRecording, open_recording
 from supermap_cli.recordings.roles import CAMERA_ROLES, ROLES
 from supermap_cli.recordings.storage import Channel
@@ -91,7 +92,8 @@ class Inspection:
     """The whole report. A build can work if there are no `problems`.
 
     `poses` says where motion comes from ("LiDAR odometry" without recorded poses), `usable_frames` counts colour images
-    that have what a build needs, of all `cameras` together; `camera` is the main camera's model with its size.
+    that have what a build needs, of all `cameras` together; `verdicts` judge every role; `settings` are the entries of
+    `[build.recording]` that make all choices explicit; `camera` is the main camera's model with its size.
     """
 
     path: Path
@@ -107,6 +109,8 @@ class Inspection:
     usable_frames: int
     problems: tuple[ProblemReport, ...]
     warnings: tuple[str, ...]
+    verdicts: tuple[RoleVerdict, ...]
+    settings: Mapping[str, object]
 
     @property
     def duration_s(self) -> float:
@@ -142,11 +146,13 @@ def inspect_recording(path: Path, request: RecordingRequest) -> Inspection:
         problems.append(opened.motion_problem)
     source = opened.pose_source
     has_lidar = opened.plan.serves("lidar")
+    reports = tuple(_topic_reports(opened))
+    gaps_s = {report.topic: report.longest_gap_s for report in reports if report.has_gap and report.longest_gap_s}
     return Inspection(
         path=path,
         start_ns=start_ns,
         end_ns=end_ns,
-        topics=tuple(_topic_reports(opened)),
+        topics=reports,
         roles=tuple(_role_reports(opened)),
         transforms=tuple(EdgeReport(edge.parent, edge.child, edge.static) for edge in opened.tree.edges),
         base_frame=opened.base_frame,
@@ -156,6 +162,8 @@ def inspect_recording(path: Path, request: RecordingRequest) -> Inspection:
         usable_frames=sum(camera.usable_frames for camera in cameras),
         problems=tuple(ProblemReport(problem.what, problem.where, problem.cure) for problem in problems),
         warnings=opened.notes.lines,
+        verdicts=tuple(verdicts(opened, problems, opened.notes.lines, gaps_s)),
+        settings=explicit_settings(opened),
     )
 
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from supermap_cli.recordings.notes import Notes
-from supermap_cli.recordings.pose_topics import BASE_NAMES, ROBOT_WORDS, last_part, why_no_motion
+from supermap_cli.recordings.pose_topics import BASE_NAMES, ROBOT_WORDS, is_odometry, last_part, why_no_motion
 from supermap_cli.recordings.survey import Topic
 from supermap_cli.recordings.topic_names import words_of
 from supermap_cli.recordings.topic_plan import TopicPlan
@@ -74,23 +74,32 @@ class MotionFinder:
         return PoseSource(best, best.frame_id, best.child_frame_id)
 
     def _connected(self, plan: TopicPlan, source: PoseSource, notes: Notes) -> PoseSource:
-        """The source itself; TF's motion instead where TF alone connects what moves with the camera, and the user named
-        nothing.
+        """The source itself; another odometry or TF's motion instead, where TF connects with the camera what that
+        moves, and not what the source moves; and the user named nothing.
         """
         frame, choice = _color_frame(plan), plan.shared["odometry"]
         if not (frame and source.child_frame) or choice.named or self.frames.keys() & {"base", "odom"}:
             return source
         if self.tree.connects(source.child_frame, frame):
             return source
-        from_tree = moving_base(self.tree, self.frames, frame)
-        if from_tree is None or not self.tree.connects(from_tree.child_frame, frame):
-            return source
-        notes.note(
-            "motion of TF",
-            f"{source.description} moves a frame that TF does not connect with the camera: {from_tree.description} is "
-            f"taken as the motion (--frame base={from_tree.child_frame} takes the two frames as one)",
-        )
-        return from_tree
+        odometries = [topic for topic in self.topics if topic.kind == "pose" and is_odometry(topic)]
+        others = [
+            *(PoseSource(topic, topic.frame_id, topic.child_frame_id) for topic in odometries if topic.poses),
+            moving_base(self.tree, self.frames, frame),
+        ]
+        for other in others:
+            known = other is not None and other.child_frame in self.tree.frames
+            if other is None or not known or not self.tree.connects(other.child_frame, frame):
+                continue
+            if other.topic is not None and why_no_motion(other.topic, self.topics) is not None:
+                continue
+            notes.note(
+                "motion instead",
+                f"{source.description} moves a frame that TF does not connect with the camera: {other.description} is "
+                f"taken as the motion (--frame base={other.child_frame} takes the two frames as one)",
+            )
+            return other
+        return source
 
 
 def _named_as_robots(topic: Topic) -> bool:
@@ -103,6 +112,7 @@ def _color_frame(plan: TopicPlan) -> str:
 
 def moving_base(tree: TransformTree, frames: Mapping[str, str], sensor_frame: str = "") -> PoseSource | None:
     """The frame that moves under odom (or map) in TF, if there is one; of several that which bears the sensor.
+    Where TF knows the sensor, a marker or a thing that moves under the map beside it is none.
 
     Prefixes of frames are looked through: r1/odom is an odom.
     """
@@ -118,7 +128,15 @@ def moving_base(tree: TransformTree, frames: Mapping[str, str], sensor_frame: st
             ]
     bearing = [source for source in found if sensor_frame and tree.connects(source.child_frame, sensor_frame)]
     rigid = [source for source in bearing if tree.is_static(source.child_frame, sensor_frame)]
+    if sensor_frame in tree.frames and not named_base:
+        found = [
+            source for source in found if _is_odom(source.odom_frame) or last_part(source.child_frame) in BASE_NAMES
+        ]
     return next(iter((*rigid, *bearing, *found)), None)
+
+
+def _is_odom(frame: str) -> bool:
+    return any(frame == name or _ends(frame, name) for name in _ODOM_NAMES)
 
 
 def _bases(tree: TransformTree) -> list[str]:
@@ -132,7 +150,7 @@ def _ends(frame: str, name: str) -> bool:
 
 def _deepest_moving(tree: TransformTree, frame: str) -> str:
     """From odom's child down to base_link, where they are a chain: odom -> base_footprint -> base_link."""
-    if any(frame == name or _ends(frame, name) for name in _ODOM_NAMES):
+    if _is_odom(frame):
         return next((_deepest_moving(tree, child) for child in tree.children_of(frame)), frame)
     below = [child for child in tree.children_of(frame) if last_part(child) in BASE_NAMES]
     return below[0] if len(below) == 1 and last_part(frame) != "base_link" else frame

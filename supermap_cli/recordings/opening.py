@@ -12,7 +12,7 @@ from supermap_cli.errors import ConfigError, RecordingError
 from supermap_cli.geometry.arrays import Float32Array, FloatArray
 from supermap_cli.hookspecs import RecordingRequest
 from supermap_cli.recordings import messages
-from supermap_cli.recordings.camera_rigs import OpenedCamera, Placement
+from supermap_cli.recordings.camera_rigs import OpenedCamera, RigFrames
 from supermap_cli.recordings.containers import open_storage
 from supermap_cli.recordings.decoding import Decoder
 from supermap_cli.recordings.images import decode_depth
@@ -34,8 +34,8 @@ __all__ = ["MARGIN_NS", "OpenedCamera", "OpenedRecording", "Window", "no_poses",
 class OpenedRecording:
     """What is known once a recording is open, before any stream is read.
 
-    `problems` stand in the way of any build, the gravest first; `cameras`, the main one first, are those that can be
-    used, and none where a problem concerns them.
+    `robot` is the one that is meant, of several; `problems` stand in the way of any build, the gravest first;
+    `cameras`, the main one first, are those that can be used, and none where a problem concerns them.
     `motion_problem` says why there is no motion to be had from it. `shifts_ns` are added to the stamps of topics whose
     clock is not the camera's; `origin` (3,) in metres is taken off recorded positions.
     """
@@ -45,9 +45,10 @@ class OpenedRecording:
     storage: Storage
     decoder: Decoder
     notes: Notes
+    robot: str | None
     topics: tuple[Topic, ...]
     plan: TopicPlan
-    placement: Placement
+    frames: RigFrames
     pose_source: PoseSource | None
     base_frame: str
     cameras: tuple[OpenedCamera, ...]
@@ -60,7 +61,7 @@ class OpenedRecording:
     @property
     def tree(self) -> TransformTree:
         """The TF tree's structure, with what the user said of it."""
-        return self.placement.tree
+        return self.frames.tree
 
     def stamp_ns(self, raw: RawMessage) -> int:
         """The stamp of a message, by the camera's clock."""
@@ -95,7 +96,7 @@ class OpenedRecording:
         return MovingTransforms(
             self._static_transforms(),
             (lambda: iter(())) if rigid else (lambda: self.moving_transforms(MARGIN_NS)),
-            self.placement.links,
+            self.frames.links,
         )
 
     def moving_transforms(self, margin_ns: int) -> Iterator[tuple[int, PoseMessage]]:
@@ -112,7 +113,7 @@ class OpenedRecording:
         names = [topic.name for topic in self.topics if topic.kind == "transforms" and is_static(topic.name)]
         for _, transforms in self.decoder.each(self.storage.messages(names), messages.read_transforms):
             yield from transforms
-        yield from self.placement.given
+        yield from self.frames.given
 
 
 def open_recording(path: Path, request: RecordingRequest) -> OpenedRecording:
@@ -134,9 +135,10 @@ def open_recording(path: Path, request: RecordingRequest) -> OpenedRecording:
         storage=storage,
         decoder=decoder,
         notes=notes,
+        robot=rig.robot,
         topics=rig.topics,
         plan=rig.plan,
-        placement=rig.placement,
+        frames=rig.frames,
         pose_source=rig.pose_source,
         base_frame=rig.base_frame,
         cameras=rig.cameras,

@@ -37,7 +37,7 @@ def why_no_motion(topic: Topic, topics: Sequence[Topic], length_s: float = 0.0) 
     words = words_of(topic.name) & _OTHERS_WORDS
     count = topic.channel.count
     images = max((other.channel.count for other in topics if other.kind == "image"), default=0)
-    if not _is_odometry(topic) and count < max(min(_LEAST_POSES, images / 2), _LEAST_POSES_HZ * length_s):
+    if not is_odometry(topic) and count < max(min(_LEAST_POSES, images / 2), _LEAST_POSES_HZ * length_s):
         return f"it has only {count} messages in {length_s:.0f} s"
     if topic.frame_id in sensor_frames:
         return f"it is given in the sensor's own frame {topic.frame_id!r}"
@@ -51,5 +51,6 @@ def last_part(frame: str) -> str:
     return frame.rpartition("/")[2]
 
 
-def _is_odometry(topic: Topic) -> bool:
+def is_odometry(topic: Topic) -> bool:
+    """Whether a topic of poses says by its type that they are the robot's."""
     return topic.channel.msgtype.endswith("Odometry")

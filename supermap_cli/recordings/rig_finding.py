@@ -10,7 +10,7 @@ import numpy as np
 from supermap_cli.errors import CalibrationError, RecordingError
 from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.recordings.camera_finding import CameraFinder, RecordedRobot, clock_problems, plan_named_cameras
-from supermap_cli.recordings.camera_rigs import CameraRigs, OpenedCamera, Placement, RecordedMotion
+from supermap_cli.recordings.camera_rigs import CameraRigs, OpenedCamera, RecordedMotion, RigFrames
 from supermap_cli.recordings.messages import PoseMessage
 from supermap_cli.recordings.motion import MotionFinder, PoseSource, find_base_frame
 from supermap_cli.recordings.mounting import check_frames, parse_mounts, same_frames, with_given_frames
@@ -30,9 +30,10 @@ from supermap_cli.recordings.window import RecordedData, Window, find_window
 class Rig:
     """What was found; see `OpenedRecording`."""
 
+    robot: str | None
     topics: tuple[Topic, ...]
     plan: TopicPlan
-    placement: Placement
+    frames: RigFrames
     pose_source: PoseSource | None
     base_frame: str
     cameras: tuple[OpenedCamera, ...]
@@ -70,7 +71,7 @@ class _RigFinder:
         self._mounts = {mount.name: mount for mount in parse_mounts(request.mounts)}
         self._named: NamedTopics = parse_named_topics(request.topics)
         named = set(request.topics.values())
-        self.topics = topics_of_robot(topics, request.robot, named, where, notes)
+        self.robot, self.topics = topics_of_robot(topics, request.robot, named, where, notes)
         planned = (plan_named_cameras if self._named.color_cameras else plan_topics)(self.topics, self._named, where)
         self._plan = planned
 
@@ -80,7 +81,7 @@ class _RigFinder:
         for line in surveyed.warnings:
             notes.note(line, f"{self._where}, {line}")
         plan = with_given_frames(self._plan, self._request.frames, self._mounts)
-        placement = Placement(surveyed.tree, surveyed.links)
+        frames = RigFrames(surveyed.tree, surveyed.links)
         source, base_frame = None, ""
         cameras: tuple[OpenedCamera, ...] = ()
         problems: list[RecordingError] = []
@@ -88,30 +89,31 @@ class _RigFinder:
         not_motion: dict[str, str] = {}
         window = find_window(self._data, _leading(plan), notes)
         try:
-            placement = placement.with_given([mount.message("") for mount in self._mounts.values() if mount.parent])
+            frames = frames.with_given([mount.message("") for mount in self._mounts.values() if mount.parent])
             length_s = (self._data.storage.end_ns - self._data.storage.start_ns) / 1e9
-            motion = MotionFinder(self.topics, placement.tree, self._request.frames, length_s)
+            motion = MotionFinder(self.topics, frames.tree, self._request.frames, length_s)
             source, not_motion = motion.find(plan, notes), motion.not_motion()
-            base_frame = self._base_frame(plan, source, placement.tree, notes)
-            placement = placement.with_given(self._links(source, base_frame, placement.tree, notes))
+            base_frame = self._base_frame(plan, source, frames.tree, notes)
+            frames = frames.with_given(self._links(source, base_frame, frames.tree, notes))
             plan = self._cameras_of(
-                plan, RecordedRobot(placement.tree, base_frame, self._data.storage, self._data.decoder), notes
+                plan, RecordedRobot(frames.tree, base_frame, self._data.storage, self._data.decoder), notes
             )
             plan = with_given_frames(plan, self._request.frames, self._mounts)
             shifts, of_clocks = self._clocks(plan, source, notes)
             plan = replace(plan, shared_problems=(*plan.shared_problems, *of_clocks))
             moved = RecordedMotion(self._data, source, base_frame, window.offset_ns, shifts)
-            rigs = CameraRigs(plan, placement, moved, notes)
+            rigs = CameraRigs(plan, frames, moved, notes)
             cameras, problems = rigs.open_all()
-            plan, placement = rigs.plan, rigs.placement
+            plan, frames = rigs.plan, rigs.frames
         except CalibrationError as error:
             problems = [*plan.problems, CalibrationError(error.what, where=error.where or self._where, cure=error.cure)]
         _note_doubts(plan, source, self._where, notes)
-        origin = _origin(source, placement.tree, self._where, notes)
+        origin = _origin(source, frames.tree, self._where, notes)
         return Rig(
+            self.robot,
             self.topics,
             plan,
-            placement,
+            frames,
             source,
             base_frame,
             cameras,

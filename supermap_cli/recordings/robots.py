@@ -25,8 +25,8 @@ and how many such steps tell: slipping wheels and drifting cameras are better th
 
 def topics_of_robot(
     topics: Sequence[Topic], wanted: str | None, named: Collection[str], where: str, notes: Notes
-) -> tuple[Topic, ...]:
-    """The topics of one robot, those of no robot, and those that the user `named`; all where there is one robot.
+) -> tuple[str | None, tuple[Topic, ...]]:
+    """The robot's name, and its topics with those of no robot and those that the user `named`; all for a lone robot.
 
     `wanted` is the robot's name; without it the only one with images is taken (noted). Raises `RecordingError` where
     several have images, `ConfigError` for a name that no robot has.
@@ -39,7 +39,7 @@ def topics_of_robot(
             chosen, robots = _by_namespace(topics, chosen, robots)
             owners = {topic.name: _owner(topic, robots) for topic in topics}
     elif len(robots) < 2:
-        return tuple(topics)
+        return None, tuple(topics)
     else:
         chosen = _only_one_with_images(topics, robots, owners, named, where)
         others = ", ".join(robot for robot in robots if robot != chosen)
@@ -48,7 +48,7 @@ def topics_of_robot(
             f"{where}: {len(robots)} robots are in it; {chosen} is mapped, which alone has camera images or was named "
             f"(others: {others}; choose with --robot)",
         )
-    return tuple(topic for topic in topics if owners[topic.name] in {None, chosen} or topic.name in named)
+    return chosen, tuple(topic for topic in topics if owners[topic.name] in {None, chosen} or topic.name in named)
 
 
 def find_robots(topics: Sequence[Topic]) -> tuple[str, ...]:

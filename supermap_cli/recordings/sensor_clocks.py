@@ -19,6 +19,9 @@ _SURE_NS = 10_000_000_000
 _STEADY_NS = 60_000_000
 """ns by which the offsets of one clock vary, at most; messages that are merely late vary more."""
 
+_LATE_VARIES = 4
+"""What waits to be recorded does so for times that vary by at least a quarter."""
+
 _AHEAD_NS = 500_000_000
 """ns that a stamp may lie beyond the time of recording; a message is never recorded before it was stamped."""
 
@@ -47,8 +50,12 @@ def sensor_clocks(
         apart_ns = topic.clock_offset_ns - reference.clock_offset_ns
         if abs(apart_ns) < OTHER_CLOCK_NS or not (_is_steady(topic) and _is_steady(reference)):
             continue
-        what = f"its clock is {_apart_text(apart_ns)} that of {reference.name}, by times of recording"
-        if _is_sure(topic, reference, apart_ns):
+        what = f"its clock is {_apart_text(apart_ns, reference.name)}, by times of recording"
+        if _is_late(topic, reference, apart_ns):
+            notes.note(
+                f"clock {topic.name}", f"{where}, {topic.name}: {what}; as this varies, messages are recorded late"
+            )
+        elif _is_sure(topic, reference, apart_ns):
             shifts[topic.name] = -_scale_ns(apart_ns)
             notes.note(
                 f"clock {topic.name}",
@@ -77,6 +84,12 @@ def check_clocks(given: Mapping[str, float], topics: Sequence[str]) -> None:
             )
         if not np.isfinite(offset_s) or abs(offset_s) > 1e10:
             raise ConfigError(f"--clock {topic}={offset_s:g} is no time", cure="write seconds, such as -37")
+
+
+def _is_late(topic: Topic, reference: Topic, apart_ns: int) -> bool:
+    """Whether the messages of one waited before they were recorded: for times that vary as much as they are long."""
+    later = min((topic, reference), key=lambda each: each.clock_offset_ns)
+    return _spread_ns(later.offsets_ns) * _LATE_VARIES > abs(apart_ns)
 
 
 def _is_sure(topic: Topic, reference: Topic, apart_ns: int) -> bool:
@@ -110,15 +123,15 @@ def _scale_ns(apart_ns: int) -> int:
     )
 
 
-def _apart_text(apart_ns: int) -> str:
+def _apart_text(apart_ns: int, other: str) -> str:
     """How far apart, and which known scales of time that tells: "37.0 s ahead of (TAI ...)"."""
     side = "ahead of" if apart_ns > 0 else "behind"
     seconds = abs(apart_ns) / 1e9
     known = next((text for each, text in _KNOWN_NS.items() if abs(seconds - each) < _KNOWN_WITHIN_NS / 1e9), None)
     if seconds > 10 * 365 * 86400:
-        counted = "counts since it was switched on" if apart_ns < 0 else "is that of the day, the camera's counts"
-        return f"another ({counted}), {seconds / 86400:.0f} days {side}"
+        counted = "it counts since it was switched on" if apart_ns < 0 else "which counts since it was switched on"
+        return f"{seconds / 86400:.0f} days {side} that of {other} ({counted})"
     hours = round(seconds / 3600)
     if known is None and 0 < hours <= _MOST_HOURS and abs(seconds - hours * 3600) < 1:
         known = f"{hours} h of time zone"
-    return f"{seconds:.1f} s {side}" + (f" ({known})" if known else "")
+    return f"{seconds:.1f} s {side} that of {other}" + (f" ({known})" if known else "")

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 from supermap_cli.errors import RecordingError
 from supermap_cli.recordings.images import DEPTH_ENCODINGS, is_depth_encoding
 from supermap_cli.recordings.messages import ImageMessage, Kind
 from supermap_cli.recordings.pose_topics import why_no_motion
-from supermap_cli.recordings.roles import ROLES, NamedTopics, role_name
+from supermap_cli.recordings.roles import NamedTopics, role_name
 from supermap_cli.recordings.survey import Topic
+from supermap_cli.recordings.topic_choices import RoleFilling
 from supermap_cli.recordings.topic_names import common_parts, common_words, device_of, namespace_of
 from supermap_cli.recordings.topic_plan import CameraPlan, TopicChoice, TopicPlan
 from supermap_cli.types.sensing import MAIN_CAMERA
@@ -29,6 +30,28 @@ _NOT_SCAN_WORDS = ("depth", "camera", "color", "map", "ground", "obstacle", "wor
 
 _PNG_BIT_DEPTH_AT = 24
 """Where a PNG says how many bits a sample has (RFC 2083, section 4.1.1)."""
+
+_COLOR_LOST = (
+    *("cannot be read", "is named as no colour image", "has no camera_info beside it"),
+    *("is not in the frame of the detections", "is not named colour", "is grey", "is a right camera"),
+    "has fewer messages",
+)
+_DEPTH_LOST = (
+    *("cannot be read", "is named as another camera's", "is named infrared, confidence or disparity"),
+    *("is not named aligned", "is not of the colour's frame and size", "is not in the colour's frame"),
+    *("is named less like the colour topic", "is not named depth", "has fewer messages"),
+)
+_INFO_LOST = (
+    *("does not stand beside the images", "is in another frame", "stands in another folder", "is of another size"),
+    *("is named less like the images", "has fewer messages"),
+)
+_LIDAR_LOST = ("is in the frame of a camera or of the map", "is named as no raw scan", "has fewer messages")
+_IMU_LOST = ("is not named data", "has fewer messages")
+_ODOMETRY_LOST = (
+    *("is ground truth", "covers less of the recording", "is named wheel, raw, target or goal"),
+    *("is not named filtered or fused", "is not named odometry", "has fewer messages"),
+)
+"""What a topic lacks that lost by each element of the rank of its role."""
 
 _MOST_LISTED = 30
 """Topics that an error lists."""
@@ -50,68 +73,23 @@ def plan_topics(topics: Sequence[Topic], named: NamedTopics, where: str) -> Topi
 
 def plan_shared(topics: Sequence[Topic], named: Mapping[str, str], where: str) -> Mapping[str, TopicChoice]:
     """The topics of the roles that are of no single camera."""
-    choices = _Choices(topics, named, where)
+    choices = RoleFilling(topics, named, where)
     image_frames = {topic.frame_id for topic in topics if topic.kind == "image"}
-    choices.choose("lidar", _of(topics, "points"), lambda topic: _lidar_rank(topic, image_frames))
+    choices.choose("lidar", _of(topics, "points"), lambda topic: _lidar_rank(topic, image_frames), _LIDAR_LOST)
     choices.choose(
         "imu",
         [topic for topic in _of(topics, "imu") if topic.fault is None],
         lambda topic: (has_word(topic, ("data",)), topic.channel.count),
+        _IMU_LOST,
     )
     odometries = [
         topic
         for topic in _of(topics, "pose")
         if topic.channel.msgtype.endswith("Odometry") and why_no_motion(topic, topics) is None
     ]
-    choices.choose("odometry", odometries, _odometry_rank)
+    most = max((len(topic.poses) for topic in odometries), default=0)
+    choices.choose("odometry", odometries, lambda topic: _odometry_rank(topic, most), _ODOMETRY_LOST)
     return choices.chosen
-
-
-class _Choices:
-    """Roles that are filled one after the other: by what the user named, else by the best candidate."""
-
-    def __init__(
-        self, topics: Sequence[Topic], named: Mapping[str, str], where: str, camera_id: str = MAIN_CAMERA
-    ) -> None:
-        self._topics = topics
-        self._named = named
-        self._where = where
-        self._camera_id = camera_id
-        self.chosen: dict[str, TopicChoice] = {}
-
-    def topic(self, role: str) -> Topic | None:
-        """What serves a role so far."""
-        choice = self.chosen.get(role)
-        return choice.topic if choice else None
-
-    def is_named(self, role: str) -> bool:
-        """Whether the user named the topic of a role."""
-        return role in self._named
-
-    def choose(self, role: str, candidates: Sequence[Topic], rank: Callable[[Topic], tuple[float, ...]]) -> None:
-        """Fill a role with the topic named for it, else with the candidate of the highest rank, if there is one."""
-        if role in self._named:
-            self.chosen[role] = TopicChoice(role, self._named_topic(role), "named by the user", named=True)
-            return
-        usable = sorted(candidates, key=lambda topic: topic.name)
-        if not usable:
-            self.chosen.pop(role, None)
-            return
-        best = max(usable, key=rank)
-        others = [topic.name for topic in usable if topic is not best]
-        reason = f"rather than {', '.join(others)}" if others else "the only one of its kind"
-        self.chosen[role] = TopicChoice(role, best, reason)
-
-    def _named_topic(self, role: str) -> Topic:
-        name, key = self._named[role], role_name(role, self._camera_id)
-        fitting = [topic for topic in self._topics if topic.kind in ROLES[role]]
-        for topic in fitting:
-            if topic.name == name:
-                return topic
-        listed = ", ".join(topic.name for topic in fitting) or "none"
-        there = any(topic.name == name for topic in self._topics)
-        what = f"topic {name} cannot serve as {key}" if there else f"no messages on topic {name}, named for {key}"
-        raise RecordingError(what, where=self._where, cure=f"topics that could be: {listed}")
 
 
 class CameraPlanner:
@@ -137,7 +115,7 @@ class CameraPlanner:
         self._where = where
         self._lidar_stands_in = lidar_stands_in
         self._camera_id = camera_id
-        self._choices = _Choices(topics, named, where, camera_id)
+        self._choices = RoleFilling(topics, named, where, camera_id)
         self._problems: list[RecordingError] = []
         self._doubts: list[str] = []
         self._calibrated_namespaces = {namespace_of(info.name) for info in self._of("camera_info")}
@@ -147,10 +125,10 @@ class CameraPlanner:
         choices = self._choices
         choices.choose("detections", self._readable("detections"), lambda topic: (topic.channel.count,))
         choices.choose("masks", self._mask_candidates(), self._mask_rank)
-        choices.choose("color", self._color_candidates(), self._color_rank)
+        choices.choose("color", self._color_candidates(), self._color_rank, _COLOR_LOST)
         self._prefer_own_detections()
         self._leave_out_foreign_detections()
-        choices.choose("depth", self._depth_candidates(), self._depth_rank)
+        choices.choose("depth", self._depth_candidates(), self._depth_rank, _DEPTH_LOST)
         self._choose_camera_info("camera_info", "color")
         self._choose_camera_info("depth_camera_info", "depth")
         self._note_missing()
@@ -268,7 +246,9 @@ class CameraPlanner:
         candidates = [] if image is None else [info for info in infos if _belongs(info, image)]
         if not candidates and len(infos) == 1:
             candidates = infos
-        self._choices.choose(role, candidates, lambda info: _belonging(info, image, infos) if image else (0,))
+        self._choices.choose(
+            role, candidates, lambda info: _belonging(info, image, infos) if image else (0,), _INFO_LOST
+        )
 
     def _note_missing(self) -> None:
         color, depth = self._choices.topic("color"), self._choices.topic("depth")
@@ -362,9 +342,10 @@ def _lidar_rank(topic: Topic, image_frames: set[str]) -> tuple[float, ...]:
     )
 
 
-def _odometry_rank(topic: Topic) -> tuple[float, ...]:
+def _odometry_rank(topic: Topic, most_poses: int) -> tuple[float, ...]:
     return (
         _GROUND_TRUTH.search(topic.name.lower()) is None,
+        2 * len(topic.poses) >= most_poses,
         not has_word(topic, ("wheel", "raw", "target", "goal")),
         has_word(topic, ("filtered", "fused")),
         topic.name in {"/odom", "/odometry"},

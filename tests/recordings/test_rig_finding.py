@@ -229,6 +229,11 @@ def test_a_sensor_that_is_recorded_late_is_refused_until_the_user_decides(tmp_pa
     assert next(moved.sweeps()).stamp_ns == bags.stamp(0) + 500_000_000
 
 
+def test_a_slow_link_is_no_other_clock(tmp_path):
+    recording = open_(write_clocks(tmp_path / "run.mcap", late_s=0.9, jitter_s=0.9))
+    assert next(recording.sweeps()).stamp_ns == bags.stamp(0)
+
+
 def test_a_clock_of_no_topic_is_an_error(tmp_path):
     path = write_clocks(tmp_path / "run.mcap")
     with pytest.raises(ConfigError, match=r"--clock /nothing: there are no messages"):
