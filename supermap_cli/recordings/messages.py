@@ -7,6 +7,7 @@ import re
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
+from types import SimpleNamespace
 from typing import Any, Literal
 
 import numpy as np
@@ -46,6 +47,7 @@ KINDS: dict[str, Kind] = {
     "nav_msgs/msg/Odometry": "pose",
     "geometry_msgs/msg/PoseStamped": "pose",
     "geometry_msgs/msg/PoseWithCovarianceStamped": "pose",
+    "geometry_msgs/msg/TransformStamped": "pose",
     "foxglove.PoseInFrame": "pose",
     "foxglove_msgs/msg/PoseInFrame": "pose",
     "tf2_msgs/msg/TFMessage": "transforms",
@@ -247,7 +249,11 @@ def _xyzw(quaternion: Any) -> FloatArray:
 
 
 def read_pose(message: Any, log_ns: int) -> PoseMessage:
-    """Of an Odometry, PoseStamped, PoseWithCovarianceStamped or Foxglove's PoseInFrame."""
+    """Of an Odometry, PoseStamped, PoseWithCovarianceStamped, TransformStamped (as motion capture has it) or Foxglove's
+    PoseInFrame.
+    """
+    if hasattr(message, "transform"):
+        return next(iter(read_transforms(SimpleNamespace(transforms=[message]), log_ns)))
     stamp_ns, frame_id = header_of(message, log_ns)
     pose = message.pose.pose if hasattr(message.pose, "pose") else message.pose
     child = frame_name(getattr(message, "child_frame_id", ""))
