@@ -53,13 +53,13 @@ def camera_from_calibration(
     distortion = () if rectified or not np.isfinite(calibration.D).all() else calibration.D
     if model in _FISHEYE:
         return FisheyeCamera(*image_size, fx, fy, cx, cy, _distortion(distortion, 4) if any(distortion) else ())
+    if not any(distortion):
+        return intrinsics
     if model not in _PERSPECTIVE:
         raise CalibrationError(
             f"unknown distortion model {calibration.model!r}",
             cure=f"rectify the images, or give one of {', '.join(MODELS)}",
         )
-    if not any(distortion):
-        return intrinsics
     length = 8 if len(distortion) > 5 else _PERSPECTIVE[model]
     return replace(intrinsics, distortion=_distortion(distortion, length))
 

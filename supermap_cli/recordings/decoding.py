@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import binascii
 import json
+import re
 import struct
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from types import SimpleNamespace
@@ -33,6 +34,9 @@ _IDL_SEPARATOR = "=" * 80 + "\n"
 
 _LARGEST_DEFINITION = 1 << 20
 """Bytes of a message definition that are parsed: the largest of the ROS distributions have 30 kB."""
+
+_BULKY = re.compile(r"Image|Cloud|CustomMsg|YoloResult")
+"""Types whose messages hold images or clouds; those of others turn into many small objects, ten times their size."""
 
 FAULTS = (
     *(SerdeError, TypesysError, struct.error, binascii.Error, UnicodeError),
@@ -72,6 +76,9 @@ class Decoder:
     def decode(self, raw: RawMessage) -> Any:
         """The message object. Raises `MessageError` naming topic, type and time if the bytes do not fit it."""
         function = self._function(raw.channel)
+        if len(raw.data) > self.limits.structure_bytes and not _BULKY.search(raw.channel.msgtype):
+            limit = f"the limit structure_bytes allows {self.limits.structure_bytes}"
+            raise self.fault(raw, ValueError(f"{len(raw.data)} bytes, {limit}"))
         try:
             return function(raw.data)
         except FAULTS as error:

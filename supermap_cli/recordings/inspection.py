@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -213,9 +214,27 @@ def _topic_reports(opened: OpenedRecording) -> Iterator[TopicReport]:
         times[topic].append(log_ns)
     frames = {topic.name: topic.frame_id for topic in opened.topics}
     roles = {choice.topic.name: role for role, choice in reversed(tuple(opened.plan.choices.items()))}
+    by_type = _times_by_type(opened, start_ns, end_ns)
     for channel in opened.storage.channels:
         frame_id, role = frames.get(channel.topic, ""), roles.get(channel.topic, "")
-        yield _topic_report(channel, times[channel.topic], opened, frame_id, role=role)
+        yield _topic_report(
+            channel, by_type.get((channel.topic, channel.msgtype), times[channel.topic]), opened, frame_id, role=role
+        )
+
+
+def _times_by_type(
+    opened: OpenedRecording, start_ns: int | None, end_ns: int | None
+) -> dict[tuple[str, str], list[int]]:
+    """The log times of topics on which messages of several types were sent, by topic and type."""
+    channels = opened.storage.channels
+    types = Counter(channel.topic for channel in channels)
+    found: dict[tuple[str, str], list[int]] = {
+        (each.topic, each.msgtype): [] for each in channels if types[each.topic] > 1
+    }
+    if found:
+        for raw in opened.storage.messages({topic for topic, _ in found}, start_ns, end_ns):
+            found[raw.channel.topic, raw.channel.msgtype].append(raw.log_ns)
+    return found
 
 
 def _topic_report(

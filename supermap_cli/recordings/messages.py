@@ -7,6 +7,7 @@ import re
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from types import SimpleNamespace
 from typing import Any, Literal
 
 import numpy as np
@@ -24,6 +25,9 @@ Kind = Literal["image", "camera_info", "points", "imu", "pose", "transforms", "d
 
 _STAMPED_BYTES = 12
 """Bytes up to the end of a header's stamp: 4 before it in CDR (encapsulation) and in ROS 1 (`seq`), 8 of its own."""
+
+_LONGEST_FRAME = 1 << 10
+"""Characters of a frame's name; those of robots have some thirty."""
 
 KINDS: dict[str, Kind] = {
     "sensor_msgs/msg/Image": "image",
@@ -43,6 +47,7 @@ KINDS: dict[str, Kind] = {
     "nav_msgs/msg/Odometry": "pose",
     "geometry_msgs/msg/PoseStamped": "pose",
     "geometry_msgs/msg/PoseWithCovarianceStamped": "pose",
+    "geometry_msgs/msg/TransformStamped": "pose",
     "foxglove.PoseInFrame": "pose",
     "foxglove_msgs/msg/PoseInFrame": "pose",
     "tf2_msgs/msg/TFMessage": "transforms",
@@ -180,8 +185,16 @@ def peek_stamp_ns(raw: RawMessage, decoder: Decoder) -> int:
 def header_of(message: Any, log_ns: int) -> tuple[int, str]:
     """(stamp_ns, frame_id) of a ROS or Foxglove message; the log time where the stamp is unset."""
     if hasattr(message, "header"):
-        return stamp_ns_of(message.header.stamp) or log_ns, str(message.header.frame_id).lstrip("/")
-    return stamp_ns_of(message.timestamp) or log_ns, str(getattr(message, "frame_id", "")).lstrip("/")
+        return stamp_ns_of(message.header.stamp) or log_ns, frame_name(message.header.frame_id)
+    return stamp_ns_of(message.timestamp) or log_ns, frame_name(getattr(message, "frame_id", ""))
+
+
+def frame_name(value: Any) -> str:
+    """The name of a frame, without the leading slash that tf (1) wrote. Raises `ValueError` for what is no name."""
+    name = str(value)
+    if len(name) > _LONGEST_FRAME:
+        raise ValueError(f"the name of a frame has {len(name)} characters")
+    return name.lstrip("/")
 
 
 def bytes_of(data: Any) -> bytes | memoryview:
@@ -240,10 +253,14 @@ def _xyzw(quaternion: Any) -> FloatArray:
 
 
 def read_pose(message: Any, log_ns: int) -> PoseMessage:
-    """Of an Odometry, PoseStamped, PoseWithCovarianceStamped or Foxglove's PoseInFrame."""
+    """Of an Odometry, PoseStamped, PoseWithCovarianceStamped, TransformStamped (as motion capture has it) or Foxglove's
+    PoseInFrame.
+    """
+    if hasattr(message, "transform"):
+        return next(iter(read_transforms(SimpleNamespace(transforms=[message]), log_ns)))
     stamp_ns, frame_id = header_of(message, log_ns)
     pose = message.pose.pose if hasattr(message.pose, "pose") else message.pose
-    child = str(getattr(message, "child_frame_id", "")).lstrip("/")
+    child = frame_name(getattr(message, "child_frame_id", ""))
     covariance = read_covariance(getattr(message.pose, "covariance", ()))
     return PoseMessage(stamp_ns, frame_id, child, _xyz(pose.position), _xyzw(pose.orientation), covariance)
 
@@ -269,14 +286,14 @@ def _transforms(message: Any, log_ns: int) -> Iterator[PoseMessage]:
         if hasattr(stamped, "parent_frame_id"):
             yield PoseMessage(
                 stamp_ns_of(stamped.timestamp) or log_ns,
-                str(stamped.parent_frame_id).lstrip("/"),
-                str(stamped.child_frame_id).lstrip("/"),
+                frame_name(stamped.parent_frame_id),
+                frame_name(stamped.child_frame_id),
                 _xyz(stamped.translation),
                 _xyzw(stamped.rotation),
             )
         else:
             stamp_ns, frame_id = header_of(stamped, log_ns)
-            child = str(stamped.child_frame_id).lstrip("/")
+            child = frame_name(stamped.child_frame_id)
             motion = stamped.transform
             yield PoseMessage(stamp_ns, frame_id, child, _xyz(motion.translation), _xyzw(motion.rotation))
 

@@ -17,7 +17,7 @@ from supermap_cli.geometry.arrays import FloatArray, IntArray
 from supermap_cli.geometry.se3 import transform_points
 from supermap_cli.recordings.decoding import FAULTS, Decoder
 from supermap_cli.recordings.limits import Limits
-from supermap_cli.recordings.messages import PoseMessage, bytes_of, header_of
+from supermap_cli.recordings.messages import LARGEST_STAMP_NS, PoseMessage, bytes_of, header_of
 from supermap_cli.recordings.storage import RawMessage
 
 _POINT_FIELD = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8", 9: "i8", 10: "u8"}
@@ -117,10 +117,12 @@ def point_stamps(times: NDArray[np.generic], stamp_ns: int) -> tuple[IntArray, b
 
 
 def _nanoseconds(times: NDArray[np.generic], unit_ns: float) -> IntArray:
+    """Times as ns; what no clock shows is 0."""
+    exact = times.astype(np.float64) * unit_ns
+    possible = np.abs(exact) < LARGEST_STAMP_NS
     if np.issubdtype(times.dtype, np.integer):
-        return times.astype(np.int64) * int(unit_ns)
-    seconds = times.astype(np.float64) * unit_ns
-    return np.rint(seconds).astype(np.int64)
+        return np.where(possible, times, 0).astype(np.int64) * int(unit_ns)
+    return np.rint(np.where(possible, exact, 0.0)).astype(np.int64)
 
 
 def _ros_cloud(message: Any, limits: Limits) -> NDArray[np.void]:

@@ -15,9 +15,12 @@ class RecordingLimits(BaseModel):
     file_bytes: int = Field(default=1 << 40, gt=0, description="of a file compressed as a whole, unpacked (1 TiB)")
     chunk_bytes: int = Field(default=1 << 30, gt=0, description="of a chunk or a compressed message, unpacked (1 GiB)")
     message_bytes: int = Field(default=1 << 28, gt=0, description="of one message (256 MiB)")
+    structure_bytes: int = Field(
+        default=1 << 23, gt=0, description="of one message that is neither an image nor a cloud (8 MiB)"
+    )
     image_pixels: int = Field(default=1 << 26, gt=0, description="of one image (64 megapixels)")
     cloud_points: int = Field(default=1 << 23, gt=0, description="of one point cloud (8 million)")
-    string_bytes: int = Field(default=1 << 16, gt=0, description="of a name, frame or label (64 KiB)")
-    list_items: int = Field(default=1 << 16, gt=0, description="detections or transforms in one message")
+    string_bytes: int = Field(default=1 << 16, gt=0, description="of a label (64 KiB)")
+    list_items: int = Field(default=1 << 16, gt=0, description="detections in one message, items of a fixed array")
     nesting: int = Field(default=64, gt=0, description="levels of messages within messages")
     topics: int = Field(default=1 << 16, gt=0, description="topics of one recording")
