@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING, Any
 import typer
 from typer.core import TyperGroup
 
+from supermap_cli.commands.streams import BROKEN_PIPE, flags_first
 from supermap_cli.errors import STUMBLES
+from supermap_cli.printable import printable_line
 
 if TYPE_CHECKING:
     import sqlite3
@@ -26,10 +28,16 @@ class CommandGroup(TyperGroup):
 
     _has_those_of_plugins = False
 
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Global flags may stand anywhere."""
+        return list(super().parse_args(ctx, flags_first(args)))
+
     def invoke(self, ctx: Any) -> Any:
         """Run the command. What it stumbles over is the map's fault if the map breaks its own invariants, else ours."""
         try:
             return super().invoke(ctx)
+        except BrokenPipeError:
+            raise typer.Exit(BROKEN_PIPE) from None
         except STUMBLES as error:
             if (opening := sys.modules.get("supermap_cli.memory.opening")) is None or not opening.OPENED:
                 raise
@@ -96,4 +104,4 @@ def _told_if_it_fails(plugin: Plugin, consequence: str) -> Iterator[None]:
 
 def _warn(plugin: Plugin, message: str) -> None:
     line = " ".join(f"warning: plugin {plugin.name} of {plugin.distribution}: {message}".split())
-    typer.echo(line, err=True)
+    typer.echo(printable_line(line), err=True)
