@@ -69,7 +69,7 @@ def output_error(error: Exception) -> OutputError:
 
 
 def os_error(error: OSError) -> SupermapError:
-    """The error for a file that the system refuses; one without a name is standard output, of which no more is tried."""
+    """The error for a file that the system refuses; one without a name is standard output, and no more is tried."""
     if error.filename is None:
         _give_up_stdout()
         return output_error(error)
