@@ -418,6 +418,8 @@ def print_summary(summary: BuildSummary, db: str) -> None:
         f"{summary.instances} objects in the map now: {counts}",
         markup=False,
     )
+    if summary.instances == 0:
+        console.print(f"  0 objects: {summary.statistics.funnel()}", markup=False)
     table = Table(box=None, pad_edge=False, padding=(0, 2))
     for heading in ("stage", "total s", "share", "runs", "mean ms", "p95 ms"):
         table.add_column(heading, justify="left" if heading == "stage" else "right")

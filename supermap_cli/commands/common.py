@@ -11,7 +11,7 @@ import threading
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -96,16 +96,26 @@ def database_url(given: str | None) -> str:
 
 def out() -> Console:
     """The console for results (stdout)."""
-    from rich.console import Console  # noqa: PLC0415 - keeps start-up light
-
-    return Console(highlight=False, soft_wrap=not sys.stdout.isatty())
+    return _console(stderr=False)
 
 
 def err() -> Console:
     """The console for all other output (stderr)."""
+    return _console(stderr=True)
+
+
+def _console(*, stderr: bool) -> Console:
+    """A console on which texts of recordings and maps cannot act."""
     from rich.console import Console  # noqa: PLC0415 - keeps start-up light
 
-    return Console(stderr=True, highlight=False, soft_wrap=not sys.stderr.isatty())
+    from supermap_cli.printable import printable  # noqa: PLC0415
+
+    class SafeConsole(Console):
+        def print(self, *objects: Any, **options: Any) -> None:
+            super().print(*(printable(each) if isinstance(each, str) else each for each in objects), **options)
+
+    stream = sys.stderr if stderr else sys.stdout
+    return SafeConsole(stderr=stderr, highlight=False, soft_wrap=not stream.isatty())
 
 
 def waiting(seconds: float) -> Waiting:

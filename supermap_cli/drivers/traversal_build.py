@@ -81,6 +81,7 @@ class TraversalBuild:
         self.align = "auto"
         self.shift_ns = 0
         self.warnings: list[str] = []
+        self.empty_warnings: tuple[str, ...] = ()
         self.spent_s: dict[str, float] = {}
         self.resumed_ns: int | None = None
         self.kept_s: float | None = None
@@ -206,9 +207,7 @@ class TraversalBuild:
         """The traversal is in the map for good. Returns the seconds that this took, in all."""
         self._keep_on_failure = False
         session.statistics.frames = self.driver.frames
-        session.statistics.check_not_empty(
-            str(self.recording.path), self.backends.names["detector"], self.driver.late.lost
-        )
+        self._check_not_empty(traversal_id, session)
         self._keep_on_failure = True
         total_s = time.perf_counter() - self.began
         self.store.finish_traversal(
@@ -218,6 +217,20 @@ class TraversalBuild:
             learnt={"detector_recall": session.engine.recall.by_class()},
         )
         return total_s
+
+    def _check_not_empty(self, traversal_id: int, session: MappingSession) -> None:
+        """Raise where the build has no result; a first visit to an empty place is one, with a warning."""
+        statistics, name = session.statistics, self.backends.names["detector"]
+        statistics.tentative = sum(not obj.confirmed for obj in session.engine.objects)
+        warning = statistics.check_not_empty(
+            str(self.recording.path),
+            name,
+            self.driver.late.lost,
+            first_visit=all(traversal.id == traversal_id for traversal in self.store.traversals()),
+            detections_recorded="detections" in self.plugins.detectors.get(name).needs,
+        )
+        if warning is not None:
+            self.empty_warnings = (warning,)
 
     def _leave_resumable(self, traversal_id: int | None) -> None:
         """The build was stopped: what it wrote is kept if it can go on, else it goes. A full disk does not let it go
@@ -380,7 +393,8 @@ class TraversalBuild:
         """What the recording, the odometry and the session warn of, one line each; stored with the traversal."""
         detector = self.backends.detector
         of_detector = detector.warnings if isinstance(detector, WarningDetector) else ()
-        return (*self.recording.warnings, *self.backends.odometry.warnings, *of_detector, *session.warnings)
+        stored = (*self.recording.warnings, *self.backends.odometry.warnings, *of_detector, *session.warnings)
+        return (*stored, *self.empty_warnings)
 
     def _all_warnings(self, session: MappingSession) -> tuple[str, ...]:
         """The same, and what happened in this build."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from supermap_cli.errors import STUMBLES, MemoryStoreError, SupermapError
 from supermap_cli.memory.checking import check
+from supermap_cli.memory.databases import database_of
 from supermap_cli.memory.opening import OPENED, open_store
 from supermap_cli.memory.stored_values import damaged
 
@@ -12,6 +13,8 @@ def damage_of_opened_maps() -> MemoryStoreError | None:
     """The error for the first map opened by this process that breaks its own invariants; `None` if all are sound."""
     for url in OPENED:
         try:
+            if database_of(url).stored_version() is None:
+                continue
             with open_store(url, read_only=True) as store, store.reader() as reader:
                 problems = check(reader)
         except SupermapError as error:
