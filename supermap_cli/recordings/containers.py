@@ -6,6 +6,7 @@ import re
 from pathlib import Path
 
 from supermap_cli.errors import RecordingError
+from supermap_cli.input_files import check_readable
 from supermap_cli.recordings.notes import Notes
 from supermap_cli.recordings.storage import SplitStorage, Storage
 
@@ -22,6 +23,7 @@ def storage_files(path: Path) -> list[Path]:
 
 def open_storage(path: Path, notes: Notes) -> Storage:
     """Open a recording of any known format, recognised by its first bytes. Raises `RecordingError`."""
+    check_readable(path, RecordingError, what="a recording", folder=True)
     if not path.exists():
         raise RecordingError("no such recording", where=str(path), cure="check the path")
     try:
