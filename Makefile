@@ -6,6 +6,7 @@
 #   make benchmark   simulate, build and score the tables of docs/benchmarks.md; SEEDS=11,12,13, WORLDS=folder
 #   make setup    only set up: .venv with SuperMap and its tools
 #   make lint     ruff, mypy --strict, import-linter       make format   let ruff format and fix
+#   make fuzz     damaged maps and odd command lines, EXAMPLES=300 of each kind
 #   make wheel    build dist/*.whl                         make clean    remove what make made
 #
 # PYTHON=/path/to/python3.12 chooses the interpreter of a new .venv, WORKERS=4 the processes of the tests.
@@ -20,7 +21,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup demo benchmark test test-postgresql lint format wheel clean
+.PHONY: help setup demo benchmark test test-postgresql fuzz lint format wheel clean
 
 help:
 	@sed -n 's/^#   //p' Makefile
@@ -64,6 +65,11 @@ ON_POSTGRESQL := $(addprefix tests/,memory query schema exporting \
 
 test-postgresql: $(INSTALLED)
 	@SUPERMAP_TEST_DATABASE=postgresql $(BIN)/python -m pytest -n $(WORKERS) -rs $(ON_POSTGRESQL)
+
+EXAMPLES ?= 300
+
+fuzz: $(INSTALLED)
+	@SUPERMAP_FUZZ_EXAMPLES=$(EXAMPLES) $(BIN)/python -m pytest -n $(WORKERS) tests/fuzz
 
 lint: $(INSTALLED)
 	@echo "== ruff format"
