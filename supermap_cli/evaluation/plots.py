@@ -62,7 +62,11 @@ def draw(
         else:
             _draw_changes(panel, estimate, known, changed)
     content = BytesIO()
-    figure.savefig(content, dpi=DPI, format=path.suffix.lower().removeprefix("."))
+    try:
+        figure.savefig(content, dpi=DPI, format=path.suffix.lower().removeprefix("."))
+    except OSError as error:
+        cure = "name another file with --plot"
+        raise EvaluationError(f"the picture cannot be drawn: {error}", where=str(path), cure=cure) from error
     check_picture(path)
     replace_file(path, content.getvalue())
 
@@ -74,9 +78,9 @@ def check_picture(path: Path) -> None:
         raise EvaluationError("a picture of an unknown kind", where=str(path), cure="name a .png, .svg or .pdf file")
     if not folder.is_dir():
         raise EvaluationError("there is no such folder", where=str(folder), cure="make it, or name another file")
-    check_output(path, path.suffix.lower().removeprefix("."), option="--plot")
-    if not os.access(folder, os.W_OK):
+    if path.is_dir() or not os.access(folder, os.W_OK):
         raise EvaluationError("the picture cannot be written there", where=str(path), cure="name another file")
+    check_output(path, path.suffix.lower().removeprefix("."), option="--plot")
 
 
 def _figure(size_in: tuple[float, float]) -> Figure:

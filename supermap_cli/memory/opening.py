@@ -29,8 +29,7 @@ def open_store(url: str, *, create: bool = False, read_only: bool = False, waiti
     database = database_of(url, waiting)
     OPENED[url] = None
     # A file that is there is locked before it is opened: SQLite must not open one that is written under another name.
-    is_file = database.file is not None and database.file.exists()
-    lock = database.take_lock() if is_file and not read_only else None
+    lock = database.take_lock() if not read_only and database.is_stored() else None
     try:
         version = _known_version(database)
         _check_usable(database, version, create=create)

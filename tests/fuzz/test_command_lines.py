@@ -106,7 +106,7 @@ def test_any_command_line(
 @pytest.mark.parametrize(
     "what", ["pipe", "folder", "text.mcap", "empty.bag", "x" * 300, "/dev/zero", "/dev/full", "\0"]
 )
-@pytest.mark.parametrize("command", [("inspect",), ("build",), ("bench",), ("db", "merge"), ("eval", "all", "map.db")])
+@pytest.mark.parametrize("command", [("inspect",), ("build",), ("db", "merge"), ("eval", "all", "map.db")])
 def test_what_is_no_file_is_refused_in_one_line(
     place: Path, command: tuple[str, ...], what: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -53,6 +53,9 @@ class Database(Protocol):
     def file(self) -> Path | None:
         """The SQLite file; `None` for a database on a server."""
 
+    def is_stored(self) -> bool:
+        """Whether there is a file to be locked. Raises `MemoryStoreError` for a path that is no file's."""
+
     def stored_version(self) -> int | None:
         """The schema version of the map; `None` if there is none.
 

@@ -75,6 +75,10 @@ class PostgresqlSchema:
     def file(self) -> None:
         """There is none: the map is on a server."""
 
+    def is_stored(self) -> bool:
+        """There is no file."""
+        return False
+
     def stored_version(self) -> int | None:
         """The number of the newest migration of a schema that is marked as a map."""
         with self._connected("AUTOCOMMIT") as connection:

@@ -16,6 +16,7 @@ from sqlalchemy import Connection, Engine, create_engine, event
 from sqlalchemy.exc import DatabaseError, OperationalError
 
 from supermap_cli.errors import MemoryStoreError
+from supermap_cli.input_files import check_readable
 from supermap_cli.memory.databases.interface import SqlRows
 from supermap_cli.memory.databases.sqlite_errors import gone, is_busy, sqlite_error
 from supermap_cli.memory.databases.sqlite_lock import FileLock
@@ -57,6 +58,10 @@ class SqliteFile:
     def file(self) -> Path:
         """The path as it was given."""
         return self.path
+
+    def is_stored(self) -> bool:
+        """Whether the file exists and holds anything."""
+        return not self._is_missing()
 
     def stored_version(self) -> int | None:
         """`PRAGMA user_version` of a map; `None` for a file without tables, left by a build that was killed early."""
@@ -270,6 +275,7 @@ class SqliteFile:
         return connection
 
     def _is_missing(self) -> bool:
+        check_readable(self.path, MemoryStoreError, what="a map database with --db", folder=True)
         if self.path.is_dir():
             raise MemoryStoreError("a folder, not a map database", where=self.where, cure="name a file with --db")
         if not self.path.exists():
