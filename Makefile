@@ -3,11 +3,10 @@
 #   make demo     set up, then simulate two recordings of one place, build, query, diff and evaluate
 #   make test     set up, then everything CI checks: format, lint, types, imports, tests
 #   make test-postgresql   the tests that touch a database, on a PostgreSQL server that they start for themselves
-#   make fuzz     mutated recordings, EXAMPLES=2000 of each kind (the tests try a dozen of each)
+#   make fuzz     mutated recordings, damaged maps, odd command lines: EXAMPLES=2000 of each kind
 #   make benchmark   simulate, build and score the tables of docs/benchmarks.md; SEEDS=11,12,13, WORLDS=folder
 #   make setup    only set up: .venv with SuperMap and its tools
 #   make lint     ruff, mypy --strict, import-linter       make format   let ruff format and fix
-#   make fuzz     damaged maps and odd command lines, EXAMPLES=300 of each kind
 #   make wheel    build dist/*.whl                         make clean    remove what make made
 #
 # PYTHON=/path/to/python3.12 chooses the interpreter of a new .venv, WORKERS=4 the processes of the tests.
@@ -67,11 +66,7 @@ ON_POSTGRESQL := $(addprefix tests/,memory query schema exporting \
 test-postgresql: $(INSTALLED)
 	@SUPERMAP_TEST_DATABASE=postgresql $(BIN)/python -m pytest -n $(WORKERS) -rs $(ON_POSTGRESQL)
 
-<<<<<<< HEAD
 EXAMPLES ?= 2000
-=======
-EXAMPLES ?= 300
->>>>>>> h14-store
 
 fuzz: $(INSTALLED)
 	@SUPERMAP_FUZZ_EXAMPLES=$(EXAMPLES) $(BIN)/python -m pytest -n $(WORKERS) tests/fuzz

@@ -11,12 +11,9 @@ from functools import partial
 from pathlib import Path, PurePath
 
 from supermap_cli.errors import RecordingError
-<<<<<<< HEAD
+from supermap_cli.input_files import check_readable
 from supermap_cli.recordings.file_kinds import COMPRESSED, FORMATS, FileKind, kind_of_file, no_recording
 from supermap_cli.recordings.limits import Limits
-=======
-from supermap_cli.input_files import check_readable
->>>>>>> h14-store
 from supermap_cli.recordings.notes import Notes
 from supermap_cli.recordings.storage import Channel, RawMessage, SplitStorage, Storage
 from supermap_cli.recordings.zero_times import from_first_real_time
@@ -40,11 +37,8 @@ def storage_files(path: Path) -> list[Path]:
 
 def open_storage(path: Path, notes: Notes, limits: Limits | None = None) -> Storage:
     """Open a recording of any known format, recognised by its first bytes. Raises `RecordingError`."""
-<<<<<<< HEAD
     limits = limits or Limits()
-=======
     check_readable(path, RecordingError, what="a recording", folder=True)
->>>>>>> h14-store
     if not path.exists():
         raise RecordingError("no such recording", where=str(path), cure="check the path")
     try:
