@@ -23,6 +23,9 @@ from supermap_cli.recordings.unpacking import unpacked_message
 _LARGEST_GAP = 1 << 40
 """Message ids that are tried beyond the last readable row of a damaged table, in steps that double."""
 
+_MOST_GAPS = 10_000
+"""Damaged places of a table beyond which no further ones are looked for."""
+
 _ROWS = "SELECT id, topic_id, timestamp FROM messages NOT INDEXED WHERE id {} ORDER BY id"
 
 _CELL_BYTES = 1 << 30
@@ -217,15 +220,21 @@ def _salvage(connection: apsw.Connection) -> list[tuple[int, int, int]]:
     """
     rows: list[tuple[int, int, int]] = []
     next_row, step = 0, 1
-    while step < _LARGEST_GAP:
+    for _ in range(_MOST_GAPS):
         try:
             for row, number, log_ns in connection.execute(_ROWS.format(">= ?"), (next_row,)):
+                if row < next_row:
+                    break
                 next_row, step = row + 1, 1
                 if isinstance(number, int) and isinstance(log_ns, int):
                     rows.append((log_ns, row, number))
-            break
+            else:
+                break
         except apsw.Error:
-            next_row, step = next_row + step, step * 2
+            pass
+        next_row, step = next_row + step, step * 2
+        if step > _LARGEST_GAP:
+            break
     rows.sort()
     return rows
 

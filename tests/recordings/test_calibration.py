@@ -77,3 +77,10 @@ def test_what_makes_no_sense_is_refused_with_a_cure(change, size, what):
 def test_where_only_p_is_filled_in_it_gives_the_intrinsics(K):
     P = np.array([[500.0, 0, 320, 0], [0, 501, 240, 0], [0, 0, 1, 0]])
     assert camera_from_calibration(replace(INFO, K=K, P=P), (640, 480)) == PinholeCamera(640, 480, 500, 501, 320, 240)
+
+
+def test_a_model_that_is_not_known_needs_none_without_distortion():
+    named = replace(INFO, model="Brown Conrady", D=(0.0,) * 5)
+    assert camera_from_calibration(named, (640, 480)) == PinholeCamera(640, 480, 500, 510, 320, 240)
+    with pytest.raises(CalibrationError, match="unknown distortion model 'Brown Conrady'"):
+        camera_from_calibration(replace(named, D=(0.1,) * 5), (640, 480))

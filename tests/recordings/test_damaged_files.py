@@ -18,6 +18,7 @@ from mcap.writer import CompressionType
 from mcap.writer import Writer as McapWriter
 
 from supermap_cli.errors import RecordingError
+from supermap_cli.recordings import sqlite_storage
 from supermap_cli.recordings.containers import open_storage
 from supermap_cli.recordings.notes import Notes
 from supermap_cli.types.limits import RecordingLimits
@@ -306,3 +307,11 @@ def test_no_byte_that_is_wrong_anywhere_is_a_bug(tmp_path):
                 assert len(read(path)[0]) <= 60
             except RecordingError as error:
                 assert str(path) in str(error)  # noqa: PT017 - either of the two is right
+
+
+def test_a_table_whose_rows_come_out_of_order_ends():
+    class Confused:
+        def execute(self, query, given):
+            return iter([(3, 1, 5)])
+
+    assert sqlite_storage._salvage(Confused()) == [(5, 3, 1)]
