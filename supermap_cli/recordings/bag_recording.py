@@ -200,7 +200,7 @@ class BagRecording:
     def poses(self) -> Iterator[StampedPose]:
         """The recorded odometry, `T_odom_base`. Raises `RecordingError` where there is none, or none that is finite."""
         if self._opened.pose_source is None:
-            raise no_poses(str(self.path))
+            raise self._opened.motion_problem or no_poses(str(self.path))
         return in_order(recorded_poses(self._opened, self._opened.pose_source), self._note_late("poses"))
 
     def sweeps(self) -> Iterator[Sweep]:
