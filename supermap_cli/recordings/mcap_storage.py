@@ -123,13 +123,23 @@ class McapStorage:
         wanted, first, beyond, blocks = self._selection(topics, start_ns, end_ns)
         with self._path.open("rb") as file:
             for block in sorted(blocks, key=lambda block: block.start_ns):
-                if not block.indexes:
-                    found = self._read_block(file, block, wanted, first, beyond)
-                    yield from ((message.channel.topic, message.log_ns) for message in found)
-                for number, offset in block.indexes:
-                    if number in wanted:
-                        times = _indexed_times(file, offset)
-                        yield from ((wanted[number].topic, time) for time in times if first <= time < beyond)
+                yield from self._block_times(file, block, wanted, first, beyond)
+
+    def _block_times(
+        self, file: BinaryIO, block: _Block, wanted: dict[int, Channel], first: int, beyond: int
+    ) -> list[tuple[str, int]]:
+        """(topic, log time) of a block's messages; it is read itself where it has no index, or a damaged one."""
+        indexes = [(number, offset) for number, offset in block.indexes if number in wanted]
+        try:
+            times = [
+                (wanted[number].topic, time) for number, offset in indexes for time in _indexed_times(file, offset)
+            ]
+        except struct.error:
+            times, indexes = [], []
+        if not indexes:
+            found = self._read_block(file, block, wanted, first, beyond)
+            return [(message.channel.topic, message.log_ns) for message in found]
+        return [(topic, time) for topic, time in times if first <= time < beyond]
 
     def _selection(
         self, topics: Collection[str], start_ns: int | None, end_ns: int | None

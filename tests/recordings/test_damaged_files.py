@@ -315,3 +315,12 @@ def test_a_table_whose_rows_come_out_of_order_ends():
             return iter([(3, 1, 5)])
 
     assert sqlite_storage._salvage(Confused()) == [(5, 3, 1)]
+
+
+def test_a_damaged_message_index_does_not_hide_its_messages(tmp_path):
+    path = write_imu(tmp_path / "run.mcap", 30)
+    with path.open("rb") as file:
+        chunk = make_reader(file).get_summary().chunk_indexes[0]
+    for offset in chunk.message_index_offsets.values():
+        overwrite(path, offset + 11, b"\xff\xff\xff\x7f")
+    assert len(list(open_storage(path, Notes()).log_times(TOPICS))) == 30
