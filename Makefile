@@ -3,6 +3,7 @@
 #   make demo     set up, then simulate two recordings of one place, build, query, diff and evaluate
 #   make test     set up, then everything CI checks: format, lint, types, imports, tests
 #   make test-postgresql   the tests that touch a database, on a PostgreSQL server that they start for themselves
+#   make fuzz     mutated recordings, damaged maps, odd command lines: EXAMPLES=2000 of each kind
 #   make benchmark   simulate, build and score the tables of docs/benchmarks.md; SEEDS=11,12,13, WORLDS=folder
 #   make setup    only set up: .venv with SuperMap and its tools
 #   make lint     ruff, mypy --strict, import-linter       make format   let ruff format and fix
@@ -20,7 +21,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup demo benchmark test test-postgresql lint format wheel clean
+.PHONY: help setup demo benchmark test test-postgresql fuzz lint format wheel clean
 
 help:
 	@sed -n 's/^#   //p' Makefile
@@ -64,6 +65,11 @@ ON_POSTGRESQL := $(addprefix tests/,memory query schema exporting \
 
 test-postgresql: $(INSTALLED)
 	@SUPERMAP_TEST_DATABASE=postgresql $(BIN)/python -m pytest -n $(WORKERS) -rs $(ON_POSTGRESQL)
+
+EXAMPLES ?= 2000
+
+fuzz: $(INSTALLED)
+	@SUPERMAP_FUZZ_EXAMPLES=$(EXAMPLES) $(BIN)/python -m pytest -n $(WORKERS) tests/fuzz
 
 lint: $(INSTALLED)
 	@echo "== ruff format"

@@ -11,6 +11,7 @@ from typing import Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from supermap_cli.errors import ConfigError
+from supermap_cli.types.limits import RecordingLimits
 
 ParameterValue = bool | int | float | list[int | float]
 """What a parameter of the method may be."""
@@ -28,10 +29,19 @@ class RecordingConfig(Section):
     """How a recording is read."""
 
     topics: dict[str, str] = Field(default_factory=dict, description="role -> topic, e.g. color = '/cam/image'")
-    frames: dict[str, str] = Field(default_factory=dict, description="'base' or 'odom' -> frame name")
+    frames: dict[str, str] = Field(default_factory=dict, description="'base', 'odom' or a sensor -> frame name")
+    mounts: dict[str, str] = Field(
+        default_factory=dict, description="sensor or frame -> '[parent] x y z roll pitch yaw' (m, rad)"
+    )
+    clocks: dict[str, float] = Field(default_factory=dict, description="topic -> seconds added to its stamps")
+    robot: str | None = Field(default=None, description="which of several robots in a recording: its namespace")
     camera: str | None = Field(default=None, description="force a camera model: 'equirectangular'")
     sync_tolerance_s: float = Field(default=0.02, gt=0, description="greatest distance of colour and depth stamps")
+    detection_tolerance_s: float = Field(
+        default=0.001, ge=0, le=60, description="greatest distance of recorded detections and their image's stamp"
+    )
     fit_color: bool = Field(default=True, description="correct a colour calibration that does not fit the depth")
+    limits: RecordingLimits = Field(default_factory=RecordingLimits)
 
 
 class BackendConfig(Section):

@@ -25,6 +25,10 @@ class SupermapError(Exception):
         return " ".join(f"{self.what}{place}{cure}".split())
 
 
+STUMBLES = (ArithmeticError, AssertionError, AttributeError, LookupError, RecursionError, TypeError, ValueError)
+"""What code raises that is given values which cannot be: where they came from outside, they are at fault."""
+
+
 class BuildStoppedError(SupermapError):
     """A build was asked to stop: what is mapped so far is kept."""
 

@@ -19,6 +19,7 @@ from supermap_cli.protocols import (
     TextEncoder,
     Tracker,
 )
+from supermap_cli.types.limits import RecordingLimits
 
 if TYPE_CHECKING:
     import sqlite3
@@ -42,20 +43,27 @@ class RecordingRequest(BaseModel):
     """What `open_recording` gets besides the path: what the user named by hand, and the window of time.
 
     `topics` maps a role ("color", "depth", "camera_info", "depth_camera_info", "lidar", "imu", "odometry",
-    "detections", "masks", and those of one camera as "color.front") to a topic; `frames` maps "base" or "odom" to a
-    frame's name; `camera` may force a camera model ("equirectangular"). `start_s` and `end_s` count from the
-    recording's first message.
+    "detections", "masks", and those of one camera as "color.front") to a topic; `frames` maps "base", "odom" or a
+    sensor ("camera", "depth", "lidar", "imu") to a frame's name; `mounts` maps a sensor or a frame to "[parent] x y z
+    roll pitch yaw" (m, rad); `clocks` maps a topic to seconds that are added to its stamps; `robot` names one of
+    several; `camera` may force a camera model ("equirectangular"). `start_s` and `end_s` count from the recording's
+    first message; `limits` bound what is read into memory.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     topics: Mapping[str, str] = {}
     frames: Mapping[str, str] = {}
+    mounts: Mapping[str, str] = {}
+    clocks: Mapping[str, float] = {}
+    robot: str | None = None
     camera: str | None = None
     start_s: float | None = None
     end_s: float | None = None
     sync_tolerance_s: float = 0.02
+    detection_tolerance_s: float = 0.001
     fit_color: bool = True
+    limits: RecordingLimits = RecordingLimits()
 
 
 class Register(Protocol):

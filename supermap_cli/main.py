@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+import traceback
 from typing import Annotated
 
 import typer
@@ -25,8 +26,20 @@ from supermap_cli.commands import (
     simulate,
 )
 from supermap_cli.commands.from_plugins import CommandGroup
+from supermap_cli.commands.streams import (
+    BROKEN_PIPE,
+    DEBUG,
+    JSON_ERRORS,
+    finish_output,
+    open_missing_streams,
+    os_error,
+    tell,
+)
 from supermap_cli.errors import SupermapError
 from supermap_cli.version import __version__
+
+MAX_IMAGE_PIXELS = 1 << 27
+"""Pixels that OpenCV decodes at most: 134 million, 400 MB in colour, several times the largest camera's."""
 
 EXAMPLES = """
 Examples:
@@ -61,6 +74,12 @@ def make_app() -> typer.Typer:
         version: Annotated[
             bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version.")
         ] = False,
+        json_errors: Annotated[
+            bool, typer.Option(JSON_ERRORS, help="Print errors as JSON on stderr; anywhere in the line.")
+        ] = False,
+        debug: Annotated[
+            bool, typer.Option(DEBUG, help="Print the traceback of an error, too; anywhere in the line.")
+        ] = False,
     ) -> None:
         """Turn a robot's recording into a 4D memory, and ask it."""
 
@@ -85,14 +104,25 @@ def make_app() -> typer.Typer:
 
 
 def main() -> None:
-    """Run the command line; a `SupermapError` becomes one line on stderr and exit code 1."""
+    """Run the command line; a `SupermapError` becomes one line on stderr and exit code 1, and so does what the system
+    refuses. With `--debug` the traceback of either is shown, too.
+    """
     # Before numpy is loaded: waking OpenBLAS's threads for (n, 3) arrays takes far longer than what they compute.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", str(MAX_IMAGE_PIXELS))  # read when OpenCV is imported
+    open_missing_streams()
+    code = 0
     try:
         make_app()()
-    except SupermapError as error:
-        typer.echo(f"error: {error}", err=True)
-        sys.exit(error.exit_code)
+    except BrokenPipeError:
+        code = BROKEN_PIPE
+    except (SupermapError, OSError) as error:
+        if DEBUG in sys.argv:
+            traceback.print_exc()
+        code = tell(error if isinstance(error, SupermapError) else os_error(error))
+    except SystemExit as stopped:
+        code = stopped.code if isinstance(stopped.code, int) else int(stopped.code is not None)
+    sys.exit(finish_output(code))
 
 
 if __name__ == "__main__":

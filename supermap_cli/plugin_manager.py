@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import inspect
+import sys
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, redirect_stdout
 from dataclasses import dataclass, field
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
@@ -25,8 +27,11 @@ from supermap_cli.protocols import (
     TextEncoder,
     Tracker,
 )
+from supermap_cli.time_limit import time_limit
 from supermap_cli.types.session import SessionContext
 
+OWN = "supermap-cli"
+"""The distribution of this program and its built-in plugins."""
 GROUP = "supermap"
 """Entry-point group, and name of the pluggy project."""
 KINDS = {
@@ -226,21 +231,34 @@ def _load_installed() -> Plugins:
     return _load(_installed_candidates())
 
 
+LOADING_LIMIT_S = 15.0
+"""Seconds; a plugin imports nothing heavy before it is used, see docs/plugins.md. Chosen."""
+
+
 def _load(candidates: Iterable[_PluginCandidate]) -> Plugins:
     manager = _new_manager()
     working: list[Plugin] = []
     broken: list[BrokenPlugin] = []
     for candidate in candidates:
         try:
-            plugin_object = candidate.load()
-            _check_is_new(plugin_object, manager)
-            working.append(_validate(plugin_object, candidate))
+            too_long = f"it takes longer than {LOADING_LIMIT_S:g} s to load"
+            with time_limit(LOADING_LIMIT_S, too_long), _prints_to_stderr():
+                plugin_object = candidate.load()
+                _check_is_new(plugin_object, manager)
+                working.append(_validate(plugin_object, candidate))
         except (Exception, SystemExit) as error:  # whatever a plugin does wrong is its own affair
             message = " ".join(f"{type(error).__name__}: {error}".split())
             broken.append(BrokenPlugin(candidate.name, candidate.distribution, candidate.version, message))
         else:
             manager.register(plugin_object, f"{candidate.distribution}:{candidate.name}:{len(working)}")
     return Plugins(manager, working, broken)
+
+
+@contextmanager
+def _prints_to_stderr() -> Iterator[None]:
+    """What a plugin prints while it is loaded must not mix with what a command prints."""
+    with redirect_stdout(sys.stderr):
+        yield
 
 
 def check_options(backend: Backend, given: Mapping[str, object]) -> Options:
@@ -301,6 +319,15 @@ class _PluginCandidate:
 def _installed_candidates() -> list[_PluginCandidate]:
     found = [_from_entry_point(entry) for entry in entry_points(group=GROUP)]
     return sorted(found, key=lambda candidate: (candidate.distribution, candidate.name))
+
+
+def packages_of_plugins() -> dict[str, str]:
+    """The package of every plugin of a third party -> the plugin's name with its distribution's."""
+    found = {}
+    for entry in entry_points(group=GROUP):
+        if entry.dist is not None and entry.dist.name != OWN:
+            found[entry.value.partition(":")[0].partition(".")[0]] = f"{entry.name} of {entry.dist.name}"
+    return found
 
 
 def _from_entry_point(entry: EntryPoint) -> _PluginCandidate:

@@ -179,6 +179,16 @@ class IdentifiedDetector(Protocol):
 
 
 @runtime_checkable
+class WarningDetector(Protocol):
+    """What a detector adds that has something to say beyond its detections."""
+
+    @property
+    def warnings(self) -> Sequence[str]:
+        """What the user should know of the detections so far, one line each."""
+        ...
+
+
+@runtime_checkable
 class BatchDetector(Protocol):
     """What a detector adds that looks at several images at once."""
 

@@ -259,7 +259,9 @@ class MappingSession:
         self, view: KeyframeView, detections: Detections, tracks: Tracks
     ) -> tuple[KeyframeView, list[LiftedDetection]]:
         """Unproject: the detections' masks as points in the map; the view may have been turned for that."""
-        return self.engine.unproject(view, detections, tracks.track_ids)
+        view, lifted = self.engine.unproject(view, detections, tracks.track_ids)
+        self.statistics.lifted += len(lifted)
+        return view, lifted
 
     def obj_merge(self, view: KeyframeView, added: Sequence[LiftedDetection]) -> set[int]:
         """ObjMerge: detections are assigned to objects in 3D and fused with them (eq. 8 and 10), or start new ones."""

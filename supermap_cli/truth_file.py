@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from supermap_cli.errors import TruthError
 from supermap_cli.geometry.arrays import Float32Array, FloatArray
 from supermap_cli.geometry.boxes import Box3D
+from supermap_cli.input_files import check_readable
 from supermap_cli.types.truth import (
     GroundTruth,
     TrueChange,
@@ -55,6 +56,7 @@ def write_truth(truth: GroundTruth, path: Path) -> None:
 
 def read_truth(path: Path) -> GroundTruth:
     """Read a truth. Raises `TruthError` for a file that is missing, none of these, damaged, or of a newer version."""
+    check_readable(path, TruthError, what="a truth.json")
     try:
         text = path.read_text(encoding="utf-8")
     except FileNotFoundError as error:

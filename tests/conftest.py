@@ -1,6 +1,9 @@
 """What holds for all tests."""
 
 import os
+import signal
+from collections.abc import Generator
+from types import FrameType
 
 import pytest
 from hypothesis import settings
@@ -11,13 +14,36 @@ settings.register_profile("suite", deadline=None, derandomize="CI" in os.environ
 settings.load_profile("suite")
 
 
+TEST_LIMIT_S = int(os.environ.get("SUPERMAP_TEST_LIMIT_S", "900"))
+"""Seconds that one test may take, with its fixtures: several times what the slowest takes on a busy machine."""
+
+
 def pytest_configure(config: pytest.Config) -> None:
+    # A shell ignores SIGINT for a job (nohup ... &), and the children of tests would inherit that.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT, signal.SIGTERM})
     config.addinivalue_line("markers", "sqlite_only(reason): about what only an SQLite file has")
     config.addinivalue_line("markers", "postgresql_only: about what only a PostgreSQL server has")
     databases.replay_migrations()
     if databases.on_postgresql():
         databases.start_server(config)
         databases.use_postgresql()
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object]:
+    """No test hangs: every wait of the main thread ends when the test has taken too long."""
+
+    def end(_number: int, _frame: FrameType | None) -> None:
+        raise TimeoutError(f"{item.nodeid} took more than {TEST_LIMIT_S} s")
+
+    before = signal.signal(signal.SIGALRM, end)
+    signal.alarm(TEST_LIMIT_S)
+    try:
+        return (yield)
+    finally:
+        signal.alarm(0)
+        signal.signal(signal.SIGALRM, before)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -18,7 +18,7 @@ from supermap_cli import hookspecs
 from supermap_cli.config import UserConfig
 from supermap_cli.main import make_app
 from supermap_cli.plugin_manager import load_plugins
-from supermap_cli.recordings.topics import ROLES
+from supermap_cli.recordings.roles import ROLES
 from supermap_schema.json_schemas import load_schema, schema_names
 from supermap_schema.models import Base
 from supermap_schema.views import VIEW_NAMES

@@ -15,7 +15,7 @@ from supermap_cli.geometry.arrays import Float32Array
 from supermap_cli.types.detections import Detections, Hypothesis
 from supermap_cli.types.sensing import CameraFrame
 from supermap_onnx import OnnxOptions
-from supermap_onnx.layouts import Layout, recognise_layout
+from supermap_onnx.layouts import EndToEnd, Layout, recognise_layout
 from supermap_onnx.letterbox import PADDING_GREY, fit_letterbox
 from supermap_onnx.masks import decode_masks
 from supermap_onnx.suppression import suppress
@@ -32,6 +32,9 @@ _MAX_HYPOTHESES = 3
 _MIN_HYPOTHESIS_RATIO = 0.2
 """Least score of a hypothesis, relative to the best one's. Chosen."""
 
+_TASKS = ("detect", "segment")
+"""What Ultralytics' exports call, in their metadata, the tasks whose outputs are boxes with classes."""
+
 _DIGEST_CHARS = 8
 """Characters of a model's digest in its identity. Chosen: 32 bits tell a few thousand models apart."""
 
@@ -44,9 +47,11 @@ class OnnxDetector:
         path = find_model(options.model)
         self._session = _open_session(path, options.threads)
         metadata = self._session.get_modelmeta().custom_metadata_map
+        _check_task(metadata.get("task"), path)
+        self._path = path
         self._input, self._input_type, self._input_size = _image_input(self._session, path)
         grey = np.full((1, 3, *self._input_size), PADDING_GREY, np.float32)
-        outputs = self._run_first(grey, path)
+        outputs = self._run_safely(grey, path)
         layout = recognise_layout(outputs, self._input_size)
         if layout is None:
             shapes = ", ".join(str(list(output.shape)) for output in outputs)
@@ -56,6 +61,7 @@ class OnnxDetector:
                 cure="export a YOLOX or a YOLOv8/11 detection or segmentation model, batch 1",
             )
         self._layout: Layout = layout
+        self._shapes = [output.shape for output in outputs]
         self._names = class_names(options.labels, metadata, layout.classes, path)
         self._identity = f"{path.stem} {_digest(path, self._names)}"
 
@@ -70,7 +76,8 @@ class OnnxDetector:
     def detect(self, frame: CameraFrame) -> Detections:
         """Detections down to the score floor, best first, with masks if the model makes them."""
         letterbox = fit_letterbox(frame.rgb.shape[:2], self._input_size, centred=self._layout.centred)
-        outputs = self._run(self._layout.feed(letterbox.paste(frame.rgb)))
+        outputs = self._run_safely(self._layout.feed(letterbox.paste(frame.rgb)), self._path)
+        self._check_outputs(outputs, frame.stamp_ns)
         candidates = self._layout.read(outputs, self._options.score_floor)
         if candidates.class_scores.shape[1] > len(self._names):
             raise DetectorError(
@@ -99,8 +106,31 @@ class OnnxDetector:
         outputs = self._session.run(None, {self._input: tensor.astype(self._input_type, copy=False)})
         return [np.asarray(output, np.float32) for output in outputs]
 
-    def _run_first(self, tensor: Float32Array, path: Path) -> list[Float32Array]:
-        """Run the model once; raises `DetectorError` if it cannot be run."""
+    def _check_outputs(self, outputs: Sequence[Float32Array], stamp_ns: int) -> None:
+        """Raise `DetectorError` for outputs of other shapes than the first ones, and for numbers that are none.
+
+        The number of detections of a model with its own suppression may vary.
+        """
+        rows_vary = isinstance(self._layout, EndToEnd)
+        alike = len(outputs) == len(self._shapes) and all(
+            output.ndim == len(shape)
+            and all(
+                now == first or (rows_vary and index == 0 and axis == 1)
+                for axis, (now, first) in enumerate(zip(output.shape, shape, strict=True))
+            )
+            for index, (output, shape) in enumerate(zip(outputs, self._shapes, strict=True))
+        )
+        where = f"{self._path}, image at {stamp_ns} ns"
+        if not alike:
+            now, first = (", ".join(str(list(shape)) for shape in each) for each in (_shapes(outputs), self._shapes))
+            cure = "export it with fixed output shapes (dynamic=False)"
+            raise DetectorError(f"the model's outputs changed shape: {now} instead of {first}", where=where, cure=cure)
+        if not all(np.isfinite(output).all() for output in outputs):
+            cure = "export it in float32, not in half precision, or choose another model"
+            raise DetectorError("the model's outputs hold NaN or infinity", where=where, cure=cure)
+
+    def _run_safely(self, tensor: Float32Array, path: Path) -> list[Float32Array]:
+        """Run the model; raises `DetectorError` if it cannot be run."""
         try:
             return self._run(tensor)
         except Exception as error:  # onnxruntime's errors share no base class
@@ -109,6 +139,20 @@ class OnnxDetector:
                 where=str(path),
                 cure=f"export it for one image of {self._input_size[1]}x{self._input_size[0]}",
             ) from error
+
+
+def _shapes(outputs: Sequence[Float32Array]) -> list[tuple[int, ...]]:
+    return [output.shape for output in outputs]
+
+
+def _check_task(task: str | None, path: Path) -> None:
+    """Raise `DetectorError` for a model whose metadata says that it detects no boxes: pose, obb, classify."""
+    if task is not None and task not in _TASKS:
+        raise DetectorError(
+            f"a model for the task {task!r}, which gives no upright boxes with labels",
+            where=f"{path}, metadata 'task'",
+            cure="export a detection or segmentation model (task 'detect' or 'segment')",
+        )
 
 
 def _digest(path: Path, names: Sequence[str]) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pydantic import Field
@@ -16,6 +17,9 @@ class RecordedDetectorOptions(Options):
     """Options of the detector `recorded`."""
 
     score_floor: float = Field(default=0.0, ge=0, le=1, description="detections below this score are left out")
+    labels: Path | None = Field(
+        default=None, description="names of the classes, one a line, where the recording has only their numbers"
+    )
 
 
 @hookimpl
@@ -39,4 +43,4 @@ def _make_odometry(options: Options, recording: Recording | None) -> Odometry:  
 def _make_detector(options: RecordedDetectorOptions, recording: Recording) -> Detector:
     from supermap_recorded.detector import RecordedDetector  # noqa: PLC0415 - loaded when used
 
-    return RecordedDetector(recording, options.score_floor)
+    return RecordedDetector(recording, options.score_floor, options.labels)

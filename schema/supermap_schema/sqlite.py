@@ -12,7 +12,10 @@ from supermap_schema.views import SqlFunctions, trajectory_0003, views_0002
 APPLICATION_ID = 0x534D4150
 """`PRAGMA application_id` of a SuperMap database, "SMAP": distinguishes it from other SQLite files."""
 
-CONNECTION_PRAGMAS = ("PRAGMA foreign_keys = ON", "PRAGMA busy_timeout = 5000")
+BUSY_TIMEOUT = "PRAGMA busy_timeout = 5000"
+"""How long a statement waits for another connection's lock, in milliseconds."""
+
+CONNECTION_PRAGMAS = ("PRAGMA foreign_keys = ON", BUSY_TIMEOUT)
 """For all connections."""
 
 WRITER_PRAGMAS = ("PRAGMA auto_vacuum = INCREMENTAL", "PRAGMA journal_mode = WAL", "PRAGMA synchronous = NORMAL")

@@ -229,8 +229,10 @@ def build_and_score(
     from supermap_cli.commands.build import Follow, build_all, request  # noqa: PLC0415 - keeps start-up light
     from supermap_cli.commands.simulate import simulate_scenario  # noqa: PLC0415
     from supermap_cli.config import BuildConfig  # noqa: PLC0415
+    from supermap_cli.evaluation.pairing import true_traversals  # noqa: PLC0415
     from supermap_cli.evaluation.reading import read_map  # noqa: PLC0415
     from supermap_cli.evaluation.report import score  # noqa: PLC0415
+    from supermap_cli.memory import open_store  # noqa: PLC0415
     from supermap_cli.simulation.domains.axes import choose_levels  # noqa: PLC0415
     from supermap_cli.truth_file import TRUTH_FILE, read_truth  # noqa: PLC0415
 
@@ -244,8 +246,8 @@ def build_and_score(
             where=str(folder / TRUTH_FILE),
             cure="name another folder with --keep",
         )
-    for old in (db, *folder.glob(f"{DATABASE_NAME}-*"), *folder.glob(f"{DATABASE_NAME}.*")):
-        old.unlink(missing_ok=True)
+    with open_store(str(db), create=True) as store:
+        store.remove(lambda traversal: true_traversals(traversal, truth))
     recordings, config = [folder / traversal.recording for traversal in truth.traversals], config or BuildConfig()
     for summary in build_all(recordings, config, request(config, None, None), str(db), Follow()):
         err().print(f"{scenario}, seed {seed}: built {summary.traversal} in {summary.total_s:.0f} s", markup=False)

@@ -15,22 +15,29 @@ from supermap_cli.commands.common import (
     AlignOption,
     BackendOption,
     CameraOption,
+    ClockOption,
     DbOption,
+    DetectionToleranceOption,
     DetectorOption,
     EndOption,
     FrameOption,
     JsonOption,
+    MountOption,
     OdometryOption,
     RateOption,
+    RecordingLimitOption,
+    RobotOption,
     SegmenterOption,
     StartOption,
     TopicOption,
     TrackerOption,
+    WaitOption,
     database_url,
     err,
     interrupt_on_sigterm,
     out,
     print_json,
+    waiting,
 )
 from supermap_cli.errors import BuildStoppedError, ConfigError
 
@@ -106,7 +113,12 @@ def build(  # noqa: PLR0917 - a command line has many options
     option: BackendOption = None,
     topic: TopicOption = None,
     frame: FrameOption = None,
+    mount: MountOption = None,
+    clock: ClockOption = None,
+    robot: RobotOption = None,
     camera: CameraOption = None,
+    detection_tolerance: DetectionToleranceOption = None,
+    limit: RecordingLimitOption = None,
     start: StartOption = None,
     end: EndOption = None,
     rate: RateOption = None,
@@ -118,6 +130,7 @@ def build(  # noqa: PLR0917 - a command line has many options
     resume: ResumeOption = False,
     restart: RestartOption = False,
     again: AgainOption = False,
+    wait: WaitOption = 30.0,
     as_json: JsonOption = False,
 ) -> None:
     """Build recordings into the map database, one traversal each.
@@ -129,7 +142,7 @@ def build(  # noqa: PLR0917 - a command line has many options
 
     if name is not None and len(recordings) > 1:
         raise ConfigError("--name names one traversal", cure="build the recordings one by one")
-    follow = Follow(_unfinished(resume=resume, restart=restart), again=again, name=name, align=align)
+    follow = Follow(_unfinished(resume=resume, restart=restart), again=again, name=name, align=align, wait_s=wait)
     config = override(
         load_user_config(Path.cwd()).build,
         detector=detector,
@@ -139,7 +152,12 @@ def build(  # noqa: PLR0917 - a command line has many options
         options=option,
         topics=topic,
         frames=frame,
+        mounts=mount,
+        clocks=clock,
+        robot=robot,
         camera=camera,
+        detection_tolerance=detection_tolerance,
+        limits=limit,
         rate=rate,
         perception_rate=perception_rate,
         min_confidence=min_confidence,
@@ -163,13 +181,14 @@ def _print_warnings(summary: BuildSummary) -> None:
 @dataclass(frozen=True)
 class Follow:
     """How recordings follow what is in the map: what becomes of a build that was stopped, whether one may be in the map
-    already, its name, and how it is placed.
+    already, its name, how it is placed, and how long another program that writes is waited for.
     """
 
     unfinished: Unfinished = "refuse"
     again: bool = False
     name: str | None = None
     align: str = "auto"
+    wait_s: float = 30.0
 
 
 def _unfinished(*, resume: bool, restart: bool) -> Unfinished:
@@ -193,7 +212,7 @@ def build_all(
     plugins = load_plugins()
     for broken in plugins.broken:
         err().print(f"warning: plugin {broken.name} is left out: {broken.error}", markup=False)
-    with open_store(url, create=True) as store:
+    with open_store(url, create=True, waiting=waiting(follow.wait_s)) as store:
         for path in paths:
             began = time.perf_counter()
             recording = open_recording(path, wanted, plugins)
@@ -260,7 +279,12 @@ def override(
     options: list[str] | None = None,
     topics: list[str] | None = None,
     frames: list[str] | None = None,
+    mounts: list[str] | None = None,
+    clocks: list[str] | None = None,
+    robot: str | None = None,
     camera: str | None = None,
+    detection_tolerance: float | None = None,
+    limits: list[str] | None = None,
     rate: float | None = None,
     perception_rate: float | None = None,
     min_confidence: float | None = None,
@@ -279,6 +303,13 @@ def override(
         values["backends"]["options"].setdefault(backend, {}).update(given)
     values["recording"]["topics"].update(pairs(topics, "--topic", "color=/camera/image"))
     values["recording"]["frames"].update(pairs(frames, "--frame", "base=base_link"))
+    values["recording"]["mounts"].update(pairs(mounts, "--mount", 'camera="0.1 0 1.2 0 0.2 0"'))
+    values["recording"]["clocks"].update(pairs(clocks, "--clock", "/lidar/points=-37"))
+    if robot is not None:
+        values["recording"]["robot"] = robot
+    values["recording"]["limits"].update(pairs(limits, "--limit", "image_pixels=200000000"))
+    if detection_tolerance is not None:
+        values["recording"]["detection_tolerance_s"] = detection_tolerance
     if camera is not None:
         values["recording"]["camera"] = camera
     if rate is not None:
@@ -319,9 +350,14 @@ def request(config: BuildConfig, start_s: float | None, end_s: float | None) -> 
     return RecordingRequest(
         topics=config.recording.topics,
         frames=config.recording.frames,
+        mounts=config.recording.mounts,
+        clocks=config.recording.clocks,
+        robot=config.recording.robot,
         camera=config.recording.camera,
         sync_tolerance_s=config.recording.sync_tolerance_s,
+        detection_tolerance_s=config.recording.detection_tolerance_s,
         fit_color=config.recording.fit_color,
+        limits=config.recording.limits,
         start_s=start_s,
         end_s=end_s,
     )
@@ -382,6 +418,8 @@ def print_summary(summary: BuildSummary, db: str) -> None:
         f"{summary.instances} objects in the map now: {counts}",
         markup=False,
     )
+    if summary.instances == 0:
+        console.print(f"  0 objects: {summary.statistics.funnel()}", markup=False)
     table = Table(box=None, pad_edge=False, padding=(0, 2))
     for heading in ("stage", "total s", "share", "runs", "mean ms", "p95 ms"):
         table.add_column(heading, justify="left" if heading == "stage" else "right")

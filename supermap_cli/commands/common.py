@@ -8,10 +8,10 @@ import signal
 import sys
 import tempfile
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -19,6 +19,9 @@ from supermap_cli.config import load_user_config
 
 if TYPE_CHECKING:
     from rich.console import Console
+
+    from supermap_cli.memory.databases.waiting import Waiting
+    from supermap_cli.memory.store import MapStore
 
 DEFAULT_DB = "supermap.db"
 
@@ -35,7 +38,36 @@ TopicOption = Annotated[
     list[str] | None, typer.Option(metavar="ROLE=TOPIC", help="Which topic serves a role, e.g. color=/cam/image.")
 ]
 FrameOption = Annotated[
-    list[str] | None, typer.Option(metavar="ROLE=FRAME", help="The name of the `base` or `odom` frame.")
+    list[str] | None,
+    typer.Option(
+        metavar="ROLE=FRAME",
+        help="The name of the `base` or `odom` frame, or the frame a `camera`, `lidar` or `imu` is in.",
+    ),
+]
+MountOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="NAME='[PARENT] X Y Z ROLL PITCH YAW'",
+        help="Where a camera (x forward), lidar, imu or frame sits on the base or on a frame, in metres and radians.",
+    ),
+]
+ClockOption = Annotated[
+    list[str] | None,
+    typer.Option(metavar="TOPIC=SECONDS", help="Seconds added to a topic's stamps, 0 to leave them as they are."),
+]
+RobotOption = Annotated[str | None, typer.Option(metavar="NAMESPACE", help="Which of several robots in the recording.")]
+RecordingLimitOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="NAME=VALUE",
+        help="How much a recording may hold, e.g. image_pixels=200000000; see docs/configuration.md.",
+    ),
+]
+DetectionToleranceOption = Annotated[
+    float | None,
+    typer.Option(
+        metavar="SECONDS", help="Recorded detections belong to the nearest image in so many seconds. [default: 0.001]"
+    ),
 ]
 CameraOption = Annotated[str | None, typer.Option(help="Force a camera model: equirectangular.")]
 StartOption = Annotated[float | None, typer.Option(help="Start, in seconds from the recording's first message.")]
@@ -51,6 +83,9 @@ AtOption = Annotated[
 LimitOption = Annotated[
     int, typer.Option(min=1, metavar="N", help="How many objects are listed, those seen last; counts are of all.")
 ]
+WaitOption = Annotated[
+    float, typer.Option(min=0, max=86400, metavar="SECONDS", help="How long to wait while another program writes.")
+]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON by the published schema instead of a table.")]
 
 
@@ -61,22 +96,52 @@ def database_url(given: str | None) -> str:
 
 def out() -> Console:
     """The console for results (stdout)."""
-    from rich.console import Console  # noqa: PLC0415 - keeps start-up light
-
-    return Console(highlight=False, soft_wrap=not sys.stdout.isatty())
+    return _console(stderr=False)
 
 
 def err() -> Console:
     """The console for all other output (stderr)."""
+    return _console(stderr=True)
+
+
+def _console(*, stderr: bool) -> Console:
+    """A console on which texts of recordings and maps cannot act."""
     from rich.console import Console  # noqa: PLC0415 - keeps start-up light
 
-    return Console(stderr=True, highlight=False, soft_wrap=not sys.stderr.isatty())
+    from supermap_cli.printable import printable  # noqa: PLC0415
+
+    class SafeConsole(Console):
+        def print(self, *objects: Any, **options: Any) -> None:
+            super().print(*(printable(each) if isinstance(each, str) else each for each in objects), **options)
+
+    stream = sys.stderr if stderr else sys.stdout
+    return SafeConsole(stderr=stderr, highlight=False, soft_wrap=not stream.isatty())
+
+
+def waiting(seconds: float) -> Waiting:
+    """Wait for other programs that write, and say so on stderr."""
+    from supermap_cli.memory.databases.waiting import Waiting  # noqa: PLC0415 - keeps start-up light
+
+    return Waiting(seconds, lambda message: err().print(message, markup=False))
 
 
 def interrupt_on_sigterm() -> None:
     """SIGTERM raises `KeyboardInterrupt` from now on, as Ctrl-C does: work that is stopped politely cleans up."""
     if threading.current_thread() is threading.main_thread():
         signal.signal(signal.SIGTERM, signal.default_int_handler)
+
+
+def check_outputs(store: MapStore, named: Mapping[str, tuple[Path | None, str | None]]) -> None:
+    """Refuse, before anything is computed, outputs that would be written over what they are no newer version of.
+
+    `named` gives the path of an option and its kind (of `output_files.KINDS`; `None`: by its suffix). Raises
+    `ExportError`.
+    """
+    from supermap_cli.output_files import check_output  # noqa: PLC0415 - keeps start-up light
+
+    for option, (path, kind) in named.items():
+        if path is not None:
+            check_output(path, kind or path.suffix.lower().removeprefix("."), option=option, database=store.file)
 
 
 @contextmanager

@@ -1,13 +1,14 @@
-"""`supermap db`: check, upgrade, info, sql, vacuum, merge."""
+"""`supermap db`: check, recover, upgrade, info, sql, vacuum, merge."""
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from supermap_cli.commands import db_merge, db_sql, db_vacuum
-from supermap_cli.commands.common import DbOption, JsonOption, database_url, err, out, print_json
+from supermap_cli.commands.common import DbOption, JsonOption, WaitOption, database_url, err, out, print_json, waiting
 from supermap_cli.commands.show import print_traversals
 from supermap_cli.commands.tables import print_table
 
@@ -32,6 +33,7 @@ def register(app: typer.Typer) -> None:
     """Add the group to the app."""
     group = typer.Typer(no_args_is_help=True, help="Look after the map database, or ask it in SQL.", epilog=EXAMPLES)
     group.command(epilog=EXAMPLE.format("check --json"))(check)
+    group.command(epilog=EXAMPLE.format("recover --db damaged.db --out new.db"))(recover)
     group.command(epilog=EXAMPLE.format("upgrade --db office.db"))(upgrade)
     group.command(epilog=EXAMPLE.format("info --db office.db"))(info)
     group.command(epilog=db_sql.EXAMPLES)(db_sql.sql)
@@ -40,14 +42,27 @@ def register(app: typer.Typer) -> None:
     app.add_typer(group, name="db")
 
 
-def check(db: DbOption = None, json: JsonOption = False) -> None:
-    """Verify the map's invariants; exit code 1 if any is broken."""
+def check(
+    db: DbOption = None,
+    repair: Annotated[
+        bool, typer.Option("--repair", help="First make indices, views, search tables and counts anew.")
+    ] = False,
+    wait: WaitOption = 30.0,
+    json: JsonOption = False,
+) -> None:
+    """Verify the map's invariants; exit code 1 if any is broken.
+
+    With --repair what follows from other rows is made anew; what was observed stays as it is.
+    """
     from supermap_cli.memory import open_store  # noqa: PLC0415 - keeps start-up light
     from supermap_cli.memory.checking import check as problems_of  # noqa: PLC0415
     from supermap_cli.query.views import to_document  # noqa: PLC0415
 
-    with open_store(database_url(db), read_only=True) as store, store.reader() as reader:
-        problems = problems_of(reader)
+    with open_store(database_url(db), read_only=not repair, waiting=waiting(wait)) as store:
+        for done in store.repair() if repair else ():
+            err().print(f"repaired: {done}", markup=False)
+        with store.reader() as reader:
+            problems = problems_of(reader)
     if json:
         print_json({"path": store.where, "sound": not problems, "problems": to_document(problems)})
     elif problems:
@@ -59,13 +74,44 @@ def check(db: DbOption = None, json: JsonOption = False) -> None:
         raise typer.Exit(1)
 
 
-def upgrade(db: DbOption = None, json: JsonOption = False) -> None:
+def recover(
+    out_path: Annotated[Path, typer.Option("--out", metavar="NEW.db", help="The new map; it must not be there yet.")],
+    db: DbOption = None,
+    json: JsonOption = False,
+) -> None:
+    """Save what can be read of a damaged map into a new one; exit code 1 if the new one still breaks invariants.
+
+    The damaged file is only read. Rows that cannot be read, and those that contradict what is left, are lost; what
+    follows from other rows is made anew.
+    """
+    from supermap_cli.memory import open_store  # noqa: PLC0415 - keeps start-up light
+    from supermap_cli.memory.checking import check as problems_of  # noqa: PLC0415
+    from supermap_cli.memory.recovering import recover as save  # noqa: PLC0415
+    from supermap_cli.query.views import to_document  # noqa: PLC0415
+
+    found = save(database_url(db), out_path)
+    with open_store(str(out_path), read_only=True) as store, store.reader() as reader:
+        problems = problems_of(reader)
+    if json:
+        problem_documents = to_document(problems)
+        print_json({"path": str(out_path), "saved": found.saved, "lost": found.lost, "problems": problem_documents})
+    else:
+        rows = ((name.replace("_", " "), str(count), str(found.lost[name])) for name, count in found.saved.items())
+        print_table(out(), str(out_path), ("table", "saved#", "lost#"), rows)
+        out().print(
+            f"{len(problems)} problems are left: see `supermap db check`" if problems else "sound", markup=False
+        )
+    if problems:
+        raise typer.Exit(1)
+
+
+def upgrade(db: DbOption = None, wait: WaitOption = 30.0, json: JsonOption = False) -> None:
     """Bring the database to this program's version."""
     from supermap_cli.memory.databases import database_of  # noqa: PLC0415 - keeps start-up light
     from supermap_cli.memory.opening import upgrade_database  # noqa: PLC0415
 
     url = database_url(db)
-    before, after = upgrade_database(url)
+    before, after = upgrade_database(url, waiting(wait))
     where = database_of(url).where
     if json:
         print_json({"path": where, "before": before, "after": after})

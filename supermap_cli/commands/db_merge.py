@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from supermap_cli.commands.common import DbOption, JsonOption, database_url, err, out, print_json
+from supermap_cli.commands.common import DbOption, JsonOption, WaitOption, database_url, err, out, print_json, waiting
 from supermap_cli.commands.tables import print_table
 
 if TYPE_CHECKING:
@@ -42,6 +42,7 @@ def merge(  # noqa: PLR0917 - a command line has many options
     ] = "auto",
     again: Annotated[bool, typer.Option("--again", help="Also where both maps hold the same recording.")] = False,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Only say what would be, and write nothing.")] = False,
+    wait: WaitOption = 30.0,
     json: JsonOption = False,
 ) -> None:
     """Take another map of the same place into a map: its traversals come after those that are there."""
@@ -54,7 +55,7 @@ def merge(  # noqa: PLR0917 - a command line has many options
         raise typer.BadParameter("give --into or --db, not both")
     url = database_url(into or db)
     with (
-        open_store(url, read_only=dry_run) as store,
+        open_store(url, read_only=dry_run, waiting=waiting(wait)) as store,
         open_store(other, read_only=True) as source,
         _progress() as progress,
     ):

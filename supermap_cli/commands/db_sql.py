@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import json as json_module
 import math
+import shutil
 import sys
 from base64 import b64encode
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from itertools import islice
+from tempfile import SpooledTemporaryFile
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -29,6 +31,10 @@ Examples:
     supermap db sql "SELECT kind, count(*) FROM changes GROUP BY kind" --json
 """
 TABLE_LIMIT = 100
+MAX_IN_MEMORY = 1 << 24
+"""Bytes of a JSON document that are kept in memory before it is printed; a larger one waits in a file."""
+SQL_LIMIT_S = 15.0
+"""Seconds of computing; the views take far less on the largest maps of docs/benchmarks.md. Chosen."""
 
 
 def sql(
@@ -42,6 +48,9 @@ def sql(
             show_default=False,
         ),
     ] = None,
+    timeout: Annotated[
+        float, typer.Option(min=0, max=86400, metavar="SECONDS", help="How long it may compute, 0 = any time.")
+    ] = SQL_LIMIT_S,
     json: JsonOption = False,
 ) -> None:
     """Ask the database in SQL; nothing can be changed.
@@ -52,7 +61,7 @@ def sql(
     from supermap_cli.memory.opening import read_sql  # noqa: PLC0415 - keeps start-up light
 
     most = limit if limit is not None else (0 if json else TABLE_LIMIT)
-    with read_sql(database_url(db), statement, add_sql_functions) as found:
+    with read_sql(database_url(db), statement, add_sql_functions, timeout) as found:
         shown = islice(found.rows, most or None)
         if json:
             _print_json(found, shown)
@@ -71,7 +80,13 @@ def _print(found: SqlRows, shown: Iterator[tuple[SqlValue, ...]]) -> None:
 
 def _print_json(found: SqlRows, shown: Iterator[tuple[SqlValue, ...]]) -> None:
     """The document, a row a line, written while the rows are read."""
-    write = sys.stdout.write
+    with SpooledTemporaryFile(MAX_IN_MEMORY, "w+", encoding="utf-8", newline="") as document:
+        _write_json(found, shown, document.write)
+        document.seek(0)
+        shutil.copyfileobj(document, sys.stdout)  # only now, so that a statement that fails prints nothing
+
+
+def _write_json(found: SqlRows, shown: Iterator[tuple[SqlValue, ...]], write: Callable[[str], object]) -> None:
     write(f'{{\n  "columns": {_dumps(found.columns)},\n  "rows": [')
     for index, row in enumerate(shown):
         write(f"{',' if index else ''}\n    {_dumps([_json_value(value) for value in row])}")

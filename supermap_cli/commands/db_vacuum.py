@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from supermap_cli.commands.common import DbOption, JsonOption, database_url, err, out, print_json
+from supermap_cli.commands.common import DbOption, JsonOption, WaitOption, database_url, err, out, print_json, waiting
 
 if TYPE_CHECKING:
     from supermap_cli.memory.pruning import Progress, PruneCounts, PrunePolicy
@@ -36,6 +36,7 @@ def vacuum(
         ),
     ] = None,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Only say what would go, and how much that is.")] = False,
+    wait: WaitOption = 30.0,
     json: JsonOption = False,
 ) -> None:
     """Make the database smaller: give up what is old, if asked to, and give the room back.
@@ -49,7 +50,7 @@ def vacuum(
     from supermap_cli.query.retention_policy import parse_retention_policy  # noqa: PLC0415
     from supermap_cli.query.views import to_document  # noqa: PLC0415
 
-    with open_store(database_url(db), read_only=dry_run) as store:
+    with open_store(database_url(db), read_only=dry_run, waiting=waiting(wait)) as store:
         with store.reader() as reader:
             policy, clock, before = parse_retention_policy(keep or (), reader), clock_of(reader), reader.size_bytes()
         with _progress_bar() as progress:

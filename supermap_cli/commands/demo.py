@@ -48,6 +48,7 @@ def demo(
 ) -> None:
     """Simulate two visits to one place, map them, ask, compare, and hold the map against the truth."""
     check_folder(folder)
+    remove_old_map(folder)
     run = DemoRun(ctx.find_root().command, folder)
     began = time.monotonic()
     run.simulate(seed)
@@ -73,6 +74,20 @@ def check_folder(folder: Path) -> None:
             raise SimulationError(f"there is a world of its own: {scenario}", where=str(folder), cure=cure)
     elif there := [name for name in OVERWRITTEN if (folder / name).exists()]:
         raise SimulationError(f"{', '.join(there)} would be overwritten", where=str(folder), cure=cure)
+
+
+def remove_old_map(folder: Path) -> None:
+    """Remove the map of an earlier demo. Raises `MemoryStoreError` where it holds anything else."""
+    from supermap_cli.evaluation.pairing import true_traversals  # noqa: PLC0415 - keeps start-up light
+    from supermap_cli.memory import open_store  # noqa: PLC0415
+    from supermap_cli.output_files import check_output  # noqa: PLC0415
+    from supermap_cli.truth_file import TRUTH_FILE, read_truth  # noqa: PLC0415
+
+    check_output(folder / PLOT, "png", option="--folder")
+    if (folder / DB).exists():
+        truth = read_truth(folder / TRUTH_FILE)
+        with open_store(str(folder / DB), create=True) as store:
+            store.remove(lambda traversal: true_traversals(traversal, truth))
 
 
 def example_questions(truth: GroundTruth) -> tuple[str, ...]:
@@ -167,7 +182,6 @@ class DemoRun:
 
     def build(self, truth: GroundTruth) -> None:
         """Both recordings into one map."""
-        self._remove_old_map()
         self.say(
             "2. A memory. Both recordings go into one database, the second laid over the first by the walls and "
             "furniture that both saw. The truth is not looked at."
@@ -247,7 +261,3 @@ class DemoRun:
         sys.stdout.flush()
         if status := self.supermap.main(args=list(arguments), prog_name="supermap", standalone_mode=False):
             raise typer.Exit(status)
-
-    def _remove_old_map(self) -> None:
-        for suffix in ("", "-wal", "-shm"):
-            (self.folder / f"{DB}{suffix}").unlink(missing_ok=True)

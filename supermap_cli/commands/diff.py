@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from supermap_cli.commands.common import DbOption, JsonOption, database_url, err, out, print_json
+from supermap_cli.commands.common import DbOption, JsonOption, check_outputs, database_url, err, out, print_json
 from supermap_cli.commands.tables import evidence_text, id_text, print_table
 
 if TYPE_CHECKING:
@@ -76,6 +76,7 @@ def diff(  # noqa: PLR0917 - a command line has many options
 
         check_plot(plot)
     with open_store(database_url(db), read_only=True) as store, store.reader() as reader:
+        check_outputs(store, {"--html": (html, "html"), "--plot": (plot, None)})
         found, clock = compare(reader, before, after), clock_of(reader)
         if html is not None:
             from supermap_cli.reports.diff_page import write_diff_page  # noqa: PLC0415

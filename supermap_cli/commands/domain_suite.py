@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 from supermap_cli.commands.common import err, kept_or_temporary, out, print_json
 from supermap_cli.commands.tables import print_table
 from supermap_cli.errors import EvaluationError
+from supermap_cli.output_files import check_output
 from supermap_cli.simulation.domains.axes import AXES, RANDOM
 from supermap_cli.simulation.domains.suite import USUAL, SuiteWorld, suite_worlds
 
@@ -157,6 +158,7 @@ def _score_or_take(world: SuiteWorld, folder: Path, *, resume: bool) -> WorldSco
     kept = place / SCENARIO / str(world.seed) / SCORES_NAME
     if resume and (known := read_scores(kept, world)) is not None:
         return known
+    check_output(kept, "scores", option="--keep")
     kept.unlink(missing_ok=True)
     scores = _score(world, place)
     if scores.failed is None:

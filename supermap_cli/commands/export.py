@@ -103,12 +103,15 @@ def export(  # noqa: PLR0917 - the options of the command
     """
     from supermap_cli.exporting.selection import ExportSource, select_part  # noqa: PLC0415 - keeps start-up light
     from supermap_cli.memory import open_store  # noqa: PLC0415
+    from supermap_cli.output_files import refuse_files_of  # noqa: PLC0415
 
     chosen = format_ or _SUFFIXES.get(out.suffix.lower())
     _check_usage(chosen, out, observations=observations, ascii_text=ascii_text)
     assert chosen is not None  # noqa: S101 - `_check_usage` holds that
     presences = _presences(chosen, present, traversal=traversal is not None, at=at is not None)
     with open_store(database_url(db), read_only=True) as store, store.reader() as reader:
+        if store.file is not None and out != STDOUT:
+            refuse_files_of(store.file, out, option="--out")
         selection = select_part(reader, label or (), presences=presences, traversal=traversal, at=at)
         with _progress(f"writing {chosen}") as progress:
             source = ExportSource(reader, selection, progress)
@@ -151,7 +154,7 @@ def _check_usage(chosen: Format | None, out: Path, *, observations: bool, ascii_
 def _json(source: ExportSource, target: ExportTarget) -> str:
     from supermap_cli.exporting.document import write_document  # noqa: PLC0415 - keeps start-up light
 
-    with _text_file(target) as file:
+    with _text_file(target, "json") as file:
         write_document(source, file, observations=target.observations)
     return _size(target.path)
 
@@ -159,7 +162,7 @@ def _json(source: ExportSource, target: ExportTarget) -> str:
 def _geojson(source: ExportSource, target: ExportTarget) -> str:
     from supermap_cli.exporting.geojson import write_geojson  # noqa: PLC0415 - keeps start-up light
 
-    with _text_file(target) as file:
+    with _text_file(target, "geojson") as file:
         write_geojson(source, file)
     return _size(target.path)
 
@@ -168,7 +171,7 @@ def _ply(source: ExportSource, target: ExportTarget) -> str:
     from supermap_cli.exporting.destination import atomic_file  # noqa: PLC0415
     from supermap_cli.exporting.ply import write_ply  # noqa: PLC0415 - keeps start-up light
 
-    with atomic_file(target.path, force=target.force) as partial:
+    with atomic_file(target.path, "ply", force=target.force) as partial:
         count = write_ply(source, partial, ascii_text=target.ascii_text)
     return f"{count} points, {_size(target.path)}"
 
@@ -177,7 +180,7 @@ def _csv(source: ExportSource, target: ExportTarget) -> str:
     from supermap_cli.exporting.csv_tables import FILES, write_csv_tables  # noqa: PLC0415 - keeps start-up light
     from supermap_cli.exporting.destination import atomic_folder  # noqa: PLC0415
 
-    with atomic_folder(target.path, FILES, force=target.force) as partial:
+    with atomic_folder(target.path, FILES, "csv", force=target.force) as partial:
         return _rows(write_csv_tables(source, partial))
 
 
@@ -185,7 +188,7 @@ def _parquet(source: ExportSource, target: ExportTarget) -> str:
     from supermap_cli.exporting.destination import atomic_folder  # noqa: PLC0415 - keeps start-up light
     from supermap_cli.exporting.parquet_tables import FILES, write_parquet_tables  # noqa: PLC0415
 
-    with atomic_folder(target.path, FILES, force=target.force) as partial:
+    with atomic_folder(target.path, FILES, "parquet", force=target.force) as partial:
         return _rows(write_parquet_tables(source, partial))
 
 
@@ -199,14 +202,14 @@ _WRITERS: dict[Format, Callable[[ExportSource, ExportTarget], str]] = {
 
 
 @contextmanager
-def _text_file(target: ExportTarget) -> Iterator[TextIO]:
+def _text_file(target: ExportTarget, kind: str) -> Iterator[TextIO]:
     """A text file that gets its name when complete; or stdout."""
     from supermap_cli.exporting.destination import atomic_file  # noqa: PLC0415 - keeps start-up light
 
     if target.path == STDOUT:
         yield sys.stdout
         return
-    with atomic_file(target.path, force=target.force) as partial, partial.open("w", encoding="utf-8") as file:
+    with atomic_file(target.path, kind, force=target.force) as partial, partial.open("w", encoding="utf-8") as file:
         yield file
 
 

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 import typer
 from typer.core import TyperGroup
+
+from supermap_cli.commands.streams import BROKEN_PIPE, flags_first
+from supermap_cli.errors import STUMBLES, PluginError, SupermapError
+from supermap_cli.printable import printable_line
 
 if TYPE_CHECKING:
     import sqlite3
@@ -22,6 +27,24 @@ class CommandGroup(TyperGroup):
     """
 
     _has_those_of_plugins = False
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Global flags may stand anywhere."""
+        return list(super().parse_args(ctx, flags_first(args)))
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run the command. What it stumbles over is the map's fault if the map breaks its own invariants, else ours."""
+        try:
+            return super().invoke(ctx)
+        except BrokenPipeError:
+            raise typer.Exit(BROKEN_PIPE) from None
+        except Exception as error:
+            if (explained := _failing_plugin(error) or _damaged_map(error)) is None:
+                raise
+            raise explained from error
+        finally:
+            if (opening := sys.modules.get("supermap_cli.memory.opening")) is not None:
+                opening.OPENED.clear()
 
     def list_commands(self, ctx: Any) -> list[str]:
         """The names of all commands, the built-in ones first."""
@@ -45,6 +68,34 @@ class CommandGroup(TyperGroup):
                         _warn(plugin, f"its command {name!r} is left out: there is one of that name already")
                     else:
                         self.commands[name] = command
+
+
+def _damaged_map(error: Exception) -> SupermapError | None:
+    """The error that a map is damaged, where code stumbled over what it holds."""
+    opening = sys.modules.get("supermap_cli.memory.opening")
+    if not isinstance(error, STUMBLES) or opening is None or not opening.OPENED:
+        return None
+    from supermap_cli.memory.blame import damage_of_opened_maps  # noqa: PLC0415 - keeps start-up light
+
+    return damage_of_opened_maps()
+
+
+def _failing_plugin(error: Exception) -> SupermapError | None:
+    """The error that names a third party's plugin, where an exception that is no `SupermapError` came from its code."""
+    if isinstance(error, SupermapError) or "supermap_cli.plugin_manager" not in sys.modules:
+        return None
+    from supermap_cli.plugin_manager import packages_of_plugins  # noqa: PLC0415 - keeps start-up light
+
+    packages, blamed, at = packages_of_plugins(), None, error.__traceback__
+    while at is not None:
+        package = str(at.tb_frame.f_globals.get("__name__", "")).partition(".")[0]
+        blamed, at = packages.get(package, blamed), at.tb_next
+    if blamed is None:
+        return None
+    return PluginError(
+        f"the plugin {blamed} failed: {type(error).__name__}: {error}",
+        cure="--debug shows where; tell its authors, or do without it (see `supermap plugins`)",
+    )
 
 
 def add_sql_functions(connection: sqlite3.Connection) -> None:
@@ -77,4 +128,4 @@ def _told_if_it_fails(plugin: Plugin, consequence: str) -> Iterator[None]:
 
 def _warn(plugin: Plugin, message: str) -> None:
     line = " ".join(f"warning: plugin {plugin.name} of {plugin.distribution}: {message}".split())
-    typer.echo(line, err=True)
+    typer.echo(printable_line(line), err=True)

@@ -7,7 +7,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from supermap_cli.commands.common import AtOption, DbOption, JsonOption, database_url, err, out, print_json
+from supermap_cli.commands.common import (
+    AtOption,
+    DbOption,
+    JsonOption,
+    check_outputs,
+    database_url,
+    err,
+    out,
+    print_json,
+)
 from supermap_cli.commands.tables import evidence_text, position_text, print_table
 
 if TYPE_CHECKING:
@@ -60,6 +69,7 @@ def history(  # noqa: PLR0917 - a command line has many options
     from supermap_cli.query.views import to_document  # noqa: PLC0415
 
     with open_store(database_url(db), read_only=True) as store, store.reader() as reader:
+        check_outputs(store, {"--html": (html, "html")})
         clock = clock_of(reader)
         history = object_history(reader, text_id, None if at is None else parse_time_point(at, reader, clock), clock)
         if crops is not None:
@@ -86,7 +96,7 @@ def _save_pictures(frames: Sequence[FrameView], jpegs: dict[int, bytes], text_id
         if frame.observation in jpegs:
             state = "x" if frame.state is None else frame.state
             name = f"{text_id.replace('/', '-')}-state{state}-{frame.stamp_ns}.jpg"
-            write_file(folder / name, jpegs[frame.observation])
+            write_file(folder / name, jpegs[frame.observation], "jpeg", option="--crops")
             saved += 1
     err().print(f"{saved} pictures saved in {folder}", markup=False)
 

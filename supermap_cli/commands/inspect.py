@@ -10,9 +10,14 @@ import typer
 
 from supermap_cli.commands.common import (
     CameraOption,
+    ClockOption,
+    DetectionToleranceOption,
     EndOption,
     FrameOption,
     JsonOption,
+    MountOption,
+    RecordingLimitOption,
+    RobotOption,
     StartOption,
     TopicOption,
     err,
@@ -47,9 +52,20 @@ def inspect(  # noqa: PLR0917 - a command line has many options
     recording: Annotated[Path, typer.Argument(help="A ROS 1 .bag, a ROS 2 .db3 or .mcap file, or a rosbag2 folder.")],
     topic: TopicOption = None,
     frame: FrameOption = None,
+    mount: MountOption = None,
+    clock: ClockOption = None,
+    robot: RobotOption = None,
     camera: CameraOption = None,
+    detection_tolerance: DetectionToleranceOption = None,
+    limit: RecordingLimitOption = None,
     start: StartOption = None,
     end: EndOption = None,
+    doctor: Annotated[
+        bool, typer.Option("--doctor", help="Judge every role: good, weak or missing, with the option that mends it.")
+    ] = False,
+    write_config: Annotated[
+        bool, typer.Option("--write-config", help="Write a supermap.toml here, with all choices made explicit.")
+    ] = False,
     as_json: JsonOption = False,
 ) -> None:
     """Say what is in a recording, what a build would use, what is missing and how to mend it.
@@ -60,16 +76,60 @@ def inspect(  # noqa: PLR0917 - a command line has many options
     from supermap_cli.config import load_user_config  # noqa: PLC0415
     from supermap_cli.recordings.inspection import inspect_recording  # noqa: PLC0415
 
-    config = override(load_user_config(Path.cwd()).build, topics=topic, frames=frame, camera=camera)
+    config = override(
+        load_user_config(Path.cwd()).build,
+        topics=topic,
+        frames=frame,
+        mounts=mount,
+        clocks=clock,
+        robot=robot,
+        camera=camera,
+        detection_tolerance=detection_tolerance,
+        limits=limit,
+    )
     report = inspect_recording(recording, request(config, start, end))
     if as_json:
         print_json(to_document(report))
+    elif doctor:
+        _print_verdicts(report)
     else:
         _print(report)
+    if write_config:
+        _write_config(report)
     for warning in report.warnings:
         err().print(f"warning: {warning}", markup=False)
     if not report.can_build:
         raise typer.Exit(1)
+
+
+def _print_verdicts(report: Inspection) -> None:
+    """Every role with its verdict; below those that are not good why, and what mends it."""
+    console = out()
+    width = max((len(each.role) for each in report.verdicts), default=0)
+    console.print(f"{report.path}: {report.duration_s:.1f} s", markup=False)
+    for each in report.verdicts:
+        console.print(f"{each.role:<{width}}  {each.verdict:<8}{each.topic or ''}".rstrip(), markup=False)
+        for text in (each.why, f"mend it: {each.cure}" if each.cure else ""):
+            if text:
+                console.print(f"{'':<{width}}    {text}", markup=False, soft_wrap=True)
+    verdict = _verdict(report.without_detections) if report.can_build else "A build cannot work."
+    console.print(f"\n{verdict}", markup=False, soft_wrap=True)
+
+
+def _write_config(report: Inspection) -> None:
+    """Write `supermap.toml`; one that is there stays as it is. Raises `ConfigError`."""
+    from supermap_cli.errors import ConfigError  # noqa: PLC0415 - keeps start-up light
+    from supermap_cli.recordings.doctor import config_text  # noqa: PLC0415
+
+    path = Path.cwd() / "supermap.toml"
+    try:
+        with path.open("x", encoding="utf-8") as file:
+            file.write(config_text(report.settings, report.path.name))
+    except FileExistsError as error:
+        raise ConfigError("there is one already", where=str(path), cure="move it away, then try again") from error
+    except OSError as error:
+        raise ConfigError(f"cannot be written: {error.strerror}", where=str(path), cure="use another folder") from error
+    err().print(f"{path} is written; `supermap build {report.path}` follows it", markup=False)
 
 
 def to_document(report: Inspection) -> dict[str, object]:

@@ -117,7 +117,8 @@ def _print_overview(shown: Overview, clock: Clock) -> None:
     if shown.absent and shown.as_of is not None:
         console.print(f"{shown.absent} more had left by then, or came later", markup=False)
     elif shown.absent:
-        console.print(f"{shown.absent} more stood there once: see `supermap diff`", markup=False)
+        more = "`supermap diff`" if len(shown.traversals) > 1 else "`supermap db sql 'SELECT * FROM object_history'`"
+        console.print(f"{shown.absent} more stood there once: see {more}", markup=False)
     print_traversals(shown.traversals, clock)
 
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Literal
 
+from supermap_cli.printable import printable_line
+
 if TYPE_CHECKING:
     from rich.console import Console
 
@@ -28,7 +30,7 @@ def print_table(console: Console, title: str, columns: Sequence[str], rows: Iter
         justify: Literal["left", "right"] = "right" if column.endswith("#") else "left"
         table.add_column(column.removesuffix("#"), justify=justify, overflow="fold")
     for row in rows:
-        table.add_row(*(Text(cell) for cell in row))
+        table.add_row(*(Text(printable_line(cell)) for cell in row))
     if not table.row_count:
         return
     if not console.is_terminal:

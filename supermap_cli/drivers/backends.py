@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from supermap_cli.config import BuildConfig
 from supermap_cli.drivers.odometry import run_odometry
+from supermap_cli.errors import DetectorError
 from supermap_cli.geometry.trajectory import Trajectory
 from supermap_cli.plugin_manager import Plugins
 from supermap_cli.protocols import Detector, IdentifiedDetector, Odometry, Recording, Resumable, Segmenter, Tracker
@@ -68,7 +69,7 @@ def choose_backends(recording: Recording, plugins: Plugins, config: BuildConfig)
         "tracker": chosen.tracker or plugins.trackers.choose(recording.streams),
     }
     odometry = plugins.odometry.make(names["odometry"], options.get(names["odometry"]), recording)
-    detector = plugins.detectors.make(names["detector"], options.get(names["detector"]), recording)
+    detector = _make_detector(plugins, names["detector"], config, recording)
     segmenter = plugins.segmenters.make(names["segmenter"], options.get(names["segmenter"]), recording)
 
     def make_tracker() -> Tracker:
@@ -84,6 +85,18 @@ def choose_backends(recording: Recording, plugins: Plugins, config: BuildConfig)
         names,
         _detector_identity(detector, names["detector"], options.get(names["detector"])),
     )
+
+
+def _make_detector(plugins: Plugins, name: str, config: BuildConfig, recording: Recording) -> Detector:
+    """The detector; where none was named and none can be made, the error names recorded detections left unread."""
+    try:
+        detector: Detector = plugins.detectors.make(name, config.backends.options.get(name), recording)
+    except DetectorError as error:
+        unread = next((line for line in recording.warnings if "detection" in line.lower()), None)
+        if config.backends.detector is not None or unread is None:
+            raise
+        raise DetectorError(f"{unread}. Without them {error.what}", where=error.where, cure=error.cure) from error
+    return detector
 
 
 def _detector_identity(detector: Detector, name: str, options: Mapping[str, object] | None) -> str:

@@ -34,7 +34,7 @@ from supermap_cli.memory.values import Checkpoint, StoredTraversal, TraversalSta
 from supermap_cli.observing import Observers
 from supermap_cli.parameters import stored_config
 from supermap_cli.plugin_manager import Plugins, make_observers
-from supermap_cli.protocols import Observer, Recording
+from supermap_cli.protocols import Observer, Recording, WarningDetector
 from supermap_cli.session import MappingSession
 from supermap_cli.stages.map_registration import Placement
 from supermap_cli.stages.session_state import SessionBackends, SessionState, begin
@@ -81,6 +81,7 @@ class TraversalBuild:
         self.align = "auto"
         self.shift_ns = 0
         self.warnings: list[str] = []
+        self.empty_warnings: tuple[str, ...] = ()
         self.spent_s: dict[str, float] = {}
         self.resumed_ns: int | None = None
         self.kept_s: float | None = None
@@ -206,9 +207,7 @@ class TraversalBuild:
         """The traversal is in the map for good. Returns the seconds that this took, in all."""
         self._keep_on_failure = False
         session.statistics.frames = self.driver.frames
-        session.statistics.check_not_empty(
-            str(self.recording.path), self.backends.names["detector"], self.driver.late.lost
-        )
+        self._check_not_empty(traversal_id, session)
         self._keep_on_failure = True
         total_s = time.perf_counter() - self.began
         self.store.finish_traversal(
@@ -219,11 +218,26 @@ class TraversalBuild:
         )
         return total_s
 
+    def _check_not_empty(self, traversal_id: int, session: MappingSession) -> None:
+        """Raise where the build has no result; a first visit to an empty place is one, with a warning."""
+        statistics, name = session.statistics, self.backends.names["detector"]
+        statistics.tentative = sum(not obj.confirmed for obj in session.engine.objects)
+        warning = statistics.check_not_empty(
+            str(self.recording.path),
+            name,
+            self.driver.late.lost,
+            first_visit=all(traversal.id == traversal_id for traversal in self.store.traversals()),
+            detections_recorded="detections" in self.plugins.detectors.get(name).needs,
+        )
+        if warning is not None:
+            self.empty_warnings = (warning,)
+
     def _leave_resumable(self, traversal_id: int | None) -> None:
         """The build was stopped: what it wrote is kept if it can go on, else it goes. A full disk does not let it go
         now; the next build asks what is to become of it.
         """
         with suppress(MemoryStoreError):
+            self.store.check_place()
             if traversal_id is not None and self._keep_on_failure and self.store.checkpoint(traversal_id) is not None:
                 mapped = self.session is not None and self.session.newest is not None
                 self.kept_s = self._mapped_s() if mapped else None
@@ -377,7 +391,10 @@ class TraversalBuild:
 
     def _stored_warnings(self, session: MappingSession) -> tuple[str, ...]:
         """What the recording, the odometry and the session warn of, one line each; stored with the traversal."""
-        return (*self.recording.warnings, *self.backends.odometry.warnings, *session.warnings)
+        detector = self.backends.detector
+        of_detector = detector.warnings if isinstance(detector, WarningDetector) else ()
+        stored = (*self.recording.warnings, *self.backends.odometry.warnings, *of_detector, *session.warnings)
+        return (*stored, *self.empty_warnings)
 
     def _all_warnings(self, session: MappingSession) -> tuple[str, ...]:
         """The same, and what happened in this build."""

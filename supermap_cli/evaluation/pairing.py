@@ -18,7 +18,7 @@ def pair_traversals(reader: MapReader, truth: GroundTruth) -> TraversalPairs:
     Raises `EvaluationError` where the truth belongs to other recordings, and where the map holds a traversal that it
     does not know: what that one changed could not be judged.
     """
-    pairs = {traversal.id: _true_traversals(traversal, truth) for traversal in reader.traversals}
+    pairs = {traversal.id: true_traversals(traversal, truth) for traversal in reader.traversals}
     if not any(pairs.values()):
         raise EvaluationError(
             "this truth belongs to other recordings than those in the map",
@@ -34,7 +34,7 @@ def pair_traversals(reader: MapReader, truth: GroundTruth) -> TraversalPairs:
     return pairs
 
 
-def _true_traversals(mapped: StoredTraversal, truth: GroundTruth) -> tuple[TrueTraversal, ...]:
+def true_traversals(mapped: StoredTraversal, truth: GroundTruth) -> tuple[TrueTraversal, ...]:
     """The true traversals of a mapped one, by fingerprint; by time where the truth has none."""
     same = [true for true in truth.traversals if _is_same_recording(mapped, true)]
     without_fingerprint = [true for true in truth.traversals if true.fingerprint is None]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,6 +17,7 @@ from supermap_cli.evaluation.known_truth import KnownTruth, Place, known_truth
 from supermap_cli.evaluation.objects import ObjectScores
 from supermap_cli.geometry.arrays import FloatArray, IntArray
 from supermap_cli.geometry.boxes import Box3D
+from supermap_cli.output_files import check_output, replace_file
 from supermap_cli.types.truth import GroundTruth, TrueTraversal
 
 if TYPE_CHECKING:
@@ -43,7 +45,7 @@ def draw(
 
     `scores` are those of the objects at the map's end.
 
-    Raises `EvaluationError` where the file cannot be written.
+    Raises `ExportError` where the file cannot be written.
     """
     known = known_truth(estimate, truth)
     changed = list(changed_places(known, truth))
@@ -59,22 +61,26 @@ def draw(
             _draw_map(panel, estimate, truth, scores)
         else:
             _draw_changes(panel, estimate, known, changed)
+    content = BytesIO()
     try:
-        figure.savefig(path, dpi=DPI)
-    except (OSError, ValueError) as error:
+        figure.savefig(content, dpi=DPI, format=path.suffix.lower().removeprefix("."))
+    except OSError as error:
         cure = "name another file with --plot"
-        raise EvaluationError(f"the picture cannot be written: {error}", where=str(path), cure=cure) from error
+        raise EvaluationError(f"the picture cannot be drawn: {error}", where=str(path), cure=cure) from error
+    check_picture(path)
+    replace_file(path, content.getvalue())
 
 
 def check_picture(path: Path) -> None:
-    """Check that a plot can be written to a file. Raises `EvaluationError` if not."""
+    """Check that a plot can be written to a file. Raises `EvaluationError` or `ExportError` if not."""
     folder = path.parent
     if path.suffix.lower() not in SUFFIXES:
         raise EvaluationError("a picture of an unknown kind", where=str(path), cure="name a .png, .svg or .pdf file")
     if not folder.is_dir():
         raise EvaluationError("there is no such folder", where=str(folder), cure="make it, or name another file")
-    if path.is_dir() or not os.access(path if path.exists() else folder, os.W_OK):
+    if path.is_dir() or not os.access(folder, os.W_OK):
         raise EvaluationError("the picture cannot be written there", where=str(path), cure="name another file")
+    check_output(path, path.suffix.lower().removeprefix("."), option="--plot")
 
 
 def _figure(size_in: tuple[float, float]) -> Figure:

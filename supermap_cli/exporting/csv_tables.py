@@ -8,6 +8,8 @@ from pathlib import Path
 from supermap_cli.exporting.selection import ExportSource
 from supermap_cli.exporting.tables import TABLES, Table
 
+_FORMULA = ("=", "+", "-", "@", "\t", "\r")
+"""How texts begin that spreadsheets run, see OWASP's "CSV Injection"."""
 FILES = tuple(f"{table.name}.csv" for table in TABLES)
 
 
@@ -22,6 +24,11 @@ def _write(table: Table, source: ExportSource, path: Path) -> int:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(column.name for column in table.written_columns)
         for row in source.with_progress(table.name, table.written_rows(source)):
-            writer.writerow(row)
+            writer.writerow(map(_guarded, row))
             count += 1
     return count
+
+
+def _guarded(cell: object) -> object:
+    """A text that a spreadsheet would take for a formula begins with an apostrophe; numbers stay numbers."""
+    return f"'{cell}" if isinstance(cell, str) and cell.startswith(_FORMULA) else cell

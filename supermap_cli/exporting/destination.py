@@ -14,20 +14,22 @@ from types import FrameType
 from typing import NoReturn
 
 from supermap_cli.errors import ExportError
+from supermap_cli.output_files import check_output
 
 _PARTIAL, _REPLACED = "partial", "replaced"
 
 
 @contextmanager
-def atomic_file(path: Path, *, force: bool) -> Iterator[Path]:
+def atomic_file(path: Path, kind: str, *, force: bool) -> Iterator[Path]:
     """A temporary file beside `path` that is renamed to it at the end, or removed on any failure.
 
-    Raises `ExportError` if the file exists already (unless `force`), and if it cannot be written.
+    Raises `ExportError` if the file exists already (unless `force`, and it is of the `kind` of `output_files.KINDS`),
+    and if it cannot be written.
     """
     with _sigterm_as_interrupt():
+        path = _resolved(path)
         _check_target(path, force=force)
-        if path.is_dir():
-            raise ExportError("a folder, not a file", where=str(path), cure="name a file with --out")
+        check_output(path, kind, option="--out")
         partial = _temporary_path(path, _PARTIAL)
         try:
             with _os_errors_as_export_errors(path):
@@ -39,13 +41,14 @@ def atomic_file(path: Path, *, force: bool) -> Iterator[Path]:
 
 
 @contextmanager
-def atomic_folder(path: Path, names: Collection[str], *, force: bool) -> Iterator[Path]:
+def atomic_folder(path: Path, names: Collection[str], kind: str, *, force: bool) -> Iterator[Path]:
     """A temporary folder beside `path` for files of the given names, renamed to it at the end.
 
-    With `force` an earlier export is replaced; a folder that holds any other file never is. Raises `ExportError` like
-    `atomic_file`.
+    With `force` an earlier export is replaced; a folder that holds any other file, or one that is not of the `kind`,
+    never is. Raises `ExportError` like `atomic_file`.
     """
     with _sigterm_as_interrupt():
+        path = _resolved(path)
         _check_target(path, force=force)
         if path.exists():
             found = {entry.name for entry in path.iterdir()} if path.is_dir() else {path.name}
@@ -56,6 +59,8 @@ def atomic_folder(path: Path, names: Collection[str], *, force: bool) -> Iterato
                     where=str(path),
                     cure="name a folder of its own with --out",
                 )
+            for name in sorted(found):
+                check_output(path / name, kind, option="--out")
         partial, replaced = _temporary_path(path, _PARTIAL), _temporary_path(path, _REPLACED)
         try:
             with _os_errors_as_export_errors(path):
@@ -87,12 +92,21 @@ def _swap_folder(partial: Path, replaced: Path, path: Path) -> None:
     replaced.rename(partial)  # removed by the caller
 
 
+def _resolved(path: Path) -> Path:
+    """The path with links resolved: what a link leads to is replaced, not the link."""
+    with _os_errors_as_export_errors(path):
+        return path.resolve()
+
+
 def _check_target(path: Path, *, force: bool) -> None:
-    if not path.absolute().parent.is_dir():
+    with _os_errors_as_export_errors(path):
+        has_folder = path.parent.is_dir()
+    if not has_folder:
         raise ExportError("the folder for the export does not exist", where=str(path), cure="make it, or change --out")
     with _os_errors_as_export_errors(path):
         _clear_leftovers(path)
-    if path.exists() and not force:
+        there = path.exists()
+    if there and not force:
         raise ExportError("is there already", where=str(path), cure="add --force to replace it, or change --out")
 
 

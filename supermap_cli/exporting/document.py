@@ -19,6 +19,7 @@ from supermap_cli.exporting.tables import (
     Table,
     visits_of,
 )
+from supermap_cli.memory.stored_values import parsed
 from supermap_cli.query.presence_at import presence_view
 from supermap_cli.query.views import box_view, interval_view, to_document, vector
 from supermap_cli.version import __version__
@@ -114,7 +115,7 @@ def _rows_as_objects(source: ExportSource, table: Table) -> Iterator[dict[str, o
 def _row_as_object(table: Table, row: Cells) -> dict[str, object]:
     """A row as an object; cells with JSON text become values."""
     named = zip((column.name for column in table.columns), row, strict=True)
-    return {name: json.loads(str(cell)) if name in _JSON_COLUMNS else cell for name, cell in named}
+    return {name: parsed(cell, f"the {name} of a row") if name in _JSON_COLUMNS else cell for name, cell in named}
 
 
 def _dumps(value: object) -> str:

@@ -15,6 +15,7 @@ from supermap_cli.exporting.exported_instance import ExportedInstance
 from supermap_cli.exporting.selection import ExportSource
 from supermap_cli.geometry.boxes import Box3D
 from supermap_cli.memory import streaming
+from supermap_cli.memory.stored_values import parsed_transform
 from supermap_cli.query.traversal_spans import stamp_to_datetime
 
 ColumnKind = Literal["text", "integer", "real", "time"]
@@ -104,7 +105,7 @@ def _traversals(source: ExportSource) -> Iterator[Cells]:
 
 def _keyframes(source: ExportSource) -> Iterator[Cells]:
     for row in streaming.stream_keyframes(source.reader, *source.selection.keyframes):
-        x, y, z = (line[3] for line in json.loads(row.T_map_base)[:3])
+        x, y, z = parsed_transform(row.T_map_base, f"the pose of keyframe {row.id}")[:3, 3].tolist()
         traversal = source.traversal_names[row.traversal_id]
         yield (
             *(row.id, traversal, row.stamp_ns, row.camera_id, x, y, z, row.detected),

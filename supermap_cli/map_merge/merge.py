@@ -17,6 +17,7 @@ from supermap_cli.map_merge.transform import MapTransform
 from supermap_cli.mapping.free_space import FreeSpaceMemory
 from supermap_cli.mapping.objects import ObjectMap
 from supermap_cli.mapping.restoring import restore_objects
+from supermap_cli.memory.checking import check
 from supermap_cli.memory.map_import import MapImport
 from supermap_cli.memory.names import unique_name
 from supermap_cli.memory.store import MapStore
@@ -65,6 +66,8 @@ class MapMerge:
         """
         earlier, later = self.store.traversals(), self.other.traversals()
         self._check(earlier, later)
+        for store in (self.store, self.other):
+            _check_is_sound(store)
         placement = register_map(self.store, self.other, align)
         names = _names(earlier, later)
         time = shift_to_follow(names[later[0].id], min(traversal.start_ns for traversal in later), earlier)
@@ -252,6 +255,19 @@ class MapMerge:
         end_ns = max(transform.time(traversal.mapped_ns or traversal.end_ns) for traversal in later)
         reevaluate_edges(changed, held, merged.objects, merged.changed, end_ns)
         return list(changed.values())
+
+
+def _check_is_sound(store: MapStore) -> None:
+    """Raise `MemoryStoreError` for a map that breaks its own invariants: what is merged cannot be taken apart again."""
+    with store.reader() as reader:
+        problems = check(reader)
+    if problems:
+        first = problems[0]
+        raise MemoryStoreError(
+            f"the map is damaged: {first.table} {first.row} {first.what}",
+            where=store.where,
+            cure="see `supermap db check --repair`, and `supermap db recover`",
+        )
 
 
 def _names(earlier: Sequence[StoredTraversal], later: Sequence[StoredTraversal]) -> dict[int, str]:

@@ -33,6 +33,12 @@ VOXEL_MAGIC = b"SMV1"
 _HEADER = struct.Struct("<dI")
 _BYTES_PER_VOXEL = 3 * 4 + 3 * 4 + 3
 _FAST = 1
+MAX_VOXELS = 5_000_000
+"""Of one thing; a hall of 50 m x 50 m x 10 m has fewer in voxels of 5 cm. A blob of 2 MB could else become 2 GB."""
+
+
+_GREATEST_EDGE_M = 1000.0
+"""Metres; no voxel is larger."""
 
 
 def encode_voxels(cloud: VoxelCloud) -> bytes:
@@ -53,17 +59,27 @@ def decode_voxels(blob: bytes) -> VoxelCloud:
     if not blob.startswith(VOXEL_MAGIC):
         raise MemoryStoreError("a voxel blob does not start with SMV1", cure="run `supermap db check`")
     try:
-        payload = zlib.decompress(blob[len(VOXEL_MAGIC) :])
+        payload = _inflated(blob[len(VOXEL_MAGIC) :])
         voxel_m, n = _HEADER.unpack_from(payload)
     except (zlib.error, struct.error) as error:
         raise MemoryStoreError(f"a voxel blob is damaged: {error}", cure="run `supermap db check`") from error
     if len(payload) != _HEADER.size + n * _BYTES_PER_VOXEL:
         raise MemoryStoreError(f"a voxel blob of {n} voxels has {len(payload)} bytes", cure="run `supermap db check`")
+    if not 0 < voxel_m < _GREATEST_EDGE_M:
+        raise MemoryStoreError(f"a voxel blob has an edge of {voxel_m} m", cure="run `supermap db check`")
     at = _HEADER.size
     keys = np.frombuffer(payload, "<i4", 3 * n, at).reshape(n, 3)
     reals = np.frombuffer(payload, "<f4", 3 * n, at + 12 * n).reshape(3, n).astype(np.float32)
     rgb = np.frombuffer(payload, "u1", 3 * n, at + 24 * n).reshape(n, 3)
     return VoxelCloud(voxel_m, keys.astype(np.int32), reals[0], reals[1], reals[2], rgb.copy())
+
+
+def _inflated(content: bytes) -> bytes:
+    inflating = zlib.decompressobj()
+    payload = inflating.decompress(content, _HEADER.size + MAX_VOXELS * _BYTES_PER_VOXEL)
+    if inflating.unconsumed_tail or not inflating.eof:
+        raise zlib.error("it ends too early, or has too many voxels")
+    return payload
 
 
 def encode_embedding(embedding: Float32Array) -> bytes:

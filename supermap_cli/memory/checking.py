@@ -4,21 +4,23 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
 from sqlalchemy import Connection, select, text
 from sqlalchemy.exc import DatabaseError
 
-from supermap_cli.errors import CalibrationError, MemoryStoreError
+from supermap_cli.errors import STUMBLES, CalibrationError, MemoryStoreError
 from supermap_cli.geometry.cameras import camera_from_json
 from supermap_cli.memory import blobs
 from supermap_cli.memory.databases import Dialect, dialect_of
 from supermap_cli.memory.depth_png import depth_shape
 from supermap_cli.memory.invariants import INVARIANTS
+from supermap_cli.memory.names import clean_text
 from supermap_cli.memory.reading import MapReader
 from supermap_cli.memory.values import Invariant, Problem
+from supermap_cli.printable import printable
 from supermap_cli.types.engine_state import EngineState
 from supermap_schema import models
 from supermap_schema.views import VIEW_NAMES
@@ -29,19 +31,45 @@ _TOLERANCE = 1e-6
 _ROWS = 2000
 """Rows checked together."""
 
+Check = Callable[[Connection], Iterator[Problem]]
+
 
 def check(reader: MapReader) -> list[Problem]:
-    """Every broken invariant of the map."""
+    """Every broken invariant of the map. Whatever damage there is ends no check but the one that meets it."""
     connection = reader.connection
     dialect = dialect_of(connection)
-    problems = list(_missing(connection, dialect))
+    problems = list(_surviving("schema", connection, lambda each: _missing(each, dialect)))
     if any(problem.row in models.Base.metadata.tables for problem in problems):
         return problems
-    problems += dialect.damage(connection)
+    problems += _surviving("file", connection, dialect.damage)
     for invariant in (*INVARIANTS, *dialect.invariants):
         problems += _violations(connection, invariant)
-    checks = (_traversal_problems, _keyframe_problems, _instance_problems, _transform_problems)
-    return problems + [problem for check_rows in checks for problem in check_rows(connection)]
+    checks: tuple[tuple[str, Check], ...] = (
+        ("traversal", _traversal_problems),
+        ("keyframe", _keyframe_problems),
+        ("observation", _observation_problems),
+        ("instance", _instance_problems),
+        ("transform", _transform_problems),
+    )
+    return problems + [problem for name, rows in checks for problem in _surviving(name, connection, rows)]
+
+
+def _surviving(table: str, connection: Connection, check_rows: Check) -> Iterator[Problem]:
+    """The problems that a check finds; where it cannot go on, that is one, too."""
+    try:
+        with connection.begin_nested():
+            yield from check_rows(connection)
+    except (DatabaseError, *STUMBLES) as error:
+        yield Problem(table, "?", f"cannot be read to its end: {getattr(error, 'orig', None) or error}")
+
+
+def _of_row(table: str, name: object, check_row: Callable[[], Iterator[Problem]]) -> Iterator[Problem]:
+    """The problems of one row; that it cannot be understood is one."""
+    try:
+        yield from list(check_row())
+    except (MemoryStoreError, *STUMBLES) as error:
+        what = error.what if isinstance(error, MemoryStoreError) else f"{type(error).__name__}: {error}"
+        yield Problem(table, str(name), f"cannot be understood: {what}")
 
 
 def _missing(connection: Connection, dialect: Dialect) -> Iterator[Problem]:
@@ -67,35 +95,68 @@ def _violations(connection: Connection, invariant: Invariant) -> Iterator[Proble
 
 
 def _traversal_problems(connection: Connection) -> Iterator[Problem]:
-    """JSON columns of traversals that are no objects or lists."""
+    """JSON columns of traversals that are no objects or lists, and texts that are none."""
     traversal = models.Traversal
-    columns = select(traversal.name, traversal.config, traversal.versions, traversal.timings, traversal.warnings)
-    for name, *documents, warnings in connection.execute(columns.order_by(traversal.number)):
-        if not _is_list_of_texts(_json(warnings)):
-            yield Problem("traversal", name, "has warnings that are no JSON list of texts")
-        for column, document in zip(("config", "versions", "timings"), documents, strict=True):
-            if document is not None and not isinstance(_json(document), dict):
-                yield Problem("traversal", name, f"has a {column} that is no JSON object")
+    columns = select(
+        *(traversal.name, traversal.recording, traversal.config, traversal.versions, traversal.timings),
+        traversal.warnings,
+    )
+    for row in connection.execute(columns.order_by(traversal.number)):
+        yield from _of_row("traversal", row.name, lambda row=row: _problems_of_traversal(row))  # type: ignore[misc]
+
+
+def _problems_of_traversal(row: Any) -> Iterator[Problem]:
+    yield from _text_problems("traversal", row.name, name=row.name, recording=row.recording)
+    if not _is_list_of_texts(_json(row.warnings)):
+        yield Problem("traversal", row.name, "has warnings that are no JSON list of texts")
+    for column in ("config", "versions", "timings"):
+        document = getattr(row, column)
+        if document is not None and not isinstance(_json(document), dict):
+            yield Problem("traversal", row.name, f"has a {column} that is no JSON object")
+
+
+def _text_problems(table: str, row: object, **texts: object) -> Iterator[Problem]:
+    """Texts with NUL, with control characters, or that are no UTF-8."""
+    for column, value in texts.items():
+        if not isinstance(value, str) or clean_text(value) != value:
+            yield Problem(table, printable(str(row)), f"has a {column} that holds control characters or is no text")
 
 
 def _keyframe_problems(connection: Connection) -> Iterator[Problem]:
     """Keyframes with a damaged camera, or a depth image that does not have one pixel for every `depth_step` pixels."""
     keyframe = models.Keyframe
-    statement = select(keyframe.id, keyframe.camera, keyframe.depth_step, keyframe.depth_png).order_by(keyframe.id)
-    for row in connection.execute(statement.execution_options(yield_per=_ROWS // 10)):
-        camera = shape = None
-        try:
-            camera = camera_from_json(row.camera)
-        except CalibrationError as error:
-            yield Problem("keyframe", str(row.id), f"has a camera that is none: {error.what}")
-        try:
-            shape = depth_shape(row.depth_png)
-        except MemoryStoreError as error:
-            yield Problem("keyframe", str(row.id), f"has a depth_png that {error.what}")
-        if camera is not None and shape is not None:
-            expected = (-(-camera.height // row.depth_step), -(-camera.width // row.depth_step))
-            if shape != expected:
-                yield Problem("keyframe", str(row.id), f"has a depth_png of {shape}, not {expected} pixels (h, w)")
+    statement = select(keyframe.id, keyframe.camera, keyframe.camera_id, keyframe.depth_step, keyframe.depth_png)
+    found = connection.execute(statement.order_by(keyframe.id).execution_options(yield_per=_ROWS // 10))
+    for row in found:
+        yield from _of_row("keyframe", row.id, lambda row=row: _problems_of_keyframe(row))  # type: ignore[misc]
+
+
+def _problems_of_keyframe(row: Any) -> Iterator[Problem]:
+    camera = shape = None
+    yield from _text_problems("keyframe", row.id, camera_id=row.camera_id)
+    try:
+        camera = camera_from_json(row.camera)
+    except CalibrationError as error:
+        yield Problem("keyframe", str(row.id), f"has a camera that is none: {error.what}")
+    try:
+        shape = depth_shape(row.depth_png)
+    except MemoryStoreError as error:
+        yield Problem("keyframe", str(row.id), f"has a depth_png that {error.what}")
+    if camera is not None and shape is not None:
+        expected = (-(-camera.height // row.depth_step), -(-camera.width // row.depth_step))
+        if shape != expected:
+            yield Problem("keyframe", str(row.id), f"has a depth_png of {shape}, not {expected} pixels (h, w)")
+
+
+def _observation_problems(connection: Connection) -> Iterator[Problem]:
+    """Observations whose label is no text, or whose hypotheses are no list."""
+    observation = models.Observation
+    statement = select(observation.id, observation.label, observation.hypotheses).order_by(observation.id)
+    for row in connection.execute(statement.execution_options(yield_per=_ROWS)):
+        if clean_text(str(row.label)) != row.label:
+            yield from _text_problems("observation", row.id, label=row.label)
+        if not isinstance(_json(row.hypotheses), list):
+            yield Problem("observation", str(row.id), "has hypotheses that are no JSON list")
 
 
 def _instance_problems(connection: Connection) -> Iterator[Problem]:
@@ -104,22 +165,27 @@ def _instance_problems(connection: Connection) -> Iterator[Problem]:
         *(instance.id, instance.label, instance.merged_into, instance.label_belief, instance.engine_state),
         *(instance.voxels, instance.embedding),
     ).order_by(instance.number)
-    for row in connection.execute(statement.execution_options(yield_per=_ROWS)):
-        if not _TEXT_ID.fullmatch(row.id):
-            yield Problem("instance", row.id, "has an id that is no label and number")
-        belief = _json(row.label_belief)
-        if not _is_belief(belief):
-            yield Problem("instance", row.id, "has a label belief that is no shares that sum to 1")
-        elif row.label not in belief:
-            yield Problem("instance", row.id, "has a label that its label belief does not know")
-        try:
-            if row.merged_into is None:
-                EngineState.of(_json(row.engine_state))
-            blobs.decode_voxels(row.voxels)
-            if row.embedding is not None:
-                blobs.decode_embedding(row.embedding)
-        except MemoryStoreError as error:
-            yield Problem("instance", row.id, error.what)
+    for row in connection.execute(statement.execution_options(yield_per=_ROWS // 10)):
+        yield from _of_row("instance", row.id, lambda row=row: _problems_of_instance(row))  # type: ignore[misc]
+
+
+def _problems_of_instance(row: Any) -> Iterator[Problem]:
+    if not _TEXT_ID.fullmatch(row.id):
+        yield Problem("instance", row.id, "has an id that is no label and number")
+    yield from _text_problems("instance", row.id, label=row.label)
+    belief = _json(row.label_belief)
+    if not _is_belief(belief):
+        yield Problem("instance", row.id, "has a label belief that is no shares that sum to 1")
+    elif row.label not in belief:
+        yield Problem("instance", row.id, "has a label that its label belief does not know")
+    try:
+        if row.merged_into is None:
+            EngineState.of(_json(row.engine_state))
+        blobs.decode_voxels(row.voxels)
+        if row.embedding is not None:
+            blobs.decode_embedding(row.embedding)
+    except MemoryStoreError as error:
+        yield Problem("instance", row.id, error.what)
 
 
 def _is_list_of_texts(value: Any) -> bool:
@@ -137,7 +203,7 @@ def _json(document: str) -> Any:
     """The parsed document; `None` if it is no JSON."""
     try:
         return json.loads(document)
-    except ValueError:
+    except (ValueError, TypeError, RecursionError):
         return None
 
 
@@ -158,7 +224,7 @@ def _not_rigid(rows: Sequence[Any]) -> Iterator[int]:
     """The ids of rows with a broken transform. Rows are parsed together, and one by one only if that fails."""
     try:
         T = np.array(json.loads(f"[{','.join(row.transform for row in rows)}]"), np.float64).reshape(len(rows), 4, 4)
-    except (ValueError, TypeError):
+    except (ValueError, TypeError, OverflowError, RecursionError):
         if len(rows) == 1:
             yield rows[0].id
         else:

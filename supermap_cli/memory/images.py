@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import json
 from collections import defaultdict
 from collections.abc import Collection
 from dataclasses import dataclass
 
-import numpy as np
 from sqlalchemy import select
 
 from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.memory.numbers import batches
 from supermap_cli.memory.reading import MapReader
+from supermap_cli.memory.stored_values import parsed_transform
 from supermap_cli.types.sensing import MAIN_CAMERA
 from supermap_schema import models
 
@@ -92,7 +91,7 @@ def thumbnails_of(reader: MapReader, stamps_ns: Collection[int]) -> dict[int, li
             keyframe.camera_id,
         ).where(keyframe.stamp_ns.in_(batch), keyframe.thumbnail_jpeg.is_not(None))
         for row in reader.connection.execute(statement.order_by(keyframe.id)):
-            pose = np.array(json.loads(row.T_map_camera), np.float64).reshape(4, 4)
+            pose = parsed_transform(row.T_map_camera, f"the camera of keyframe {row.id}")
             image = Thumbnail(row.id, row.stamp_ns, row.thumbnail_jpeg, row.camera, pose, row.camera_id)
             images[row.stamp_ns].append(image)
     return images

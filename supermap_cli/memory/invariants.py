@@ -310,7 +310,7 @@ def _finite() -> Iterator[Invariant]:
     for table in models.Base.metadata.sorted_tables:
         reals = [column.name for column in table.columns if isinstance(column.type, Double)]
         if reals:
-            infinite = " OR ".join(f"NOT {name} BETWEEN -1e308 AND 1e308" for name in reals)
+            infinite = " OR ".join(f"NOT {name} BETWEEN -1e15 AND 1e15" for name in reals)
             row = "id" if "id" in table.columns else "number"
             yield Invariant(
                 table.name, "holds a number that is not finite", f"SELECT {row} FROM {table.name} WHERE {infinite}"

@@ -5,7 +5,6 @@ Traversals, keyframes and observations are copied as rows, a chunk at a time; ev
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -19,6 +18,7 @@ from supermap_cli.geometry.se3 import transform_points
 from supermap_cli.memory.databases import dialect_of
 from supermap_cli.memory.rollback import drop_before_images
 from supermap_cli.memory.rows import to_json
+from supermap_cli.memory.stored_values import parsed_object, parsed_transform
 from supermap_cli.memory.writing import measure_moves, write_delta
 from supermap_cli.types.memory import MapDelta
 from supermap_schema.models import Base
@@ -76,7 +76,9 @@ def _copy_traversals(target: Connection, source: Connection, imported: MapImport
         other_id = values.pop("id")
         if other_id not in imported.names:
             raise MemoryStoreError("a build began meanwhile", where=imported.origin, cure="merge when it has ended")
-        config = json.loads(values["config"]) | {"merged_from": {"database": imported.origin, "traversal": row.name}}
+        config = parsed_object(values["config"], "the configuration of a traversal") | {
+            "merged_from": {"database": imported.origin, "traversal": row.name}
+        }
         values |= {
             "number": number,
             "name": imported.names[other_id],
@@ -148,7 +150,7 @@ def _parts(delta: MapDelta) -> Iterator[MapDelta]:
 
 
 def _transformed(T_map_other: FloatArray, transform: str) -> str:
-    return to_json((T_map_other @ np.array(json.loads(transform), np.float64)).tolist())
+    return to_json((T_map_other @ parsed_transform(transform, "a pose of the other map")).tolist())
 
 
 def _shifted(stamp_ns: int | None, shift_ns: int) -> int | None:

@@ -13,6 +13,15 @@ def label_slug(label: str) -> str:
     return "-".join(re.findall(r"[^\W_]+", label.lower())) or "object"
 
 
+_NO_TEXT = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\ud800-\udfff]")
+"""Control characters but tab and line ends, and what stands for bytes that are no UTF-8."""
+
+
+def clean_text(text: str) -> str:
+    """A text as it enters the map: valid UTF-8 without NUL and control characters, which become U+FFFD."""
+    return _NO_TEXT.sub("\ufffd", text)
+
+
 class InstanceIds:
     """Assigns text ids: the label of an instance when it is first written, and a counter for each label."""
 

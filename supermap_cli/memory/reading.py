@@ -6,7 +6,6 @@ A map may hold a hundred thousand instances, so that queries read by number, by 
 
 from __future__ import annotations
 
-import json
 from collections import defaultdict
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from functools import cached_property
@@ -21,6 +20,7 @@ from supermap_cli.memory.databases import Database
 from supermap_cli.memory.instance_search import InstanceSearch
 from supermap_cli.memory.numbers import BATCH, batches
 from supermap_cli.memory.presence_query import PresenceQuery
+from supermap_cli.memory.stored_values import parsed_transform
 from supermap_cli.memory.values import ObservationRef, ScoredObservation, StoredInstance, StoredTraversal, StoredVisit
 from supermap_cli.types.memory import SpatialEdge, StateRecord, TemporalEdge, VoxelCloud
 from supermap_schema import models
@@ -225,7 +225,7 @@ class MapReader:
         for batch in batches(sorted(keyframe_ids)):
             statement = select(keyframe.id, keyframe.T_map_camera).where(keyframe.id.in_(batch))
             for row in self.connection.execute(statement):
-                positions[row.id] = np.array(json.loads(row.T_map_camera), np.float64).reshape(4, 4)[:3, 3]
+                positions[row.id] = parsed_transform(row.T_map_camera, f"the camera of keyframe {row.id}")[:3, 3]
         return positions
 
     def scored_observations(self, instance: StoredInstance) -> tuple[ScoredObservation, ...]:
@@ -285,7 +285,7 @@ class MapReader:
             .order_by(models.Keyframe.stamp_ns, models.Keyframe.id)
         )
         found = {row.stamp_ns: row.T_map_base for row in self.connection.execute(statement)}
-        poses = [json.loads(T_map_base) for T_map_base in found.values()]
+        poses = [parsed_transform(T_map_base, f"the pose at {stamp_ns}") for stamp_ns, T_map_base in found.items()]
         return np.array(list(found), np.int64), np.array(poses, np.float64).reshape(-1, 4, 4)
 
     def keyframe_cameras(self, traversal_id: int) -> list[tuple[int, str]]:

@@ -6,11 +6,17 @@ import json
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.geometry.boxes import Box3D
 from supermap_cli.memory import blobs
+from supermap_cli.memory.names import clean_text
+from supermap_cli.memory.stored_values import (
+    finite,
+    parsed_object,
+    parsed_shares,
+    parsed_texts,
+    parsed_transform,
+)
 from supermap_cli.memory.values import ObservationRef, StoredInstance, StoredTraversal, StoredVisit, TraversalStart
 from supermap_cli.types.memory import (
     InstanceRecord,
@@ -37,11 +43,7 @@ INSTANCE_WITHOUT_GEOMETRY = tuple(
 
 def to_json(value: object) -> str:
     """Compact JSON. Raises `ValueError` for NaN and infinity."""
-    return json.dumps(value, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
-
-
-def _transform(text: str) -> FloatArray:
-    return np.array(json.loads(text), dtype=np.float64)
+    return clean_text(json.dumps(value, ensure_ascii=False, allow_nan=False, separators=(",", ":")))
 
 
 def _place_values(centroid_map: FloatArray, box: Box3D) -> Values:
@@ -62,21 +64,26 @@ def _place_values(centroid_map: FloatArray, box: Box3D) -> Values:
     }
 
 
+def _real(value: object, what: str) -> float:
+    return float(finite((value,), what)[0])
+
+
 def _centroid(row: Row) -> FloatArray:
-    return np.array([row.x, row.y, row.z], dtype=np.float64)
+    return finite((row.x, row.y, row.z), "a position")
 
 
 def _box(row: Row) -> Box3D:
-    center = np.array([row.center_x, row.center_y, row.center_z], dtype=np.float64)
-    return Box3D(center, np.array([row.size_x, row.size_y, row.size_z], dtype=np.float64), row.yaw)
+    center, size = (row.center_x, row.center_y, row.center_z), (row.size_x, row.size_y, row.size_z)
+    numbers = finite((*center, *size, row.yaw), "a box")
+    return Box3D(numbers[:3], numbers[3:6], float(row.yaw))
 
 
 def traversal_values(start: TraversalStart, number: int, name: str) -> Values:
     """The row of a new traversal."""
     return {
         "number": number,
-        "name": name,
-        "recording": start.recording,
+        "name": clean_text(name),
+        "recording": clean_text(start.recording),
         "fingerprint": start.fingerprint,
         "start_ns": int(start.start_ns),
         "end_ns": int(start.end_ns),
@@ -86,6 +93,10 @@ def traversal_values(start: TraversalStart, number: int, name: str) -> Values:
         "status": "building",
         "clock_shift_ns": int(start.clock_shift_ns),
     }
+
+
+def _timings(text: str | None) -> dict[str, float]:
+    return {} if text in {None, "", "{}"} else parsed_shares(text, "the timings of a traversal")
 
 
 def stored_traversal(row: Row) -> StoredTraversal:
@@ -98,19 +109,19 @@ def stored_traversal(row: Row) -> StoredTraversal:
         fingerprint=row.fingerprint,
         start_ns=row.start_ns,
         end_ns=row.end_ns,
-        T_map_odom=_transform(row.T_map_odom),
-        config=json.loads(row.config),
-        versions=json.loads(row.versions),
+        T_map_odom=parsed_transform(row.T_map_odom, "the pose of a traversal"),
+        config=parsed_object(row.config, "the configuration of a traversal"),
+        versions=parsed_object(row.versions, "the versions of a traversal"),
         status=row.status,
         mapped_ns=row.mapped_ns,
-        timings=json.loads(row.timings or "{}"),
+        timings=_timings(row.timings),
         keyframes=row.keyframes,
         clock_shift_ns=row.clock_shift_ns,
         crops_kept_from_ns=row.crops_kept_from_ns,
         observations_kept_from_ns=row.observations_kept_from_ns,
         thumbnails_kept_from_ns=row.thumbnails_kept_from_ns,
         observations=row.observations,
-        warnings=tuple(json.loads(row.warnings)),
+        warnings=parsed_texts(row.warnings, "the warnings of a traversal"),
     )
 
 
@@ -126,7 +137,7 @@ def keyframe_values(keyframe: KeyframeRecord, traversal_id: int) -> Values:
         "depth_step": int(keyframe.depth_step),
         "depth_png": keyframe.depth_png,
         "thumbnail_jpeg": keyframe.thumbnail_jpeg,
-        "camera_id": keyframe.camera_id,
+        "camera_id": clean_text(keyframe.camera_id),
     }
 
 
@@ -134,8 +145,8 @@ def keyframe_record(row: Row) -> KeyframeRecord:
     """A keyframe from its row, without its thumbnail."""
     return KeyframeRecord(
         stamp_ns=row.stamp_ns,
-        T_map_base=_transform(row.T_map_base),
-        T_map_camera=_transform(row.T_map_camera),
+        T_map_base=parsed_transform(row.T_map_base, "the pose of a keyframe"),
+        T_map_camera=parsed_transform(row.T_map_camera, "the camera of a keyframe"),
         camera=row.camera,
         depth_png=row.depth_png,
         depth_step=row.depth_step,
@@ -150,7 +161,7 @@ def instance_values(record: InstanceRecord, traversal_id: int, text_id: str) -> 
     return {
         "number": int(record.number),
         "id": text_id,
-        "label": record.label,
+        "label": clean_text(record.label),
         "presence": record.presence,
         "existence_log_odds": float(record.existence_log_odds),
         "first_seen_ns": int(record.first_seen_ns),
@@ -159,7 +170,7 @@ def instance_values(record: InstanceRecord, traversal_id: int, text_id: str) -> 
         "observations": int(record.observations),
         "merged_into": None if record.merged_into is None else int(record.merged_into),
         "traversal_id": traversal_id,
-        "label_belief": to_json({label: float(share) for label, share in record.label_belief.items()}),
+        "label_belief": to_json({clean_text(label): float(share) for label, share in record.label_belief.items()}),
         "engine_state": to_json(record.engine_state),
         "voxels": blobs.encode_voxels(record.voxels),
         "embedding": None if record.embedding is None else blobs.encode_embedding(record.embedding),
@@ -171,8 +182,8 @@ def instance_record(row: Row) -> InstanceRecord:
     return InstanceRecord(
         number=row.number,
         label=row.label,
-        label_belief=json.loads(row.label_belief),
-        existence_log_odds=row.existence_log_odds,
+        label_belief=parsed_shares(row.label_belief, f"the label belief of instance {row.number}"),
+        existence_log_odds=_real(row.existence_log_odds, "an existence"),
         presence=row.presence,
         first_seen_ns=row.first_seen_ns,
         last_seen_ns=row.last_seen_ns,
@@ -182,7 +193,7 @@ def instance_record(row: Row) -> InstanceRecord:
         observations=row.observations,
         embedding=None if row.embedding is None else blobs.decode_embedding(row.embedding),
         merged_into=row.merged_into,
-        engine_state=json.loads(row.engine_state),
+        engine_state=parsed_object(row.engine_state, f"the state of instance {row.number}"),
     )
 
 
@@ -194,9 +205,9 @@ def stored_instance(
         number=row.number,
         id=row.id,
         label=row.label,
-        label_belief=json.loads(row.label_belief),
+        label_belief=parsed_shares(row.label_belief, f"the label belief of instance {row.number}"),
         presence=row.presence,
-        existence_log_odds=row.existence_log_odds,
+        existence_log_odds=_real(row.existence_log_odds, "an existence"),
         first_seen_ns=row.first_seen_ns,
         last_seen_ns=row.last_seen_ns,
         centroid_map=_centroid(row),
@@ -217,7 +228,7 @@ def observation_values(observation: Observation, keyframe_id: int) -> Values:
         "keyframe_id": keyframe_id,
         "instance_number": int(observation.object_number),
         "track_id": int(observation.track_id),
-        "label": observation.hypotheses[0].label,
+        "label": clean_text(observation.hypotheses[0].label),
         "score": float(observation.score),
         "u_min": u_min,
         "v_min": v_min,
@@ -228,7 +239,9 @@ def observation_values(observation: Observation, keyframe_id: int) -> Values:
         "z": z,
         "evidence_for": int(observation.evidence_for),
         "evidence_against": int(observation.evidence_against),
-        "hypotheses": to_json([[hypothesis.label, float(hypothesis.score)] for hypothesis in observation.hypotheses]),
+        "hypotheses": to_json(
+            [[clean_text(hypothesis.label), float(hypothesis.score)] for hypothesis in observation.hypotheses]
+        ),
         "crop_jpeg": observation.crop_jpeg,
     }
 
@@ -242,7 +255,7 @@ def observation_ref(row: Row, survivors: Mapping[int, int]) -> ObservationRef:
         stamp_ns=row.stamp_ns,
         instance_number=survivors.get(row.instance_number, row.instance_number),
         label=row.label,
-        score=row.score,
+        score=_real(row.score, "a score"),
         evidence_for=row.evidence_for,
         evidence_against=row.evidence_against,
         centroid_map=_centroid(row),
@@ -258,7 +271,7 @@ def state_values(state: StateRecord, traversal_id: int) -> Values:
         "last_seen_ns": int(state.last_seen_ns),
         "gone_ns": None if state.gone_ns is None else int(state.gone_ns),
         "empty_before_ns": None if state.empty_before_ns is None else int(state.empty_before_ns),
-        "label": state.label,
+        "label": clean_text(state.label),
         "confidence": float(state.confidence),
         **_place_values(state.centroid_map, state.box),
         "traversal_id": traversal_id,
@@ -277,7 +290,7 @@ def state_record(row: Row) -> StateRecord:
         centroid_map=_centroid(row),
         box=_box(row),
         label=row.label,
-        confidence=row.confidence,
+        confidence=_real(row.confidence, "a confidence"),
     )
 
 
@@ -338,7 +351,14 @@ def spatial_edge_values(edge: SpatialEdge, traversal_id: int) -> Values:
 
 def spatial_edge(row: Row) -> SpatialEdge:
     """A spatial edge from its row."""
-    return SpatialEdge(row.subject_number, row.relation, row.object_number, row.since_ns, row.until_ns, row.confidence)
+    return SpatialEdge(
+        row.subject_number,
+        row.relation,
+        row.object_number,
+        row.since_ns,
+        row.until_ns,
+        _real(row.confidence, "a confidence"),
+    )
 
 
 def temporal_edge_values(edge: TemporalEdge, traversal_id: int) -> Values:
@@ -367,6 +387,6 @@ def temporal_edge(row: Row) -> TemporalEdge:
         to_state=row.to_state,
         not_before_ns=row.not_before_ns,
         not_after_ns=row.not_after_ns,
-        probability=row.probability,
-        distance_m=row.distance_m,
+        probability=_real(row.probability, "a probability"),
+        distance_m=None if row.distance_m is None else _real(row.distance_m, "a distance"),
     )

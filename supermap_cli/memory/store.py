@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Collection, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 from sqlalchemy import Connection, Engine, Row, Select, delete, func, insert, select, update
@@ -25,7 +25,9 @@ from supermap_cli.memory.pruning import (
     prune_thumbnails,
 )
 from supermap_cli.memory.reading import MapReader, select_traversals
+from supermap_cli.memory.repairing import repair
 from supermap_cli.memory.rollback import drop_before_images, roll_back
+from supermap_cli.memory.stored_values import damaged, parsed_object
 from supermap_cli.memory.values import Checkpoint, StoredTraversal, TraversalStart
 from supermap_cli.memory.writing import measure_moves, write_checkpoint, write_delta
 from supermap_cli.types.memory import InstanceRecord, KeyframeRecord, MapDelta, SpatialEdge, StateRecord, Visit
@@ -59,6 +61,11 @@ class MapStore:
     def identity(self) -> str:
         """Equal for equal maps, however their path or URL is written."""
         return self._database.identity
+
+    @property
+    def file(self) -> Path | None:
+        """The file of an SQLite map; `None` for a map on a server."""
+        return self._database.file
 
     def __enter__(self) -> Self:
         return self
@@ -175,7 +182,7 @@ class MapStore:
                 changes["end_ns"] = int(end_ns)
             if learnt:
                 configured = select(models.Traversal.config).where(models.Traversal.id == traversal_id)
-                config = json.loads(connection.execute(configured).scalar_one())
+                config = parsed_object(connection.execute(configured).scalar_one(), "the configuration of a traversal")
                 changes["config"] = rows.to_json({**config, **learnt})
             _update_traversal(connection, traversal_id, **changes)
         self._database.release_free_pages()  # checkpoints are large
@@ -203,11 +210,35 @@ class MapStore:
         """Remove the database if this store created it and it has no complete traversal; returns whether it did."""
         if not self._created or any(traversal.status == "complete" for traversal in self.traversals()):
             return False
+        self.check_place()
         if self._engine is not None:
             self._engine.dispose()
         self._engine, self._created = None, False
         self._database.remove()
         return True
+
+    def check_place(self) -> None:
+        """Raise `MemoryStoreError` if the map was removed, moved or replaced since it was opened for writing."""
+        if self._lock is not None:
+            self._lock.check_place()
+
+    def remove(self, is_known: Callable[[StoredTraversal], object]) -> None:
+        """Remove the map and its files, if it holds no other traversals than those known.
+
+        Raises `MemoryStoreError` otherwise.
+        """
+        others = [traversal.name for traversal in self.traversals() if not is_known(traversal)]
+        if others or self._lock is None:
+            raise MemoryStoreError(
+                f"this map holds more than would be built anew: {', '.join(others[:3])}",
+                where=self.where,
+                cure="name another folder, or move the map away",
+            )
+        if self._engine is not None:
+            self.check_place()
+            self._engine.dispose()
+            self._engine = None
+            self._database.remove()
 
     # What mapping continues from
 
@@ -342,14 +373,24 @@ class MapStore:
         with self._translated():
             self._database.vacuum(self._engine)
 
+    def repair(self) -> tuple[str, ...]:
+        """Make what follows from other rows anew, in one transaction; returns in words what was done."""
+        with self._writing() as connection:
+            return repair(connection)
+
     # Sessions
 
     @contextmanager
     def _reading(self) -> Iterator[Connection]:
         if self._engine is None:
             raise MemoryStoreError("there is no map database", where=self.where, cure="run `supermap build`")
-        with self._translated(), self._engine.connect() as connection, connection.begin():
-            yield connection
+        with self._translated(), self._engine.connect() as connection:
+            transaction = connection.begin()
+            try:
+                yield connection
+            finally:
+                with suppress(DatabaseError):  # a damaged file may refuse even that
+                    transaction.rollback()
 
     @contextmanager
     def _writing(self) -> Iterator[Connection]:
@@ -362,6 +403,7 @@ class MapStore:
         ):
             self._lock.check(connection)
             yield connection
+            self._lock.check_place()
 
     @contextmanager
     def _translated(self) -> Iterator[None]:
@@ -370,6 +412,8 @@ class MapStore:
             yield
         except IntegrityError:
             raise
+        except UnicodeDecodeError as error:  # SQLite's own message quotes the damaged file
+            raise damaged(f"what it holds is no text: {error.reason}", self.where) from error
         except DatabaseError as error:
             raise self._database.failure(error) from error
 

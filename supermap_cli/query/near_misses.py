@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import heapq
-import json
 from collections import defaultdict
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -13,6 +12,7 @@ from itertools import chain
 from supermap_cli.geometry.boxes import Reach
 from supermap_cli.memory.numbers import batches
 from supermap_cli.memory.reading import MapReader
+from supermap_cli.memory.stored_values import parsed_shares
 from supermap_cli.memory.values import StoredInstance
 from supermap_cli.query.candidates import BATCH_SIZE, CandidateSource, InstanceCandidate, LabelCandidates
 from supermap_cli.query.relations import box_distance_m
@@ -135,7 +135,7 @@ def maybe_labelled(reader: MapReader, noun: str) -> list[tuple[StoredInstance, s
     doubtful = [
         (-share, number, at, label)
         for number, belief in reader.search.label_beliefs(vocabulary.forms_of(names))
-        for at, (label, share) in enumerate(json.loads(belief).items())
+        for at, (label, share) in enumerate(parsed_shares(belief, f"the label belief of instance {number}").items())
         if share >= MIN_LABEL_PROBABILITY and vocabulary.normalise(label) in names
     ]
     reasons = [

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import heapq
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -16,19 +16,30 @@ from supermap_cli.protocols import SensorMessage
 from supermap_cli.recordings import messages
 from supermap_cli.recordings.camera_frames import CameraFrames, ImageTimes
 from supermap_cli.recordings.clock_faults import REORDER_NS
-from supermap_cli.recordings.detection_messages import DetectionArrival, join_masks, read_detections
+from supermap_cli.recordings.decoding import MessageError
+from supermap_cli.recordings.detection_messages import DetectionArrival, join_masks
+from supermap_cli.recordings.detection_readers import read_detections
+from supermap_cli.recordings.detection_stamps import DetectionStamps, find_stamps, unjoined
 from supermap_cli.recordings.fingerprint import content_fingerprint, window_fingerprint
 from supermap_cli.recordings.images import decode_numbers
+from supermap_cli.recordings.limits import Limits
 from supermap_cli.recordings.opening import MARGIN_NS, OpenedCamera, OpenedRecording, no_poses
 from supermap_cli.recordings.pointclouds import read_points
 from supermap_cli.recordings.poses import recorded_poses
-from supermap_cli.recordings.probing import Topic
 from supermap_cli.recordings.storage import RawMessage
+from supermap_cli.recordings.survey import Topic
+from supermap_cli.recordings.topics import shows_a_camera
 from supermap_cli.types.detections import Detections
 from supermap_cli.types.sensing import CameraFrame, ImuSample, StampedPose, Sweep
 
 _LATE_NS = 5_000_000_000
 """ns of log time by which detections and masks may come later than their image's stamp: a slow detector on a robot."""
+
+_SILENCE_NS = 30_000_000_000
+"""ns before the first and after the last message of a sensor that still belong to a recording."""
+
+_MOST_BROKEN = 50
+"""Sweeps that may be broken before the first sound one; with more the topic is not what it says."""
 
 Stamped = TypeVar("Stamped", StampedPose, Sweep, ImuSample)
 
@@ -70,6 +81,7 @@ class BagRecording:
             raise ValueError("a recording without problems has a camera")
         self._opened = opened
         times = ImageTimes(opened)
+        self._stamps: dict[str, DetectionStamps] = {}
         self._frames = {camera.camera_id: CameraFrames(opened, camera, times) for camera in opened.cameras}
 
     @property
@@ -89,10 +101,27 @@ class BagRecording:
 
     @cached_property
     def _span_ns(self) -> tuple[int, int]:
-        """The window and all its images. Its open sides are times of recording, which stamps lie before or beyond."""
+        """The window and all its images. Its open sides are times of recording, which stamps lie before or beyond; what
+        was added when all sensors were long silent (results, latched messages) is no part of it.
+        """
         window, stamps_ns = self._opened.window, [self.frame_stamps_ns(camera_id) for camera_id in self.cameras]
         first_ns, last_ns = min(int(stamps[0]) for stamps in stamps_ns), max(int(stamps[-1]) for stamps in stamps_ns)
-        return min(window.start_ns, first_ns), max(window.end_ns, last_ns)
+        sensed_ns = self._sensed_ns()
+        start_ns, end_ns = max(window.start_ns, sensed_ns[0]), min(window.end_ns, sensed_ns[1])
+        return min(start_ns, first_ns), max(end_ns, last_ns)
+
+    def _sensed_ns(self) -> tuple[int, int]:
+        """Between which sensor times images, clouds and IMU were recorded; open where that is about the whole."""
+        opened = self._opened
+        roles = ("color", "depth", "lidar", "imu")
+        topics = {choice.topic.name for role, choice in opened.plan.choices.items() if role.partition(".")[0] in roles}
+        first_ns, last_ns = opened.storage.start_ns, opened.storage.end_ns
+        sensed_ns = [-(1 << 62), 1 << 62]
+        if next(iter(opened.storage.messages(topics, None, first_ns + _SILENCE_NS)), None) is None:
+            sensed_ns[0] = min(time for _, time in opened.storage.log_times(topics)) + opened.window.offset_ns
+        if next(iter(opened.storage.messages(topics, last_ns - _SILENCE_NS, None)), None) is None:
+            sensed_ns[1] = max(time for _, time in opened.storage.log_times(topics)) + opened.window.offset_ns
+        return sensed_ns[0], sensed_ns[1]
 
     @cached_property
     def _cameras(self) -> tuple[OpenedCamera, ...]:
@@ -171,7 +200,7 @@ class BagRecording:
     def poses(self) -> Iterator[StampedPose]:
         """The recorded odometry, `T_odom_base`. Raises `RecordingError` where there is none, or none that is finite."""
         if self._opened.pose_source is None:
-            raise no_poses(str(self.path))
+            raise self._opened.motion_problem or no_poses(str(self.path))
         return in_order(recorded_poses(self._opened, self._opened.pose_source), self._note_late("poses"))
 
     def sweeps(self) -> Iterator[Sweep]:
@@ -191,6 +220,7 @@ class BagRecording:
         if topic is None:
             return np.zeros(0, np.int64)
         stamps = {stamp_ns for stamp_ns, _ in self._of_camera(camera, [topic.name])}
+        self._check_joined(camera, topic)
         return np.array(sorted(stamps), np.int64)
 
     def detections(self, camera_id: str | None = None) -> Iterator[Detections]:
@@ -220,25 +250,36 @@ class BagRecording:
     def _sweeps(self, lidar: Topic) -> Iterator[Sweep]:
         opened = self._opened
         transforms = opened.transforms(opened.base_frame, {lidar.frame_id})
-        left_out = 0
+        left_out, broken, sound, shift_ns = 0, 0, 0, opened.shift_ns(lidar.name)
         for raw in self._messages([lidar.name], MARGIN_NS):
             place = opened.place(lidar.name, raw.log_ns + opened.window.offset_ns)
             try:
                 read = read_points(raw, opened.decoder)
-            except ValueError as error:
-                raise RecordingError(
-                    str(error), where=place, cure="name another LiDAR topic with --topic lidar=/..."
-                ) from error
+            except MessageError as error:
+                broken += 1
+                opened.decoder.leave_out(raw, error)
+                if broken > _MOST_BROKEN and not sound:
+                    raise RecordingError(
+                        f"none of the first {broken} LiDAR sweeps can be read: {error.what}",
+                        where=place,
+                        cure="name another LiDAR topic with --topic lidar=/...",
+                    ) from error
+                continue
+            sound += 1
+            if not len(read.points):
+                continue
             if read.foreign_clock:
                 opened.notes.note("clock of points", f"{place}: point times are of another clock, taken as relative")
-            T_base_lidar = transforms.lookup(opened.base_frame, lidar.frame_id, read.stamp_ns)
+            stamp_ns = read.stamp_ns + shift_ns
+            T_base_lidar = transforms.lookup(opened.base_frame, lidar.frame_id, stamp_ns)
             if T_base_lidar is None:
                 left_out += 1
                 opened.notes.note(
                     "sweeps", f"{place}: TF does not place {lidar.frame_id!r}; {left_out} sweep(s) left out"
                 )
-            elif opened.window.holds(read.stamp_ns, MARGIN_NS):
-                yield Sweep(read.stamp_ns, read.frame_id, read.points, read.point_stamps_ns, T_base_lidar)
+            elif opened.window.holds(stamp_ns, MARGIN_NS):
+                point_stamps_ns = None if read.point_stamps_ns is None else read.point_stamps_ns + shift_ns
+                yield Sweep(stamp_ns, read.frame_id, read.points, point_stamps_ns, T_base_lidar)
 
     def _imu_topic(self) -> Topic | None:
         """The IMU, if TF says how it is turned against the base."""
@@ -259,30 +300,63 @@ class BagRecording:
     def _imu(self, topic: Topic) -> Iterator[ImuSample]:
         opened = self._opened
         transforms = opened.transforms(opened.base_frame, {topic.frame_id})
-        for raw in self._messages([topic.name], MARGIN_NS):
-            sample = messages.read_imu(opened.decoder.decode(raw), raw.log_ns)
-            T_base_imu = transforms.lookup(opened.base_frame, topic.frame_id, sample.stamp_ns)
+        for _, sample in opened.decoder.each(self._messages([topic.name], MARGIN_NS), messages.read_imu):
+            stamp_ns = sample.stamp_ns + opened.shift_ns(topic.name)
+            T_base_imu = transforms.lookup(opened.base_frame, topic.frame_id, stamp_ns)
             finite = np.isfinite(sample.angular_rate).all() and np.isfinite(sample.specific_force).all()
-            if T_base_imu is not None and finite and opened.window.holds(sample.stamp_ns, MARGIN_NS):
-                yield ImuSample(sample.stamp_ns, sample.angular_rate, sample.specific_force, T_base_imu)
+            if T_base_imu is not None and finite and opened.window.holds(stamp_ns, MARGIN_NS):
+                yield ImuSample(stamp_ns, sample.angular_rate, sample.specific_force, T_base_imu)
+
+    def _detection_stamps(self, camera: OpenedCamera) -> DetectionStamps:
+        """By what a camera's detections belong to its images."""
+        found = self._stamps.get(camera.camera_id)
+        if found is None:
+            opened, topic = self._opened, camera.plan.topic("detections")
+            raws = iter(()) if topic is None else self._messages([topic.name], _LATE_NS)
+            tolerance_ns = round(opened.request.detection_tolerance_s * 1e9)
+            images_ns = self._frames[camera.camera_id].image_stamps_ns()
+            shift_ns = 0 if topic is None else opened.shift_ns(topic.name)
+            found = self._stamps[camera.camera_id] = find_stamps(
+                raws, images_ns, tolerance_ns, opened.decoder, shift_ns
+            )
+            if found.own and topic is not None:
+                opened.notes.note(
+                    f"stamps {topic.name}",
+                    f"{self.path}, {topic.name}: the arrays have not the stamps of images; those that their detections "
+                    "bear count",
+                )
+        return found
+
+    def _check_joined(self, camera: OpenedCamera, topic: Topic) -> None:
+        """Raise `RecordingError` where no detections of a camera belong to any of its images."""
+        stamps, decoder = self._detection_stamps(camera), self._opened.decoder
+        problem = unjoined(self._messages([topic.name], _LATE_NS), stamps, decoder, f"{self.path}, {topic.name}")
+        if problem is not None:
+            raise problem
 
     def _of_camera(self, camera: OpenedCamera, topics: Sequence[str]) -> Iterator[tuple[int, RawMessage]]:
-        """(stamp, message) of detections or masks in the window; of a topic that several cameras share those that bear
-        the camera's frame.
-        """
+        """(stamp, message) of detections or masks in the window, without those that bear another camera's frame."""
         opened = self._opened
-        others = {
-            other.plan.frame_id
-            for other in self._cameras
-            if not {choice.topic.name for choice in other.plan.choices.values()}.isdisjoint(topics)
-        } - {camera.plan.frame_id}
-        for raw in self._messages(topics, _LATE_NS):
-            stamp_ns = messages.peek_stamp_ns(raw, opened.decoder.decode)
+        others = self._frames_of_other_cameras(camera)
+        stamp_of = self._detection_stamps(camera).of
+        for stamp_ns, raw in opened.decoder.stamped(self._messages(topics, _LATE_NS), stamp_of):
             if not opened.window.holds(stamp_ns):
                 continue
-            if others and messages.header_of(opened.decoder.decode(raw), raw.log_ns)[1] in others:
+            if others and (header := opened.decoder.read(raw, messages.header_of)) and header[1] in others:
                 continue
             yield stamp_ns, raw
+
+    def _frames_of_other_cameras(self, camera: OpenedCamera) -> frozenset[str]:
+        """Frames of colour images that are not this camera's; where the user named the detections, only those of the
+        cameras that are mapped.
+        """
+        plan, named = camera.plan, camera.plan.choices.get("detections")
+        roles = ("color", "depth", "camera_info", "depth_camera_info")
+        own = {topic.frame_id for role in roles if (topic := plan.topic(role)) is not None}
+        frames = {other.plan.recorded_frame_id or other.plan.frame_id for other in self._cameras}
+        if named is not None and not named.named and plan.frame_id:
+            frames |= {topic.frame_id for topic in self._opened.topics if shows_a_camera(topic)}
+        return frozenset(frames - own - {plan.recorded_frame_id, plan.frame_id, ""})
 
     def _detection_arrivals(self, camera: OpenedCamera) -> Iterator[DetectionArrival]:
         opened = self._opened
@@ -291,17 +365,26 @@ class BagRecording:
             return
         names = [arrays.name] if masks is None else [arrays.name, masks.name]
         for stamp_ns, raw in self._of_camera(camera, names):
-            arrived_ns, message = raw.log_ns + opened.window.offset_ns, opened.decoder.decode(raw)
+            arrived_ns = raw.log_ns + opened.window.offset_ns
             if raw.channel.topic == arrays.name:
-                detections = read_detections(message, stamp_ns, camera.camera_id)
-                yield DetectionArrival(stamp_ns, arrived_ns, detections=detections)
+                reader = partial(
+                    _detections_of, stamp_ns=stamp_ns, camera_id=camera.camera_id, limits=opened.decoder.limits
+                )
+                if (detections := opened.decoder.read(raw, reader)) is not None:
+                    yield DetectionArrival(stamp_ns, arrived_ns, detections=detections)
+                continue
+            if (image := opened.decoder.read(raw, messages.read_image)) is None:
                 continue
             place = opened.place(raw.channel.topic, stamp_ns)
             try:
-                numbers = decode_numbers(messages.read_image(message, raw.log_ns))
+                numbers = decode_numbers(image, opened.decoder.limits)
             except ValueError as error:
                 opened.notes.note(f"masks {camera.camera_id}", f"{place}: {error}, left out")
                 continue
             except RecordingError as error:
                 raise RecordingError(error.what, where=place, cure=error.cure) from error
             yield DetectionArrival(stamp_ns, arrived_ns, numbers=numbers)
+
+
+def _detections_of(message: Any, _: int, *, stamp_ns: int, camera_id: str, limits: Limits) -> Detections:
+    return read_detections(message, stamp_ns, camera_id, limits)

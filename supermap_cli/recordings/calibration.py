@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
 from supermap_cli.errors import CalibrationError
+from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.geometry.cameras import Camera, EquirectangularCamera, FisheyeCamera, PinholeCamera
 from supermap_cli.recordings.messages import CalibrationMessage
 
@@ -24,6 +27,7 @@ def camera_from_calibration(
 ) -> Camera:
     """The camera of images of `image_size` (width, height); `rectified` images follow P and have no distortion.
 
+    Where K is zero and P is not, P counts, as in ROS's `image_geometry`: drivers of rectified images fill it alone.
     K is that of the full image: the region of interest moves the principal point, then binning divides all of it, as in
     ROS's `image_geometry`; an image that is still of another size (a scaled stream) scales it once more, if its
     aspect is the same. Raises `CalibrationError`; the caller adds the topic.
@@ -31,9 +35,11 @@ def camera_from_calibration(
     model = calibration.model.strip().lower()
     if model == "equirectangular":
         return EquirectangularCamera(*image_size)
-    matrix = calibration.P[:, :3] if rectified and calibration.P[0, 0] > 0 else calibration.K
+    only_p = not has_intrinsics(calibration.K)
+    rectified = rectified or only_p
+    matrix = calibration.P[:, :3] if only_p or (rectified and calibration.P[0, 0] > 0) else calibration.K
     fx, fy, cx, cy = (float(matrix[at]) for at in ((0, 0), (1, 1), (0, 2), (1, 2)))
-    if fx <= 0 or fy <= 0:
+    if not has_intrinsics(matrix):
         raise CalibrationError(
             "the camera is not calibrated (K is zero)", cure="calibrate it, or name a calibrated topic with --topic"
         )
@@ -44,18 +50,29 @@ def camera_from_calibration(
     scale_u, scale_v = _scale((width // across, height // down), image_size)
     fx, fy, cx, cy = fx * scale_u, fy * scale_v, (cx + 0.5) * scale_u - 0.5, (cy + 0.5) * scale_v - 0.5
     intrinsics = PinholeCamera(*image_size, fx, fy, cx, cy)
-    distortion = () if rectified else calibration.D
+    distortion = () if rectified or not np.isfinite(calibration.D).all() else calibration.D
     if model in _FISHEYE:
         return FisheyeCamera(*image_size, fx, fy, cx, cy, _distortion(distortion, 4) if any(distortion) else ())
+    if not any(distortion):
+        return intrinsics
     if model not in _PERSPECTIVE:
         raise CalibrationError(
             f"unknown distortion model {calibration.model!r}",
             cure=f"rectify the images, or give one of {', '.join(MODELS)}",
         )
-    if not any(distortion):
-        return intrinsics
     length = 8 if len(distortion) > 5 else _PERSPECTIVE[model]
     return replace(intrinsics, distortion=_distortion(distortion, length))
+
+
+def is_calibrated(calibration: CalibrationMessage) -> bool:
+    """Whether a camera_info says anything: it is zero until a driver has read the calibration."""
+    panorama = calibration.model.strip().lower() == "equirectangular"
+    return panorama or has_intrinsics(calibration.K) or has_intrinsics(calibration.P[:, :3])
+
+
+def has_intrinsics(matrix: FloatArray) -> bool:
+    """Whether the focal lengths of a camera matrix (3, 3) are positive, and it is finite."""
+    return bool(np.isfinite(matrix).all() and matrix[0, 0] > 0 and matrix[1, 1] > 0)
 
 
 def _distortion(values: tuple[float, ...], length: int) -> tuple[float, ...]:

@@ -14,11 +14,12 @@ from typing import TypeVar
 import numpy as np
 
 from supermap_cli.errors import ConfigError, RecordingError
+from supermap_cli.recordings.calibration import is_calibrated
 from supermap_cli.recordings.decoding import Decoder
 from supermap_cli.recordings.notes import Notes
-from supermap_cli.recordings.probing import Topic, usual_offset_ns
 from supermap_cli.recordings.roles import NamedTopics
 from supermap_cli.recordings.storage import Storage
+from supermap_cli.recordings.survey import Topic, usual_offset_ns
 from supermap_cli.recordings.topic_names import Device, camera_ids, device_of, words_of
 from supermap_cli.recordings.topic_plan import CameraPlan, TopicPlan
 from supermap_cli.recordings.topics import (
@@ -311,7 +312,7 @@ def _named_in(topic: str, cameras: Collection[str]) -> str | None:
 def _is_calibrated_color(plan: CameraPlan) -> bool:
     """Whether a camera without depth is one to map with: in colour, and with a camera_info that is filled in."""
     info, image = plan.topic("camera_info"), plan.color.image
-    calibrated = info is not None and info.calibration is not None and info.calibration.K[0, 0] > 0
+    calibrated = info is not None and info.calibration is not None and is_calibrated(info.calibration)
     return calibrated and image is not None and "mono" not in image.encoding and "8UC1" not in image.encoding
 
 

@@ -13,8 +13,9 @@ from supermap_cli.geometry.arrays import Float32Array, FloatArray, IntArray, UIn
 from supermap_cli.geometry.se3 import inverse
 from supermap_cli.recordings.clock_faults import StepForward, outliers, step_back, step_forward
 from supermap_cli.recordings.color_depth_fit import fitted_rig
-from supermap_cli.recordings.images import decode_color, decode_depth
-from supermap_cli.recordings.messages import peek_stamp_ns, read_image
+from supermap_cli.recordings.decoding import MessageError
+from supermap_cli.recordings.images import decode_color
+from supermap_cli.recordings.messages import read_image
 from supermap_cli.recordings.opening import OpenedCamera, OpenedRecording
 from supermap_cli.recordings.registration import DepthRegistration, SameCentre, ZBuffer
 from supermap_cli.recordings.rig import CameraRig, DepthRig
@@ -60,9 +61,9 @@ class ImageTimes:
     @cached_property
     def _times_ns(self) -> dict[str, IntArray]:
         times: dict[str, list[tuple[int, int]]] = {topic: [] for topic in self._topics}
-        decode = self._opened.decoder.decode
-        for raw in self._opened.storage.messages(self._topics, *self._opened.window.log_range(_MARGIN_NS)):
-            times[raw.channel.topic].append((peek_stamp_ns(raw, decode), raw.log_ns))
+        raws = self._opened.storage.messages(self._topics, *self._opened.window.log_range(_MARGIN_NS))
+        for stamp_ns, raw in self._opened.stamped(raws):
+            times[raw.channel.topic].append((stamp_ns, raw.log_ns))
         return {topic: np.array(pairs, np.int64).reshape(-1, 2) for topic, pairs in times.items()}
 
     def of_topic(self, topic: str) -> IntArray:
@@ -166,6 +167,10 @@ class CameraFrames:
             )
         return list(pairs)
 
+    def image_stamps_ns(self) -> IntArray:
+        """(n,) int64 stamps of all colour images about the window, usable or not, ascending."""
+        return np.unique(self._times.of_topic(self._color)[:, 0])
+
     def stamps_ns(self) -> IntArray:
         """(n,) int64 stamps of the usable frames."""
         return np.array([color_ns for color_ns, _ in self._pairs], np.int64)
@@ -199,8 +204,9 @@ class CameraFrames:
         if self._depth is not None:
             missing[self._depth] = {pair[1] for pair in pairs if pair[1] is not None}
         arrived: dict[tuple[str, int], RawMessage] = {}
-        for raw in self._messages() if queue else ():
-            topic, stamp_ns = raw.channel.topic, peek_stamp_ns(raw, self._opened.decoder.decode)
+        raws = self._messages() if queue else ()
+        for stamp_ns, raw in self._opened.stamped(raws):
+            topic = raw.channel.topic
             if stamp_ns not in missing[topic]:
                 continue
             missing[topic].remove(stamp_ns)
@@ -247,7 +253,7 @@ class _FrameBuilder:
 
     def build(self, color: RawMessage, depth: RawMessage | None) -> CameraFrame | None:
         """The frame, or `None` (with a note) if its images are broken or its place is unknown."""
-        stamp_ns = peek_stamp_ns(color, self._opened.decoder.decode)
+        stamp_ns = self._opened.stamp_ns(color)
         try:
             T_base_camera = self._mounting(self._rig.color_frame, stamp_ns)
             if self._rig.depth is not None and self._rig.depth.T_color_depth is not None:
@@ -256,9 +262,12 @@ class _FrameBuilder:
             depth_m, depth_stamp_ns = None, None
             if depth is not None and self._rig.depth is not None:
                 depth_m = self._registered_depth(depth, self._rig.depth, stamp_ns)
-                depth_stamp_ns = peek_stamp_ns(depth, self._opened.decoder.decode)
+                depth_stamp_ns = self._opened.stamp_ns(depth)
         except ValueError as fault:
             self._drop(stamp_ns, str(fault))
+            return None
+        except MessageError as fault:
+            self._drop(stamp_ns, fault.what)
             return None
         return CameraFrame(
             stamp_ns,
@@ -286,24 +295,22 @@ class _FrameBuilder:
         return T
 
     def _rgb(self, raw: RawMessage, stamp_ns: int) -> UInt8Array:
-        image = read_image(self._opened.decoder.decode(raw), raw.log_ns)
+        image = self._opened.decoder.read_strictly(raw, read_image)
         try:
-            rgb = decode_color(image)
+            rgb = decode_color(image, self._opened.decoder.limits)
         except RecordingError as error:
             raise RecordingError(
                 error.what, where=self._opened.place(self._color, stamp_ns), cure=error.cure
             ) from error
         size = (self._rig.camera.width, self._rig.camera.height)
         if (rgb.shape[1], rgb.shape[0]) != size:
-            raise ValueError(
-                f"the image has {rgb.shape[1]} x {rgb.shape[0]} pixels, the first one had {size[0]} x {size[1]}"
-            )
+            raise ValueError(f"the image has {rgb.shape[1]} x {rgb.shape[0]} pixels, most have {size[0]} x {size[1]}")
         return rgb
 
     def _registered_depth(self, raw: RawMessage, rig: DepthRig, stamp_ns: int) -> Float32Array:
-        image = read_image(self._opened.decoder.decode(raw), raw.log_ns)
+        image = self._opened.decoder.read_strictly(raw, read_image)
         try:
-            depth_m = decode_depth(image)
+            depth_m = self._opened.depth_m(image, raw.channel.topic)
         except RecordingError as error:
             raise RecordingError(
                 error.what, where=self._opened.place(raw.channel.topic, stamp_ns), cure=error.cure
@@ -315,7 +322,7 @@ class _FrameBuilder:
             T_color_depth = rig.T_color_depth
             if T_color_depth is None:
                 T_color_depth = inverse(self._mounting(self._rig.color_frame, stamp_ns)) @ self._mounting(
-                    rig.frame_id, image.stamp_ns
+                    rig.frame_id, self._opened.stamp_ns(raw)
                 )
             depth_m = self._registration.register(depth_m, T_color_depth)
         if self._blind is not None:

@@ -10,8 +10,8 @@ import numpy as np
 from supermap_cli.errors import RecordingError
 from supermap_cli.geometry.arrays import Float32Array, UInt8Array
 from supermap_cli.geometry.cameras import PinholeCamera
-from supermap_cli.recordings.images import decode_color, decode_depth
-from supermap_cli.recordings.messages import peek_stamp_ns, read_image
+from supermap_cli.recordings.images import decode_color
+from supermap_cli.recordings.messages import read_image
 from supermap_cli.recordings.opening import OpenedCamera, OpenedRecording
 from supermap_cli.recordings.rig import CameraRig
 from supermap_cli.recordings.self_calibration import corrected_color_camera
@@ -80,15 +80,16 @@ def sample_pairs(opened: OpenedRecording, camera: OpenedCamera) -> Iterator[tupl
     taken_ns: int | None = None
     for start_ns in np.linspace(first_ns, last_ns, count).astype(np.int64):
         latest: dict[str, tuple[int, RawMessage]] = {}
-        for raw in opened.storage.messages([color, depth], int(start_ns), int(start_ns) + _WINDOW_NS):
-            latest[raw.channel.topic] = (peek_stamp_ns(raw, opened.decoder.decode), raw)
+        raws = opened.storage.messages([color, depth], int(start_ns), int(start_ns) + _WINDOW_NS)
+        for stamp_ns, raw in opened.stamped(raws):
+            latest[raw.channel.topic] = (stamp_ns, raw)
             if len(latest) < 2 or abs(latest[color][0] - latest[depth][0]) > tolerance_ns:
                 continue
             if taken_ns is not None and latest[color][0] - taken_ns < _SPACING_NS:
                 continue
-            images = [read_image(opened.decoder.decode(latest[name][1]), start_ns) for name in (color, depth)]
             try:
-                pair = decode_color(images[0]), decode_depth(images[1])
+                images = [opened.decoder.read_strictly(latest[name][1], read_image) for name in (color, depth)]
+                pair = decode_color(images[0], opened.decoder.limits), opened.depth_m(images[1], depth)
             except (RecordingError, ValueError):
                 continue  # a broken image is reported where it is used
             taken_ns = latest[color][0]

@@ -20,6 +20,32 @@ _VISION: Mapping[str, str] = {
     "Detection2DArray": "std_msgs/Header header\nvision_msgs/Detection2D[] detections\n",
 }
 
+
+def _older_vision(id_type: str, tail: str) -> Mapping[str, str]:
+    """vision_msgs before 4.0: a label beside its score, a plain Pose2D as the middle of a box, other ends."""
+    return {
+        "BoundingBox2D": "geometry_msgs/Pose2D center\nfloat64 size_x\nfloat64 size_y\n",
+        "ObjectHypothesisWithPose": f"{id_type} id\nfloat64 score\ngeometry_msgs/PoseWithCovariance pose\n",
+        "Detection2D": (
+            "std_msgs/Header header\nvision_msgs/ObjectHypothesisWithPose[] results\n"
+            f"vision_msgs/BoundingBox2D bbox\n{tail}"
+        ),
+        "Detection2DArray": _VISION["Detection2DArray"],
+    }
+
+
+_IMAGE, _TRACKED = "sensor_msgs/Image source_img\n", "bool is_tracking\nstring tracking_id\n"
+"""What a Detection2D of vision_msgs 1 to 3 ends with (Dashing and ROS 1; Foxy and Galactic)."""
+
+OLDER_DEFINITIONS: Mapping[str, tuple[Mapping[str, str], ...]] = {
+    "vision_msgs": tuple(
+        _older_vision(id_type, tail)
+        for id_type in ("string", "int64")
+        for tail in (_IMAGE + _TRACKED, _IMAGE, "", "string id\n")
+    )
+}
+"""Package name to older layouts of the messages in `FALLBACK_DEFINITIONS`, for bytes that do not fit those."""
+
 _LIVOX = {
     "CustomPoint": "uint32 offset_time\nfloat32 x\nfloat32 y\nfloat32 z\nuint8 reflectivity\nuint8 tag\nuint8 line\n",
     "CustomMsg": (

@@ -1,4 +1,4 @@
-"""Recorded detections: vision_msgs/Detection2DArray with an optional image of instance numbers.
+"""Recorded detections joined with the image of instance numbers that may belong to them.
 
 The mask image has the array's header.stamp; 0 is no object, k the k-th detection of the array (1-based).
 """
@@ -8,51 +8,11 @@ from __future__ import annotations
 import heapq
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from supermap_cli.geometry.arrays import Float32Array, UInt16Array
-from supermap_cli.types.detections import Detections, Hypothesis, RegionMask, cut_mask, no_detections
-from supermap_cli.types.sensing import MAIN_CAMERA
-
-
-def read_detections(message: Any, stamp_ns: int, camera_id: str = MAIN_CAMERA) -> Detections:
-    """A camera's detections of a vision_msgs 4.x or older array (and ROS 1's), without masks; `class_id` or `id` is the
-    label.
-
-    The k-th of them belongs to the array's k-th detection: one without a usable label or box is kept as an empty box
-    of score 0, so that mask numbers stay right (drop it after the masks are in).
-    """
-    found = list(message.detections)
-    if not found:
-        return no_detections(stamp_ns, camera_id)
-    boxes = np.array([_box_xyxy(detection.bbox) for detection in found], np.float32)
-    hypotheses = tuple(_hypotheses(detection.results) for detection in found)
-    broken = ~np.isfinite(boxes).all(axis=1)
-    boxes[broken] = 0
-    scores = np.array([ranked[0].score for ranked in hypotheses], np.float32)
-    scores[broken] = 0
-    return Detections(stamp_ns, boxes, scores, hypotheses, (None,) * len(found), camera_id)
-
-
-def _box_xyxy(box: Any) -> tuple[float, float, float, float]:
-    center = getattr(box.center, "position", box.center)
-    half_width, half_height = float(box.size_x) / 2, float(box.size_y) / 2
-    u, v = float(center.x), float(center.y)
-    return u - half_width, v - half_height, u + half_width, v + half_height
-
-
-def _hypotheses(results: Any) -> tuple[Hypothesis, ...]:
-    read = []
-    for result in results:
-        inner = getattr(result, "hypothesis", result)
-        label = str(getattr(inner, "class_id", None) if hasattr(inner, "class_id") else inner.id)
-        score = float(inner.score)
-        if label and np.isfinite(score):
-            read.append(Hypothesis(label, min(max(score, 0.0), 1.0)))
-    read.sort(key=lambda hypothesis: -hypothesis.score)
-    return tuple(read) or (Hypothesis("object", 0.0),)
+from supermap_cli.types.detections import Detections, RegionMask, cut_mask
 
 
 def with_mask_image(detections: Detections, numbers: UInt16Array) -> Detections:

@@ -6,6 +6,8 @@ Sources: sensor_msgs/image_encodings.h (Image), image_transport_plugins (Compres
 from __future__ import annotations
 
 import struct
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any, NamedTuple
 
 import cv2
@@ -14,8 +16,12 @@ from numpy.typing import NDArray
 
 from supermap_cli.errors import RecordingError
 from supermap_cli.geometry.arrays import Float32Array, UInt8Array, UInt16Array
+from supermap_cli.recordings.image_size import check_pixels, check_size, image_size
+from supermap_cli.recordings.limits import Limits
 from supermap_cli.recordings.messages import ImageMessage
 from supermap_cli.recordings.rvl import decode_rvl
+
+_DEFAULT = Limits()
 
 _PNG = b"\x89PNG"
 """How every PNG begins (RFC 2083, section 3.1)."""
@@ -82,14 +88,29 @@ def unknown_encoding(image: ImageMessage, known: tuple[str, ...]) -> RecordingEr
     )
 
 
-def decode_color(image: ImageMessage) -> UInt8Array:
-    """(h, w, 3) uint8 RGB. Raises `RecordingError` for an unknown encoding, `ValueError` for broken data."""
-    if image.compressed:
-        return _decode_compressed_color(image)
+def decode_color(image: ImageMessage, limits: Limits = _DEFAULT) -> UInt8Array:
+    """(h, w, 3) uint8 RGB.
+
+    Raises `RecordingError` for an unknown encoding, `ValueError` for broken data and beyond the limit of pixels.
+    """
+    with _broken_data():
+        return _decode_compressed_color(image, limits) if image.compressed else _decode_raw_color(image, limits)
+
+
+@contextmanager
+def _broken_data() -> Iterator[None]:
+    """Turns what OpenCV and numpy raise on broken data into `ValueError`."""
+    try:
+        yield
+    except (cv2.error, struct.error, MemoryError, OverflowError, TypeError, IndexError) as error:
+        raise ValueError(f"an image that cannot be decoded ({type(error).__name__})") from error
+
+
+def _decode_raw_color(image: ImageMessage, limits: Limits) -> UInt8Array:
     layout = _COLOR.get(image.encoding)
     if layout is None:
         raise unknown_encoding(image, COLOR_ENCODINGS)
-    pixels = _pixels(image, layout.dtype, layout.channels)
+    pixels = _pixels(image, layout.dtype, layout.channels, limits)
     if layout.dtype == "u2":
         pixels = (pixels >> 8).astype(np.uint8)
     if layout.to_rgb is not None:
@@ -97,27 +118,32 @@ def decode_color(image: ImageMessage) -> UInt8Array:
     return np.ascontiguousarray(pixels)
 
 
-def _decode_compressed_color(image: ImageMessage) -> UInt8Array:
+def _decode_compressed_color(image: ImageMessage, limits: Limits) -> UInt8Array:
+    if any(known in image.encoding.lower() for known in ("jpeg", "jpg", "png")) or image_size(image.data):
+        check_size(image.data, limits)
+    else:
+        raise unknown_encoding(image, COLOR_ENCODINGS)
     data = np.frombuffer(image.data, np.uint8)
     bgr = cv2.imdecode(data, cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION) if len(data) else None
     if bgr is None:
-        if not any(known in image.encoding.lower() for known in ("jpeg", "jpg", "png")):
-            raise unknown_encoding(image, COLOR_ENCODINGS)
         raise ValueError("a compressed image that cannot be decoded")
     return np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB), np.uint8)
 
 
-def decode_depth(image: ImageMessage) -> Float32Array:
+def decode_depth(image: ImageMessage, limits: Limits = _DEFAULT) -> Float32Array:
     """(h, w) float32 metres, 0 = no return.
 
-    Raises `RecordingError` for an unknown encoding, `ValueError` for broken data.
+    Raises `RecordingError` for an unknown encoding, `ValueError` for broken data and beyond the limit of pixels.
     """
-    if image.compressed:
-        return _decode_compressed_depth(image)
+    with _broken_data():
+        return _decode_compressed_depth(image, limits) if image.compressed else _decode_raw_depth(image, limits)
+
+
+def _decode_raw_depth(image: ImageMessage, limits: Limits) -> Float32Array:
     if image.encoding in {"16UC1", "mono16"}:
-        return _millimetres(_pixels(image, "u2", 1))
+        return _millimetres(_pixels(image, "u2", 1, limits))
     if image.encoding in _FLOAT_DEPTH:
-        return _returns(_pixels(image, _FLOAT_DEPTH[image.encoding], 1))
+        return _returns(_pixels(image, _FLOAT_DEPTH[image.encoding], 1, limits))
     raise unknown_encoding(image, DEPTH_ENCODINGS)
 
 
@@ -131,18 +157,24 @@ def _returns(depth_m: NDArray[np.floating]) -> Float32Array:
     return np.where(np.isfinite(depth_m) & (depth_m > 0), depth_m, 0).astype(np.float32, copy=False)
 
 
-def decode_numbers(image: ImageMessage) -> UInt16Array:
-    """(h, w) uint16 of an instance mask image (16UC1, mono16, mono8 or 8UC1; raw or PNG)."""
-    if image.compressed:
-        return _decode_png16(image).astype(np.uint16)
+def decode_numbers(image: ImageMessage, limits: Limits = _DEFAULT) -> UInt16Array:
+    """(h, w) uint16 of an instance mask image (16UC1, mono16, mono8 or 8UC1; raw or PNG). Raises as `decode_depth`."""
+    with _broken_data():
+        if image.compressed:
+            return _decode_png16(image.data, limits).astype(np.uint16)
+        return _decode_raw_numbers(image, limits)
+
+
+def _decode_raw_numbers(image: ImageMessage, limits: Limits) -> UInt16Array:
     dtype = {"16UC1": "u2", "mono16": "u2", "8UC1": "u1", "mono8": "u1"}.get(image.encoding)
     if dtype is None:
         raise unknown_encoding(image, ("16UC1", "mono16", "mono8", "8UC1"))
-    return _pixels(image, dtype, 1).astype(np.uint16)
+    return _pixels(image, dtype, 1, limits).astype(np.uint16)
 
 
-def _pixels(image: ImageMessage, dtype: str, channels: int) -> NDArray[Any]:
+def _pixels(image: ImageMessage, dtype: str, channels: int, limits: Limits) -> NDArray[Any]:
     """The rows without their padding, (h, w) or (h, w, channels), in the machine's byte order."""
+    check_pixels(image.width, image.height, len(image.data), limits)
     kind = np.dtype(dtype).newbyteorder(">" if image.big_endian else "<")
     row = image.width * channels * kind.itemsize
     step = image.step or row
@@ -160,35 +192,37 @@ def _pixels(image: ImageMessage, dtype: str, channels: int) -> NDArray[Any]:
     return shaped.astype(kind.newbyteorder("="), copy=False)
 
 
-def _decode_compressed_depth(image: ImageMessage) -> Float32Array:
+def _decode_compressed_depth(image: ImageMessage, limits: Limits) -> Float32Array:
     """A CompressedImage of depth: plain 16-bit PNG (mm), or compressedDepth with its 12-byte ConfigHeader.
 
     Inverse quantisation of 32FC1: depth = depthParam[0] / (raw - depthParam[1])  (compressed_depth_image_transport).
     """
     if "compressedDepth" not in image.encoding or bytes(image.data[:4]) == _PNG:
-        return _millimetres(_decode_png16(image))
+        return _millimetres(_decode_png16(image.data, limits))
     if len(image.data) <= _DEPTH_HEADER.size:
         raise ValueError("a compressedDepth image without content")
     _, a, b = _DEPTH_HEADER.unpack_from(image.data)
     body = image.data[_DEPTH_HEADER.size :]
-    raw = _decode_png16(image, body) if bytes(body[:4]) == _PNG else _decode_rvl_image(image, body)
+    raw = _decode_png16(body, limits) if bytes(body[:4]) == _PNG else _decode_rvl_image(image, body, limits)
     if not image.encoding.strip().startswith("32FC1"):
         return _millimetres(raw)
     with np.errstate(divide="ignore", invalid="ignore"):
         return _returns(np.where(raw > 0, np.float32(a) / (raw.astype(np.float32) - np.float32(b)), np.float32(0)))
 
 
-def _decode_rvl_image(image: ImageMessage, body: bytes | memoryview) -> UInt16Array:
+def _decode_rvl_image(image: ImageMessage, body: bytes | memoryview, limits: Limits) -> UInt16Array:
     if "rvl" not in image.encoding.lower() or len(body) < _RVL_SIZE.size:
         raise unknown_encoding(image, DEPTH_ENCODINGS)
     width, height = _RVL_SIZE.unpack_from(body)
-    if not (0 < width <= 1 << 14 and 0 < height <= 1 << 14):
-        raise ValueError(f"an RVL image of {width} x {height} pixels")
+    check_pixels(width, height, len(body), limits)
     return decode_rvl(body[_RVL_SIZE.size :], width * height).reshape(height, width)
 
 
-def _decode_png16(image: ImageMessage, body: bytes | memoryview | None = None) -> NDArray[np.unsignedinteger]:
-    data = np.frombuffer(image.data if body is None else body, np.uint8)
+def _decode_png16(body: bytes | memoryview, limits: Limits) -> NDArray[np.unsignedinteger]:
+    if not len(body):
+        raise ValueError("a PNG that cannot be decoded")
+    check_size(body, limits)
+    data = np.frombuffer(body, np.uint8)
     pixels: NDArray[Any] | None = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if len(data) else None
     if pixels is None:
         raise ValueError("a PNG that cannot be decoded")

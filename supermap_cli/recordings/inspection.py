@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import islice
@@ -13,11 +14,11 @@ import numpy as np
 from supermap_cli.errors import RecordingError
 from supermap_cli.hookspecs import RecordingRequest
 from supermap_cli.recordings.bag_recording import BagRecording
+from supermap_cli.recordings.doctor import RoleVerdict, explicit_settings, verdicts
 from supermap_cli.recordings.opening import OpenedCamera, OpenedRecording, open_recording
 from supermap_cli.recordings.roles import CAMERA_ROLES, ROLES
 from supermap_cli.recordings.storage import Channel
 from supermap_cli.recordings.topic_plan import TopicChoice
-from supermap_cli.recordings.transforms import TransformTree
 
 _GAP_PERIODS = 5
 """Periods of a topic that a pause must last to be reported as a gap."""
@@ -92,7 +93,8 @@ class Inspection:
     """The whole report. A build can work if there are no `problems`.
 
     `poses` says where motion comes from ("LiDAR odometry" without recorded poses), `usable_frames` counts colour images
-    that have what a build needs, of all `cameras` together; `camera` is the main camera's model with its size.
+    that have what a build needs, of all `cameras` together; `verdicts` judge every role; `settings` are the entries of
+    `[build.recording]` that make all choices explicit; `camera` is the main camera's model with its size.
     """
 
     path: Path
@@ -108,6 +110,8 @@ class Inspection:
     usable_frames: int
     problems: tuple[ProblemReport, ...]
     warnings: tuple[str, ...]
+    verdicts: tuple[RoleVerdict, ...]
+    settings: Mapping[str, object]
 
     @property
     def duration_s(self) -> float:
@@ -143,11 +147,13 @@ def inspect_recording(path: Path, request: RecordingRequest) -> Inspection:
         problems.append(opened.motion_problem)
     source = opened.pose_source
     has_lidar = opened.plan.serves("lidar")
+    reports = tuple(_topic_reports(opened))
+    gaps_s = {report.topic: report.longest_gap_s for report in reports if report.has_gap and report.longest_gap_s}
     return Inspection(
         path=path,
         start_ns=start_ns,
         end_ns=end_ns,
-        topics=tuple(_topic_reports(opened)),
+        topics=reports,
         roles=tuple(_role_reports(opened)),
         transforms=tuple(EdgeReport(edge.parent, edge.child, edge.static) for edge in opened.tree.edges),
         base_frame=opened.base_frame,
@@ -156,7 +162,9 @@ def inspect_recording(path: Path, request: RecordingRequest) -> Inspection:
         cameras=tuple(cameras),
         usable_frames=sum(camera.usable_frames for camera in cameras),
         problems=tuple(ProblemReport(problem.what, problem.where, problem.cure) for problem in problems),
-        warnings=(*opened.notes.lines, *_conflicts(opened.tree)),
+        warnings=opened.notes.lines,
+        verdicts=tuple(verdicts(opened, problems, opened.notes.lines, gaps_s)),
+        settings=explicit_settings(opened),
     )
 
 
@@ -192,6 +200,8 @@ def _try_streams(opened: OpenedRecording, recording: BagRecording) -> tuple[list
         try:
             if role in recording.streams:
                 list(islice(stream(), 1))
+                if role == "detections":
+                    [recording.detection_stamps_ns(camera_id) for camera_id in camera_ids]
         except RecordingError as error:
             problems.append(error)
     return reports, problems
@@ -204,9 +214,27 @@ def _topic_reports(opened: OpenedRecording) -> Iterator[TopicReport]:
         times[topic].append(log_ns)
     frames = {topic.name: topic.frame_id for topic in opened.topics}
     roles = {choice.topic.name: role for role, choice in reversed(tuple(opened.plan.choices.items()))}
+    by_type = _times_by_type(opened, start_ns, end_ns)
     for channel in opened.storage.channels:
         frame_id, role = frames.get(channel.topic, ""), roles.get(channel.topic, "")
-        yield _topic_report(channel, times[channel.topic], opened, frame_id, role=role)
+        yield _topic_report(
+            channel, by_type.get((channel.topic, channel.msgtype), times[channel.topic]), opened, frame_id, role=role
+        )
+
+
+def _times_by_type(
+    opened: OpenedRecording, start_ns: int | None, end_ns: int | None
+) -> dict[tuple[str, str], list[int]]:
+    """The log times of topics on which messages of several types were sent, by topic and type."""
+    channels = opened.storage.channels
+    types = Counter(channel.topic for channel in channels)
+    found: dict[tuple[str, str], list[int]] = {
+        (each.topic, each.msgtype): [] for each in channels if types[each.topic] > 1
+    }
+    if found:
+        for raw in opened.storage.messages({topic for topic, _ in found}, start_ns, end_ns):
+            found[raw.channel.topic, raw.channel.msgtype].append(raw.log_ns)
+    return found
 
 
 def _topic_report(
@@ -268,8 +296,3 @@ def _model_text(opened: OpenedCamera) -> str:
     name = type(camera).__name__.removesuffix("Camera").lower()
     how = "" if depth is None else (", depth aligned" if depth.aligned else ", depth to be registered")
     return f"{name} {camera.width} x {camera.height}, {camera.focal_px():.0f} px a radian{how}"
-
-
-def _conflicts(tree: TransformTree) -> Iterator[str]:
-    for child, (old, new) in sorted(tree.conflicts.items()):
-        yield f"TF: {child!r} has two parents, {old!r} and {new!r}; the last one counts"

@@ -1,12 +1,14 @@
 """MCAP files (https://mcap.dev/spec), by their index where there is one and by a scan where there is none.
 
-A file that was cut off (no footer, the last chunk incomplete) is read up to the cut.
+A file that was cut off (no footer, the last chunk incomplete) is read up to the cut; a chunk whose content does not fit
+its checksum is left out.
 """
 
 from __future__ import annotations
 
 import io
 import struct
+import zlib
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator
 from dataclasses import dataclass, replace
@@ -14,7 +16,6 @@ from pathlib import Path
 from typing import BinaryIO
 
 import lz4.frame
-import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
@@ -24,11 +25,11 @@ from mcap.records import Schema
 from mcap.summary import Summary
 
 from supermap_cli.errors import RecordingError
+from supermap_cli.recordings.file_kinds import MCAP_MAGIC
+from supermap_cli.recordings.limits import Limits, most_unpacked
 from supermap_cli.recordings.notes import Notes
-from supermap_cli.recordings.storage import Channel, RawMessage, merge_lazily
-
-MAGIC = b"\x89MCAP0\r\n"
-"""How a file begins and ends."""
+from supermap_cli.recordings.storage import Channel, LeftOut, RawMessage, full_type_name, merge_lazily
+from supermap_cli.recordings.unpacking import unpacked_message, unpacked_zstd
 
 _RECORD = struct.Struct("<BQ")
 """Every record's head: opcode, length of its content."""
@@ -39,8 +40,19 @@ _MESSAGE = struct.Struct("<HIQQ")
 _CHUNK = struct.Struct("<QQQII")
 """A chunk's head: start and end time, uncompressed size, uncompressed CRC, length of the compression's name."""
 
+_UINT32 = struct.Struct("<I")
+
+_FIRST_IMPOSSIBLE_NS = 1 << 62
+"""ns; no clock shows more (the year 2116). Times are unsigned in the file, and signed everywhere else."""
+
+_FOOTER = struct.Struct("<BQQQI")
+"""The whole record: opcode, length, start of the summary and of its offsets, CRC from the summary's start to here."""
+
 _MESSAGE_INDEX = struct.Struct("<HI")
 """A message index's head: channel id, bytes of its (log time, offset) pairs."""
+
+_LONGEST_NAME = 64
+"""Bytes of a compression's name: "zstd" and "lz4" are known."""
 
 _LOOSE_BLOCK_BYTES = 4 << 20
 """Bytes of messages outside of any chunk that are read at a time, about the usual size of a chunk."""
@@ -51,7 +63,7 @@ class _Block:
     """A stretch of the file that holds records: a chunk's content, or records that stand outside of any chunk.
 
     `channel_ids` is `None` where it is not known which channels are in it; `indexes` holds (channel, offset) of its
-    message index records, if it has any.
+    message index records, if it has any. `unpacked_bytes` is what it says of itself, 0 where it says nothing.
     """
 
     offset: int
@@ -61,16 +73,19 @@ class _Block:
     end_ns: int
     channel_ids: frozenset[int] | None
     indexes: tuple[tuple[int, int], ...] = ()
+    unpacked_bytes: int = 0
 
 
 class McapStorage:
     """One MCAP file. Each stream opens the file anew and holds one chunk at a time (more where chunks overlap)."""
 
-    def __init__(self, path: Path, notes: Notes) -> None:
+    def __init__(self, path: Path, notes: Notes, limits: Limits) -> None:
         self._path = path
-        self._notes = notes
+        self._limits = limits
+        self._left_out = LeftOut(notes, str(path))
+        self._checked: set[int] = set()
         with path.open("rb") as file:
-            index = _index_from_summary(file) or _Scan(file, path, notes)
+            index = _index_from_summary(file) or _Scan(file, path, notes, limits, self._left_out)
         self._blocks = index.blocks
         self._channels = {
             number: _channel(record, index.schemas.get(record.schema_id), index.counts.get(number, 0))
@@ -81,7 +96,13 @@ class McapStorage:
             merged.setdefault((channel.topic, channel.msgtype), []).append(channel)
         self.channels = tuple(_merge(merged[key]) for key in sorted(merged))
         self.start_ns = min((block.start_ns for block in self._blocks), default=0)
-        self.end_ns = max((block.end_ns for block in self._blocks), default=0)
+        if self.start_ns >= _FIRST_IMPOSSIBLE_NS:
+            raise RecordingError(
+                "all messages were recorded at times that no clock shows",
+                where=str(path),
+                cure="record or copy it again",
+            )
+        self.end_ns = min(max((block.end_ns for block in self._blocks), default=0), _FIRST_IMPOSSIBLE_NS)
 
     def messages(
         self, topics: Collection[str], start_ns: int | None = None, end_ns: int | None = None
@@ -102,13 +123,23 @@ class McapStorage:
         wanted, first, beyond, blocks = self._selection(topics, start_ns, end_ns)
         with self._path.open("rb") as file:
             for block in sorted(blocks, key=lambda block: block.start_ns):
-                if not block.indexes:
-                    found = self._read_block(file, block, wanted, first, beyond)
-                    yield from ((message.channel.topic, message.log_ns) for message in found)
-                for number, offset in block.indexes:
-                    if number in wanted:
-                        times = _indexed_times(file, offset)
-                        yield from ((wanted[number].topic, time) for time in times if first <= time < beyond)
+                yield from self._block_times(file, block, wanted, first, beyond)
+
+    def _block_times(
+        self, file: BinaryIO, block: _Block, wanted: dict[int, Channel], first: int, beyond: int
+    ) -> list[tuple[str, int]]:
+        """(topic, log time) of a block's messages; it is read itself where it has no index, or a damaged one."""
+        indexes = [(number, offset) for number, offset in block.indexes if number in wanted]
+        try:
+            times = [
+                (wanted[number].topic, time) for number, offset in indexes for time in _indexed_times(file, offset)
+            ]
+        except struct.error:
+            times, indexes = [], []
+        if not indexes:
+            found = self._read_block(file, block, wanted, first, beyond)
+            return [(message.channel.topic, message.log_ns) for message in found]
+        return [(topic, time) for topic, time in times if first <= time < beyond]
 
     def _selection(
         self, topics: Collection[str], start_ns: int | None, end_ns: int | None
@@ -130,21 +161,33 @@ class McapStorage:
         self, file: BinaryIO, block: _Block, wanted: dict[int, Channel], first: int, beyond: int
     ) -> list[RawMessage]:
         try:
-            records = memoryview(_content(file, block))
-        except (zstandard.ZstdError, RuntimeError, ValueError) as error:
-            self._notes.note(
-                f"chunk {block.offset}",
-                f"{self._path}: the chunk at byte {block.offset} is damaged, left out ({error})",
-            )
+            records = memoryview(_content(file, block, self._limits))
+            if block.offset not in self._checked:
+                _check_crc(file, block, records)
+                self._checked.add(block.offset)
+        except _FAULTS as error:
+            self._left_out.add("chunks", f"the chunk at byte {block.offset} is damaged ({error})", block.offset)
             return []
         found = []
         for opcode, start, end in _walk(records):
             if opcode == Opcode.MESSAGE:
                 number, _, log_ns, _ = _MESSAGE.unpack_from(records, start)
-                if number in wanted and first <= log_ns < beyond:
-                    found.append(RawMessage(wanted[number], log_ns, records[start + _MESSAGE.size : end]))
+                if log_ns >= _FIRST_IMPOSSIBLE_NS:
+                    self._left_out.add("messages", f"a message of time {log_ns} ns, which no clock shows", start)
+                elif number in wanted and first <= log_ns < beyond:
+                    place = block.offset + start
+                    message = self._message(wanted[number], log_ns, records[start + _MESSAGE.size : end], place)
+                    found += [] if message is None else [message]
         found.sort(key=lambda message: message.log_ns)
         return found
+
+    def _message(self, channel: Channel, log_ns: int, data: memoryview, place: int) -> RawMessage | None:
+        """A message, unpacked; `None` (with a note) where it cannot be."""
+        try:
+            return RawMessage(channel, log_ns, unpacked_message(data, self._limits))
+        except ValueError as error:
+            self._left_out.add("messages", f"a message of {channel.topic} cannot be unpacked ({error})", place)
+            return None
 
 
 def _merge(channels: list[Channel]) -> Channel:
@@ -155,23 +198,38 @@ def _merge(channels: list[Channel]) -> Channel:
 
 def _channel(channel: McapChannel, schema: Schema | None, count: int) -> Channel:
     name, form, definition = ("", "", b"") if schema is None else (schema.name, schema.encoding, schema.data)
-    if form == "ros1msg" and "/msg/" not in name:
-        name = name.replace("/", "/msg/", 1)
-    return Channel(channel.topic, name, channel.message_encoding, definition, form, count)
+    return Channel(channel.topic, full_type_name(name), channel.message_encoding, definition, form, count)
 
 
-def _content(file: BinaryIO, block: _Block) -> bytes:
-    """The records of a block, unpacked; as many as there are where the block is cut off."""
+_FAULTS = (RuntimeError, ValueError, struct.error, EOFError)
+"""What reading a damaged chunk raises."""
+
+
+def _content(file: BinaryIO, block: _Block, limits: Limits) -> bytes:
+    """The records of a block, unpacked; as many as there are where it is cut off. Raises what `_FAULTS` names."""
     file.seek(block.offset)
     packed = file.read(block.size)
+    if not block.compression:
+        return packed
+    most = most_unpacked(len(packed), limits.chunk_bytes)
+    if block.unpacked_bytes > most:
+        raise ValueError(f"it would unpack to {block.unpacked_bytes} bytes, the limit chunk_bytes allows {most}")
     if block.compression == "zstd":
-        return zstandard.ZstdDecompressor().decompressobj().decompress(packed)
+        return unpacked_zstd(packed, block.unpacked_bytes, limits)
     if block.compression == "lz4":
-        unpacked: bytes = lz4.frame.LZ4FrameDecompressor().decompress(packed)
+        unpacked: bytes = lz4.frame.LZ4FrameDecompressor().decompress(packed, max_length=most)
         return unpacked
-    if block.compression:
-        raise ValueError(f"unknown compression {block.compression!r}")
-    return packed
+    raise ValueError(f"unknown compression {block.compression!r}")
+
+
+def _check_crc(file: BinaryIO, block: _Block, records: memoryview) -> None:
+    """Raise `ValueError` where a whole chunk's content does not fit its checksum; 0 is none (MCAP, "Chunk")."""
+    if not block.unpacked_bytes or len(records) != block.unpacked_bytes:
+        return
+    file.seek(block.offset - 8 - len(block.compression) - 4 - _UINT32.size)
+    (crc,) = _UINT32.unpack(file.read(_UINT32.size))
+    if crc and zlib.crc32(records) != crc:
+        raise ValueError("its content does not fit its checksum")
 
 
 def _indexed_times(file: BinaryIO, offset: int) -> list[int]:
@@ -191,7 +249,8 @@ def _walk(records: bytes | memoryview) -> Iterator[tuple[int, int, int]]:
         position = start + length
         if position > size:
             return
-        yield opcode, start, position
+        if opcode != Opcode.MESSAGE or length >= _MESSAGE.size:
+            yield opcode, start, position
 
 
 @dataclass(frozen=True)
@@ -222,19 +281,20 @@ def _index_from_summary(file: BinaryIO) -> _Index | None:
             end_ns=chunk.message_end_time,
             channel_ids=frozenset(chunk.message_index_offsets) or None,
             indexes=tuple(chunk.message_index_offsets.items()),
+            unpacked_bytes=chunk.uncompressed_size,
         )
         for chunk in summary.chunk_indexes
-        if chunk.message_end_time
+        if chunk.message_end_time or chunk.message_index_offsets
     ]
     return _Index(summary.schemas, summary.channels, summary.statistics.channel_message_counts, blocks)
 
 
 def _ends_properly(file: BinaryIO) -> bool:
     """Whether the closing magic is there."""
-    if file.seek(0, 2) < 2 * len(MAGIC):
+    if file.seek(0, 2) < 2 * len(MCAP_MAGIC):
         return False
-    file.seek(-len(MAGIC), 2)
-    return file.read() == MAGIC
+    file.seek(-len(MCAP_MAGIC), 2)
+    return file.read() == MCAP_MAGIC
 
 
 def _summary(file: BinaryIO) -> Summary | None:
@@ -242,21 +302,38 @@ def _summary(file: BinaryIO) -> Summary | None:
         return None
     file.seek(0)
     try:
-        return SeekingReader(file).get_summary()
-    except (McapError, struct.error, ValueError, EOFError):
+        return SeekingReader(file).get_summary() if _summary_is_sound(file) else None
+    except (McapError, struct.error, ValueError, EOFError, MemoryError, OverflowError):
         return None
+
+
+def _summary_is_sound(file: BinaryIO) -> bool:
+    """Whether the index at the end fits its checksum; 0 is none (MCAP, "Footer")."""
+    begin = file.seek(-_FOOTER.size - len(MCAP_MAGIC), 2)
+    opcode, _, summary_start, _, crc = _FOOTER.unpack(file.read(_FOOTER.size))
+    if opcode != Opcode.FOOTER or not 0 < summary_start <= begin:
+        return False
+    file.seek(summary_start)
+    return not crc or zlib.crc32(file.read(begin + _FOOTER.size - _UINT32.size - summary_start)) == crc
+
+
+_RECORD_FAULTS = (McapError, struct.error, ValueError, EOFError, KeyError)
+"""What parsing a damaged record raises."""
 
 
 class _Scan:
     """The index of a file without one, found by walking over its records; chunks are opened only to learn channels."""
 
-    def __init__(self, file: BinaryIO, path: Path, notes: Notes) -> None:
+    def __init__(self, file: BinaryIO, path: Path, notes: Notes, limits: Limits, left_out: LeftOut) -> None:
         self.schemas: dict[int, Schema] = {}
         self.channels: dict[int, McapChannel] = {}
         self.counts: Counter[int] = Counter()
         self.blocks: list[_Block] = []
         self._file = file
+        self._limits = limits
+        self._left_out = left_out
         self._size = path.stat().st_size
+        self._end = self._size
         self._chunk: _Block | None = None
         self._chunk_indexes: dict[int, tuple[int, int]] = {}
         self._loose: list[tuple[int, int, int, int]] = []
@@ -266,25 +343,38 @@ class _Scan:
         self._close_chunk()
         self._close_loose()
         if not self.blocks:
-            what = "no messages in the recording" if whole else "the file is cut off before its first message"
+            cut = "the file is cut off before its first message"
+            what = f"no messages in the recording{left_out.reason}" if whole or left_out.reason else cut
             raise RecordingError(what, where=str(path), cure="record or copy it again")
         if not whole:
-            notes.note("cut", f"{path}: the file is cut off, it is read up to the cut at byte {self._size}")
+            total = sum(self.counts.values())
+            notes.note(
+                f"cut {path}",
+                f"{path}: the file is cut off, it is read up to the cut at byte {self._end}: {total} messages",
+            )
         elif not _ends_properly(file):
-            notes.note("cut", f"{path}: the file is cut off behind its messages (no footer), all of them are read")
+            notes.note(
+                f"cut {path}", f"{path}: the file is cut off behind its messages (no footer), all of them are read"
+            )
 
     def _walk_file(self) -> bool:
         """Visit every record; False if the file ends before its data does."""
-        position = len(MAGIC)
+        position = len(MCAP_MAGIC)
         while position + _RECORD.size <= self._size:
             self._file.seek(position)
             opcode, length = _RECORD.unpack(self._file.read(_RECORD.size))
             if opcode in {Opcode.DATA_END, Opcode.FOOTER}:
                 return True
+            self._end = position if opcode == 0 or length > self._size else self._size
+            if not opcode:
+                return False
             start, position = position + _RECORD.size, position + _RECORD.size + length
             if position > self._size and opcode != Opcode.CHUNK:
                 return False
-            self._visit(opcode, start, min(position, self._size))
+            try:
+                self._visit(opcode, start, min(position, self._size))
+            except _RECORD_FAULTS as error:
+                self._left_out.add("records", f"the record at byte {start} is damaged ({error})", start)
         return False
 
     def _visit(self, opcode: int, start: int, end: int) -> None:
@@ -309,11 +399,15 @@ class _Scan:
         head = self._file.read(_CHUNK.size)
         if len(head) < _CHUNK.size:
             return
-        start_ns, end_ns, _, _, name_length = _CHUNK.unpack(head)
+        start_ns, end_ns, unpacked_bytes, _, name_length = _CHUNK.unpack(head)
+        if name_length > _LONGEST_NAME:
+            return
         compression = self._file.read(name_length).decode(errors="replace")
         offset = start + _CHUNK.size + name_length + 8
         if end > offset:
-            self._chunk = _Block(offset, end - offset, compression, start_ns, end_ns, None)
+            self._chunk = _Block(
+                offset, end - offset, compression, start_ns, end_ns, None, unpacked_bytes=unpacked_bytes
+            )
 
     def _close_chunk(self) -> None:
         """Take the chunk in; without a message index behind it, or with unknown channels in it, it has to be read."""
@@ -323,6 +417,7 @@ class _Scan:
         counts = Counter({number: count for number, (_, count) in found.items()})
         if not counts or not counts.keys() <= self.channels.keys():
             counts = self._read_chunk(block)
+        counts = Counter({number: count for number, count in counts.items() if number in self.channels})
         if counts:
             indexes = tuple((number, offset) for number, (offset, _) in found.items())
             self.counts.update(counts)
@@ -331,8 +426,10 @@ class _Scan:
     def _read_chunk(self, block: _Block) -> Counter[int]:
         counts: Counter[int] = Counter()
         try:
-            records = _content(self._file, block)
-        except (zstandard.ZstdError, RuntimeError, ValueError):
+            records = _content(self._file, block, self._limits)
+            _check_crc(self._file, block, memoryview(records))
+        except _FAULTS as error:
+            self._left_out.add("chunks", f"the chunk at byte {block.offset} is damaged ({error})", block.offset)
             return counts
         for opcode, start, end in _walk(records):
             if opcode == Opcode.MESSAGE:

@@ -3,20 +3,31 @@
 from __future__ import annotations
 
 import base64
+import re
 import struct
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from types import SimpleNamespace
 from typing import Any, Literal
 
 import numpy as np
 
 from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.geometry.se3 import make_transform, rotation_from_quaternion_xyzw
-from supermap_cli.recordings.decoding import message_fields
+from supermap_cli.recordings.decoding import Decoder, message_fields
 from supermap_cli.recordings.definitions import LIVOX_PACKAGES
 from supermap_cli.recordings.storage import Channel, RawMessage
 
+LARGEST_STAMP_NS = 1 << 62
+"""ns; no clock shows more (the year 2116), and sums of two such stamps fit into int64."""
+
 Kind = Literal["image", "camera_info", "points", "imu", "pose", "transforms", "detections"]
+
+_STAMPED_BYTES = 12
+"""Bytes up to the end of a header's stamp: 4 before it in CDR (encapsulation) and in ROS 1 (`seq`), 8 of its own."""
+
+_LONGEST_FRAME = 1 << 10
+"""Characters of a frame's name; those of robots have some thirty."""
 
 KINDS: dict[str, Kind] = {
     "sensor_msgs/msg/Image": "image",
@@ -36,6 +47,7 @@ KINDS: dict[str, Kind] = {
     "nav_msgs/msg/Odometry": "pose",
     "geometry_msgs/msg/PoseStamped": "pose",
     "geometry_msgs/msg/PoseWithCovarianceStamped": "pose",
+    "geometry_msgs/msg/TransformStamped": "pose",
     "foxglove.PoseInFrame": "pose",
     "foxglove_msgs/msg/PoseInFrame": "pose",
     "tf2_msgs/msg/TFMessage": "transforms",
@@ -44,9 +56,23 @@ KINDS: dict[str, Kind] = {
     "foxglove.FrameTransforms": "transforms",
     "foxglove_msgs/msg/FrameTransform": "transforms",
     "foxglove_msgs/msg/FrameTransforms": "transforms",
-    "vision_msgs/msg/Detection2DArray": "detections",
+    **dict.fromkeys(
+        (
+            "vision_msgs/msg/Detection2DArray",
+            *("yolo_msgs/msg/DetectionArray", "yolov8_msgs/msg/DetectionArray"),
+            *("ultralytics_ros/msg/YoloResult", "darknet_ros_msgs/msg/BoundingBoxes"),
+            *("depthai_ros_msgs/msg/SpatialDetectionArray", "depthai_ros_msgs/msg/TrackDetection2DArray"),
+            *("zed_msgs/msg/ObjectsStamped", "zed_interfaces/msg/ObjectsStamped"),
+        ),
+        "detections",
+    ),
 }
 """What a message type is used for. All others are ignored."""
+
+_NEAR_DETECTIONS = re.compile(
+    r"/msg/\w*(Detection|BoundingBox|ObjectArray|ObjectsStamped|TrackedObject|YoloResult)", re.I
+)
+"""Names of types that hold detections, though of a layout that is not read."""
 
 
 @dataclass(frozen=True)
@@ -94,6 +120,10 @@ class PoseMessage:
     orientation_xyzw: FloatArray
     covariance: FloatArray | None = None
 
+    def later(self, by_ns: int) -> PoseMessage:
+        """The same with another stamp."""
+        return replace(self, stamp_ns=self.stamp_ns + by_ns) if by_ns else self
+
     def transform(self) -> FloatArray | None:
         """`T_frame_child`; `None` for a pose that is not finite or has a zero quaternion."""
         if not np.isfinite(self.position).all():
@@ -121,29 +151,50 @@ def kind_of(channel: Channel) -> Kind | None:
     return KINDS.get(channel.msgtype)
 
 
+def is_near_detections(channel: Channel) -> bool:
+    """Whether a channel seems to hold detections of a type that is not read."""
+    return kind_of(channel) is None and _NEAR_DETECTIONS.search(channel.msgtype) is not None
+
+
 def stamp_ns_of(time: Any) -> int:
     """Nanoseconds of a ROS time (sec, nanosec), a Foxglove JSON time (sec, nsec) or a protobuf Timestamp."""
-    seconds = message_fields(time, "sec", "secs", "seconds")
-    return int(seconds) * 1_000_000_000 + int(message_fields(time, "nanosec", "nsec", "nsecs", "nanos"))
+    seconds = int(message_fields(time, "sec", "secs", "seconds"))
+    stamp_ns = seconds * 1_000_000_000 + int(message_fields(time, "nanosec", "nsec", "nsecs", "nanos"))
+    if not -LARGEST_STAMP_NS < stamp_ns < LARGEST_STAMP_NS:
+        raise ValueError(f"a stamp of {seconds} s, which no clock shows")
+    return stamp_ns
 
 
-def peek_stamp_ns(raw: RawMessage, decode: Callable[[RawMessage], Any]) -> int:
-    """The header's stamp, without decoding ROS messages (their header comes first); the log time where it is unset."""
+def peek_stamp_ns(raw: RawMessage, decoder: Decoder) -> int:
+    """The header's stamp, without decoding ROS messages (their header comes first); the log time where it is unset.
+
+    Raises `MessageError` for a message without a whole header.
+    """
     channel, data = raw.channel, raw.data
+    if channel.serialization in {"ros1", "cdr"} and len(data) < _STAMPED_BYTES:
+        raise decoder.fault(raw, ValueError(f"only {len(data)} bytes"))
     if channel.serialization == "ros1":
         seconds, nanoseconds = struct.unpack_from("<II", data, 4)
     elif channel.serialization == "cdr" and not channel.msgtype.startswith("foxglove"):
         seconds, nanoseconds = struct.unpack_from("<iI" if data[1] & 1 else ">iI", data, 4)
     else:
-        return stamp_ns_of(decode(raw).timestamp) or raw.log_ns
+        return decoder.read_strictly(raw, header_of)[0]
     return int(seconds) * 1_000_000_000 + int(nanoseconds) or raw.log_ns
 
 
 def header_of(message: Any, log_ns: int) -> tuple[int, str]:
     """(stamp_ns, frame_id) of a ROS or Foxglove message; the log time where the stamp is unset."""
     if hasattr(message, "header"):
-        return stamp_ns_of(message.header.stamp) or log_ns, str(message.header.frame_id).lstrip("/")
-    return stamp_ns_of(message.timestamp) or log_ns, str(getattr(message, "frame_id", "")).lstrip("/")
+        return stamp_ns_of(message.header.stamp) or log_ns, frame_name(message.header.frame_id)
+    return stamp_ns_of(message.timestamp) or log_ns, frame_name(getattr(message, "frame_id", ""))
+
+
+def frame_name(value: Any) -> str:
+    """The name of a frame, without the leading slash that tf (1) wrote. Raises `ValueError` for what is no name."""
+    name = str(value)
+    if len(name) > _LONGEST_FRAME:
+        raise ValueError(f"the name of a frame has {len(name)} characters")
+    return name.lstrip("/")
 
 
 def bytes_of(data: Any) -> bytes | memoryview:
@@ -202,10 +253,14 @@ def _xyzw(quaternion: Any) -> FloatArray:
 
 
 def read_pose(message: Any, log_ns: int) -> PoseMessage:
-    """Of an Odometry, PoseStamped, PoseWithCovarianceStamped or Foxglove's PoseInFrame."""
+    """Of an Odometry, PoseStamped, PoseWithCovarianceStamped, TransformStamped (as motion capture has it) or Foxglove's
+    PoseInFrame.
+    """
+    if hasattr(message, "transform"):
+        return next(iter(read_transforms(SimpleNamespace(transforms=[message]), log_ns)))
     stamp_ns, frame_id = header_of(message, log_ns)
     pose = message.pose.pose if hasattr(message.pose, "pose") else message.pose
-    child = str(getattr(message, "child_frame_id", "")).lstrip("/")
+    child = frame_name(getattr(message, "child_frame_id", ""))
     covariance = read_covariance(getattr(message.pose, "covariance", ()))
     return PoseMessage(stamp_ns, frame_id, child, _xyz(pose.position), _xyzw(pose.orientation), covariance)
 
@@ -221,20 +276,24 @@ def read_covariance(values: Any) -> FloatArray | None:
     return None if (np.diag(covariance) < 0).any() else covariance
 
 
-def read_transforms(message: Any, log_ns: int) -> Iterator[PoseMessage]:
+def read_transforms(message: Any, log_ns: int) -> tuple[PoseMessage, ...]:
     """Of a TFMessage or Foxglove's FrameTransform and FrameTransforms."""
+    return tuple(_transforms(message, log_ns))
+
+
+def _transforms(message: Any, log_ns: int) -> Iterator[PoseMessage]:
     for stamped in getattr(message, "transforms", None) or ([message] if hasattr(message, "parent_frame_id") else []):
         if hasattr(stamped, "parent_frame_id"):
             yield PoseMessage(
                 stamp_ns_of(stamped.timestamp) or log_ns,
-                str(stamped.parent_frame_id).lstrip("/"),
-                str(stamped.child_frame_id).lstrip("/"),
+                frame_name(stamped.parent_frame_id),
+                frame_name(stamped.child_frame_id),
                 _xyz(stamped.translation),
                 _xyzw(stamped.rotation),
             )
         else:
             stamp_ns, frame_id = header_of(stamped, log_ns)
-            child = str(stamped.child_frame_id).lstrip("/")
+            child = frame_name(stamped.child_frame_id)
             motion = stamped.transform
             yield PoseMessage(stamp_ns, frame_id, child, _xyz(motion.translation), _xyzw(motion.rotation))
 

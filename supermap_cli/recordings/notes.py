@@ -13,6 +13,10 @@ class Notes:
         """Keep one line under `key`."""
         self._lines[key] = " ".join(line.split())
 
+    def take(self, other: Notes) -> None:
+        """Keep all lines of another collection too."""
+        self._lines.update(other._lines)
+
     @property
     def lines(self) -> tuple[str, ...]:
         """All lines in the order of their first note."""

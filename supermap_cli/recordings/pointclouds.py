@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import struct
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -14,8 +15,9 @@ from numpy.typing import NDArray
 
 from supermap_cli.geometry.arrays import FloatArray, IntArray
 from supermap_cli.geometry.se3 import transform_points
-from supermap_cli.recordings.decoding import Decoder
-from supermap_cli.recordings.messages import PoseMessage, bytes_of, header_of
+from supermap_cli.recordings.decoding import FAULTS, Decoder
+from supermap_cli.recordings.limits import Limits
+from supermap_cli.recordings.messages import LARGEST_STAMP_NS, PoseMessage, bytes_of, header_of
 from supermap_cli.recordings.storage import RawMessage
 
 _POINT_FIELD = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8", 9: "i8", 10: "u8"}
@@ -58,13 +60,24 @@ class PointsMessage:
 
 
 def read_points(raw: RawMessage, decoder: Decoder) -> PointsMessage:
-    """Read one sweep. Raises `ValueError` for a cloud without x, y, z or with too little data."""
+    """Read one sweep; one without points, of whatever layout, is empty.
+
+    Raises `MessageError` for a cloud without x, y, z, with too little data, or beyond the limit of points.
+    """
     if raw.channel.msgtype.endswith("CustomMsg"):
-        return _read_livox(raw)
-    message = decoder.decode(raw)
-    stamp_ns, frame_id = header_of(message, raw.log_ns)
+        try:
+            return _read_livox(raw, decoder.limits)
+        except FAULTS as error:
+            raise decoder.fault(raw, error) from error
+    return decoder.read_strictly(raw, partial(_read_cloud, limits=decoder.limits))
+
+
+def _read_cloud(message: Any, log_ns: int, *, limits: Limits) -> PointsMessage:
+    stamp_ns, frame_id = header_of(message, log_ns)
     foxglove = not hasattr(message, "point_step")
-    cloud = _foxglove_cloud(message) if foxglove else _ros_cloud(message)
+    if not len(message.data) or (not foxglove and not int(message.width) * int(message.height)):
+        return PointsMessage(stamp_ns, frame_id, np.zeros((0, 3)), np.zeros(0, np.int64))
+    cloud = _foxglove_cloud(message, limits) if foxglove else _ros_cloud(message, limits)
     names = {name.lower(): name for name in cloud.dtype.names or ()}
     if not {"x", "y", "z"} <= names.keys():
         raise ValueError(f"a point cloud without x, y, z (its fields: {', '.join(names) or 'none'})")
@@ -104,13 +117,15 @@ def point_stamps(times: NDArray[np.generic], stamp_ns: int) -> tuple[IntArray, b
 
 
 def _nanoseconds(times: NDArray[np.generic], unit_ns: float) -> IntArray:
+    """Times as ns; what no clock shows is 0."""
+    exact = times.astype(np.float64) * unit_ns
+    possible = np.abs(exact) < LARGEST_STAMP_NS
     if np.issubdtype(times.dtype, np.integer):
-        return times.astype(np.int64) * int(unit_ns)
-    seconds = times.astype(np.float64) * unit_ns
-    return np.rint(seconds).astype(np.int64)
+        return np.where(possible, times, 0).astype(np.int64) * int(unit_ns)
+    return np.rint(np.where(possible, exact, 0.0)).astype(np.int64)
 
 
-def _ros_cloud(message: Any) -> NDArray[np.void]:
+def _ros_cloud(message: Any, limits: Limits) -> NDArray[np.void]:
     order = ">" if message.is_bigendian else "<"
     kind = _record(message.fields, _POINT_FIELD, "datatype", int(message.point_step), order)
     data = np.frombuffer(bytes_of(message.data), np.uint8)
@@ -118,13 +133,13 @@ def _ros_cloud(message: Any) -> NDArray[np.void]:
     step = int(message.row_step) or row
     if height > 1 and step > row and len(data) >= step * height:
         data = np.ascontiguousarray(data[: step * height].reshape(height, step)[:, :row]).ravel()
-    return _records(data, kind, width * height)
+    return _records(data, kind, width * height, limits)
 
 
-def _foxglove_cloud(message: Any) -> NDArray[np.void]:
+def _foxglove_cloud(message: Any, limits: Limits) -> NDArray[np.void]:
     kind = _record(message.fields, _FOXGLOVE_FIELD, "type", int(message.point_stride), "<")
     data = np.frombuffer(bytes_of(message.data), np.uint8)
-    return _records(data, kind, len(data) // kind.itemsize)
+    return _records(data, kind, len(data) // max(kind.itemsize, 1), limits)
 
 
 def _record(fields: Any, formats: dict[int, str], type_name: str, size: int, order: str) -> np.dtype[np.void]:
@@ -139,7 +154,11 @@ def _record(fields: Any, formats: dict[int, str], type_name: str, size: int, ord
     )
 
 
-def _records(data: NDArray[np.uint8], kind: np.dtype[np.void], count: int) -> NDArray[np.void]:
+def _records(data: NDArray[np.uint8], kind: np.dtype[np.void], count: int, limits: Limits) -> NDArray[np.void]:
+    if not kind.itemsize:
+        raise ValueError(f"a point cloud of {count} points of 0 bytes")
+    if count > limits.cloud_points:
+        raise ValueError(f"{count} points, the limit cloud_points allows {limits.cloud_points}")
     if len(data) < count * kind.itemsize:
         raise ValueError(f"{len(data)} bytes do not hold {count} points of {kind.itemsize} bytes")
     records: NDArray[np.void] = data[: count * kind.itemsize].view(kind)
@@ -155,7 +174,7 @@ def _posed(points: FloatArray, pose: Any) -> FloatArray:
     return points if T is None else transform_points(T, points)
 
 
-def _read_livox(raw: RawMessage) -> PointsMessage:
+def _read_livox(raw: RawMessage, limits: Limits) -> PointsMessage:
     """Straight from the bytes: a CustomMsg's points are 20 (CDR; the last has 19) or 19 (ROS 1) bytes each.
 
     Fields: header, uint64 timebase, uint32 point_num, uint8 lidar_id, uint8[3] rsvd, CustomPoint[] points, where a
@@ -174,6 +193,8 @@ def _read_livox(raw: RawMessage) -> PointsMessage:
     except (struct.error, UnicodeDecodeError) as error:
         raise ValueError(f"a Livox message that does not fit its definition: {error}") from error
     kind = _LIVOX_ROS1 if ros1 else _LIVOX_CDR
+    if count > limits.cloud_points:
+        raise ValueError(f"{count} points, the limit cloud_points allows {limits.cloud_points}")
     body = data[position + 4 :] + b"\0"
     if len(body) < count * kind.itemsize:
         raise ValueError(f"{len(body)} bytes do not hold {count} Livox points")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.recordings import messages
 from supermap_cli.recordings.motion import PoseSource
 from supermap_cli.recordings.opening import MARGIN_NS, OpenedRecording
-from supermap_cli.recordings.probing import Topic
+from supermap_cli.recordings.survey import Topic
 from supermap_cli.types.sensing import StampedPose
 
 
@@ -29,7 +30,7 @@ def recorded_poses(opened: OpenedRecording, source: PoseSource) -> Iterator[Stam
     for pose in poses:
         if opened.window.holds(pose.stamp_ns, MARGIN_NS):
             count += 1
-            yield pose
+            yield replace(pose, T_odom_base=_from_origin(pose.T_odom_base, opened.origin))
     if not count:
         raise RecordingError(
             f"no usable poses in the window{skipped.summary}",
@@ -65,8 +66,12 @@ def _from_topic(
 ) -> Iterator[StampedPose]:
     moved = source.child_frame or opened.base_frame
     transforms = opened.transforms(moved, {opened.base_frame})
-    for raw in opened.storage.messages([topic.name], *opened.window.log_range(MARGIN_NS)):
-        message = messages.read_pose(opened.decoder.decode(raw), raw.log_ns)
+    raws, shift_ns = (
+        opened.storage.messages([topic.name], *opened.window.log_range(MARGIN_NS)),
+        opened.shift_ns(topic.name),
+    )
+    for _, read in opened.decoder.each(raws, messages.read_pose):
+        message = read.later(shift_ns)
         T_odom_moved = message.transform()
         if T_odom_moved is None:
             skipped.add("a pose that is not finite", message.stamp_ns)
@@ -79,6 +84,15 @@ def _from_topic(
         if message.covariance is not None:
             covariance = carried_covariance(message.covariance, T_odom_moved[:3, :3] @ T_moved_base[:3, 3])
         yield StampedPose(message.stamp_ns, T_odom_moved @ T_moved_base, covariance)
+
+
+def _from_origin(T_odom_base: FloatArray, origin: FloatArray) -> FloatArray:
+    """The pose with its position counted from `origin` (3,)."""
+    if not origin.any():
+        return T_odom_base
+    moved = T_odom_base.copy()
+    moved[:3, 3] -= origin
+    return moved
 
 
 def carried_covariance(covariance: FloatArray, lever_arm: FloatArray) -> FloatArray:

@@ -9,9 +9,9 @@ from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.geometry.cameras import Camera, EquirectangularCamera
 from supermap_cli.recordings.calibration import camera_from_calibration
 from supermap_cli.recordings.motion import PoseSource
-from supermap_cli.recordings.notes import Notes
-from supermap_cli.recordings.probing import Topic
+from supermap_cli.recordings.pose_topics import BASE_NAMES, last_part
 from supermap_cli.recordings.roles import role_name
+from supermap_cli.recordings.survey import Topic
 from supermap_cli.recordings.topic_names import is_rectified
 from supermap_cli.recordings.topic_plan import CameraPlan, TopicPlan
 from supermap_cli.recordings.transforms import TransformTree
@@ -50,15 +50,16 @@ class RigBuilder:
         self._forced_model = forced_model
         self._where = where
 
-    def build(self, camera: CameraPlan, base_frame: str, source: PoseSource | None, notes: Notes) -> CameraRig:
+    def build(self, camera: CameraPlan, base_frame: str, source: PoseSource | None) -> CameraRig:
         """The rig of a camera that has colour images. Raises `CalibrationError`."""
         color, color_frame = camera.color, camera.frame_id
         model = self._model(color, camera.topic("camera_info"), role_name("camera_info", camera.camera_id))
-        _note_optical(color, color_frame, self._tree, notes)
-        check_mounting(self._tree, base_frame, color_frame, source, where=f"{self._where}, {color.name}")
+        place, name = f"{self._where}, {color.name}", role_name("camera", camera.camera_id)
+        check_mounting(self._tree, base_frame, color_frame, source, where=place, role=name)
         depth, lidar = camera.topic("depth"), self._plan.topic("lidar")
         if depth is None and lidar is not None:
-            check_mounting(self._tree, base_frame, lidar.frame_id, source, where=f"{self._where}, {lidar.name}")
+            place = f"{self._where}, {lidar.name}"
+            check_mounting(self._tree, base_frame, lidar.frame_id, source, where=place, role="lidar")
         depth_rig = None if depth is None else self._depth_rig(depth, camera, model)
         return CameraRig(base_frame, color_frame, model, depth_rig)
 
@@ -94,7 +95,7 @@ class RigBuilder:
         if same_frame:
             return DepthRig(depth_model, color_frame, aligned=depth_model == model)
         place = f"{self._where}, {depth.name}"
-        check_mounting(self._tree, color_frame, frame_id, None, where=place)
+        check_mounting(self._tree, color_frame, frame_id, None, where=place, role=role_name("depth", camera.camera_id))
         if camera.camera_id != MAIN_CAMERA and self._looks_away(color_frame, frame_id):
             raise CalibrationError(
                 f"the depth camera {frame_id!r} looks away from what the camera {camera.camera_id!r} sees",
@@ -109,7 +110,9 @@ class RigBuilder:
         return T_color_depth is not None and bool(T_color_depth[2, 2] < 0)
 
 
-def check_mounting(tree: TransformTree, base: str, sensor: str, source: PoseSource | None, *, where: str) -> None:
+def check_mounting(
+    tree: TransformTree, base: str, sensor: str, source: PoseSource | None, *, where: str, role: str
+) -> None:
     """Raise `CalibrationError` unless TF says where the sensor sits on the base (or it is the base itself)."""
     if base == sensor:
         return
@@ -117,16 +120,24 @@ def check_mounting(tree: TransformTree, base: str, sensor: str, source: PoseSour
         tree.path(base, sensor)
     except CalibrationError as error:
         of_what = f"; {source.description} moves {base!r}" if source else ""
-        raise CalibrationError(f"{error.what}{of_what}", where=where, cure=error.cure) from error
+        cure = _mounting_cure(tree, base, sensor, role) if "loop" not in error.what else error.cure
+        what = error.what if sensor else "the messages name no frame, so that TF cannot place them"
+        raise CalibrationError(f"{what}{of_what}", where=where, cure=cure) from error
 
 
-def _note_optical(color: Topic, color_frame: str, tree: TransformTree, notes: Notes) -> None:
-    """An image's frame should be the optical one (z forward); a body frame (x forward) is not corrected by guess."""
-    if "optical" in color_frame or not color_frame:
-        return
-    optical = sorted(frame for frame in tree.frames if "optical" in frame)
-    hint = f" (TF also has {', '.join(optical)})" if optical else ""
-    notes.note(
-        f"optical {color.name}",
-        f"{color.name}: its frame {color_frame!r} is not named an optical frame; it is taken as one, z forward{hint}",
-    )
+def _mounting_cure(tree: TransformTree, base: str, sensor: str, role: str) -> str:
+    """What mends a sensor that TF does not place: another base, another frame of the sensor, or its mounting."""
+    cures = []
+    if sensor in tree.frames:
+        top = next(
+            (frame for frame in tree.to_root(sensor) if last_part(frame) in BASE_NAMES), tree.to_root(sensor)[-1]
+        )
+        if top != sensor:
+            cures.append(f"say that {base!r} is {top!r} with --frame base={top}")
+            cures.append(f'or give the link: --mount {base}="{top} X Y Z ROLL PITCH YAW"')
+    else:
+        optical = [frame for frame in sorted(tree.frames) if "optical" in frame and tree.connects(base, frame)]
+        if optical and role != "lidar":
+            cures.append(f"name the frame that is meant: --frame {role}={optical[0]} (TF has {', '.join(optical)})")
+        cures.append(f'say where it sits on the base, in metres and radians: --mount {role}="X Y Z ROLL PITCH YAW"')
+    return ", ".join([*cures, f"or record /tf_static with {base!r} -> {sensor or 'the sensor'!r}"])

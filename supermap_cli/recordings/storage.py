@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import heapq
+import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
+
+from supermap_cli.recordings.notes import Notes
 
 
 @dataclass(frozen=True)
@@ -32,6 +35,36 @@ class RawMessage:
     channel: Channel
     log_ns: int
     data: bytes | memoryview
+
+
+def full_type_name(name: str) -> str:
+    """sensor_msgs/Image, as ROS 1 and some writers of ROS 2 have it -> sensor_msgs/msg/Image."""
+    return re.sub(r"^([\w.]+)/(\w+)$", r"\1/msg/\2", name)
+
+
+class LeftOut:
+    """Counts what is left out of a container, and keeps one note on each sort of it that names the first.
+
+    What stands at one `place` counts once, however often it is read.
+    """
+
+    def __init__(self, notes: Notes, where: str) -> None:
+        self._notes = notes
+        self._where = where
+        self._places: dict[str, set[int]] = {}
+        self._first: dict[str, str] = {}
+
+    @property
+    def reason(self) -> str:
+        """Why the first was left out, to end an error's sentence; "" where nothing was."""
+        return next((f" that can be read: {why}" for why in self._first.values()), "")
+
+    def add(self, what: str, why: str, place: int) -> None:
+        """One more of `what` ("chunks"), and why it is left out."""
+        places = self._places.setdefault(what, set())
+        places.add(place)
+        first = self._first.setdefault(what, why)
+        self._notes.note(f"left out {self._where} {what}", f"{self._where}: {first}; {len(places)} {what} left out")
 
 
 class Storage(Protocol):

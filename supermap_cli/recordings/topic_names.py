@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence, Set
+from itertools import takewhile
 
 Device = tuple[str, ...]
 """The parts of a topic's name that say which device it is of, in lower case; () for a name of stream words alone."""
@@ -48,6 +49,12 @@ def common_parts(a: str, b: str) -> int:
     """How many leading parts two topic names share."""
     pairs = zip(a.split("/"), b.split("/"), strict=False)
     return next((index for index, (x, y) in enumerate(pairs) if x != y), min(a.count("/"), b.count("/")) + 1)
+
+
+def common_words(a: str, b: str) -> int:
+    """How many leading words two topic names share: /d455_rgb_image and /d455_rgb_camera_info share two."""
+    pairs = zip(re.split(r"[/_]+", a.lower()), re.split(r"[/_]+", b.lower()), strict=False)
+    return sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], pairs)) - 1
 
 
 def device_of(topic: str) -> Device:

@@ -6,30 +6,34 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from supermap_cli.errors import RecordingError
-from supermap_cli.recordings.probing import Topic
 from supermap_cli.recordings.roles import role_name
+from supermap_cli.recordings.survey import Topic
 
 
 @dataclass(frozen=True)
 class TopicChoice:
-    """The topic that serves a role, and why it rather than another."""
+    """The topic that serves a role, and why it rather than another; `named` says that the user named it."""
 
     role: str
     topic: Topic
     reason: str
+    named: bool = False
 
 
 @dataclass(frozen=True)
 class CameraPlan:
     """Which topic serves which role of one camera (`CAMERA_ROLES`), and what stands in its way.
 
-    `named` says that the user named some of its topics.
+    `named` says that the user named some of its topics; `recorded_frame_id` is what its images say, where they were put
+    into another frame; `doubts` are what was left out, and why.
     """
 
     camera_id: str
     choices: Mapping[str, TopicChoice]
     problems: tuple[RecordingError, ...] = ()
     named: bool = False
+    recorded_frame_id: str = ""
+    doubts: tuple[str, ...] = ()
 
     def topic(self, role: str) -> Topic | None:
         """The topic of a role, if there is one."""

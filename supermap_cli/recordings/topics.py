@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 from supermap_cli.errors import RecordingError
 from supermap_cli.recordings.images import DEPTH_ENCODINGS, is_depth_encoding
 from supermap_cli.recordings.messages import ImageMessage, Kind
-from supermap_cli.recordings.probing import Topic
-from supermap_cli.recordings.roles import ROLES, NamedTopics, role_name
-from supermap_cli.recordings.topic_names import common_parts, device_of, namespace_of
+from supermap_cli.recordings.pose_topics import why_no_motion
+from supermap_cli.recordings.roles import NamedTopics, role_name
+from supermap_cli.recordings.survey import Topic
+from supermap_cli.recordings.topic_choices import RoleFilling
+from supermap_cli.recordings.topic_names import common_parts, common_words, device_of, namespace_of
 from supermap_cli.recordings.topic_plan import CameraPlan, TopicChoice, TopicPlan
 from supermap_cli.types.sensing import MAIN_CAMERA
 
@@ -25,6 +27,34 @@ NOT_COLOR_WORDS = (
 
 _NOT_SCAN_WORDS = ("depth", "camera", "color", "map", "ground", "obstacle", "world", "deskew", "filtered", "registered")
 """A point cloud topic whose name holds one of them is no raw scan of a LiDAR."""
+
+_PNG_BIT_DEPTH_AT = 24
+"""Where a PNG says how many bits a sample has (RFC 2083, section 4.1.1)."""
+
+_COLOR_LOST = (
+    *("cannot be read", "is named as no colour image", "has no camera_info beside it"),
+    *("is not in the frame of the detections", "is not named colour", "is grey", "is a right camera"),
+    "has fewer messages",
+)
+_DEPTH_LOST = (
+    *("cannot be read", "is named as another camera's", "is named infrared, confidence or disparity"),
+    *("is not named aligned", "is not of the colour's frame and size", "is not in the colour's frame"),
+    *("is named less like the colour topic", "is not named depth", "has fewer messages"),
+)
+_INFO_LOST = (
+    *("does not stand beside the images", "is in another frame", "stands in another folder", "is of another size"),
+    *("is named less like the images", "has fewer messages"),
+)
+_LIDAR_LOST = ("is in the frame of a camera or of the map", "is named as no raw scan", "has fewer messages")
+_IMU_LOST = ("is not named data", "has fewer messages")
+_ODOMETRY_LOST = (
+    *("is ground truth", "covers less of the recording", "is named wheel, raw, target or goal"),
+    *("is not named filtered or fused", "is not named odometry", "has fewer messages"),
+)
+"""What a topic lacks that lost by each element of the rank of its role."""
+
+_MOST_LISTED = 30
+"""Topics that an error lists."""
 
 _GROUND_TRUTH = re.compile(r"ground_?truth|(^|[/_])gt([/_]|$)")
 """Beside an odometry, the truth is there to judge by; a robot does not have it."""
@@ -43,60 +73,23 @@ def plan_topics(topics: Sequence[Topic], named: NamedTopics, where: str) -> Topi
 
 def plan_shared(topics: Sequence[Topic], named: Mapping[str, str], where: str) -> Mapping[str, TopicChoice]:
     """The topics of the roles that are of no single camera."""
-    choices = _Choices(topics, named, where)
+    choices = RoleFilling(topics, named, where)
     image_frames = {topic.frame_id for topic in topics if topic.kind == "image"}
-    choices.choose("lidar", _of(topics, "points"), lambda topic: _lidar_rank(topic, image_frames))
-    choices.choose("imu", _of(topics, "imu"), lambda topic: (has_word(topic, ("data",)), topic.channel.count))
-    odometries = [topic for topic in _of(topics, "pose") if topic.channel.msgtype.endswith("Odometry")]
-    choices.choose("odometry", odometries, _odometry_rank)
+    choices.choose("lidar", _of(topics, "points"), lambda topic: _lidar_rank(topic, image_frames), _LIDAR_LOST)
+    choices.choose(
+        "imu",
+        [topic for topic in _of(topics, "imu") if topic.fault is None],
+        lambda topic: (has_word(topic, ("data",)), topic.channel.count),
+        _IMU_LOST,
+    )
+    odometries = [
+        topic
+        for topic in _of(topics, "pose")
+        if topic.channel.msgtype.endswith("Odometry") and why_no_motion(topic, topics) is None
+    ]
+    most = max((len(topic.poses) for topic in odometries), default=0)
+    choices.choose("odometry", odometries, lambda topic: _odometry_rank(topic, most), _ODOMETRY_LOST)
     return choices.chosen
-
-
-class _Choices:
-    """Roles that are filled one after the other: by what the user named, else by the best candidate."""
-
-    def __init__(
-        self, topics: Sequence[Topic], named: Mapping[str, str], where: str, camera_id: str = MAIN_CAMERA
-    ) -> None:
-        self._topics = topics
-        self._named = named
-        self._where = where
-        self._camera_id = camera_id
-        self.chosen: dict[str, TopicChoice] = {}
-
-    def topic(self, role: str) -> Topic | None:
-        """What serves a role so far."""
-        choice = self.chosen.get(role)
-        return choice.topic if choice else None
-
-    def is_named(self, role: str) -> bool:
-        """Whether the user named the topic of a role."""
-        return role in self._named
-
-    def choose(self, role: str, candidates: Sequence[Topic], rank: Callable[[Topic], tuple[float, ...]]) -> None:
-        """Fill a role with the topic named for it, else with the candidate of the highest rank, if there is one."""
-        if role in self._named:
-            self.chosen[role] = TopicChoice(role, self._named_topic(role), "named by the user")
-            return
-        usable = sorted(candidates, key=lambda topic: topic.name)
-        if not usable:
-            self.chosen.pop(role, None)
-            return
-        best = max(usable, key=rank)
-        others = [topic.name for topic in usable if topic is not best]
-        reason = f"rather than {', '.join(others)}" if others else "the only one of its kind"
-        self.chosen[role] = TopicChoice(role, best, reason)
-
-    def _named_topic(self, role: str) -> Topic:
-        name, key = self._named[role], role_name(role, self._camera_id)
-        fitting = [topic for topic in self._topics if topic.kind in ROLES[role]]
-        for topic in fitting:
-            if topic.name == name:
-                return topic
-        listed = ", ".join(topic.name for topic in fitting) or "none"
-        there = any(topic.name == name for topic in self._topics)
-        what = f"topic {name} cannot serve as {key}" if there else f"no messages on topic {name}, named for {key}"
-        raise RecordingError(what, where=self._where, cure=f"topics that could be: {listed}")
 
 
 class CameraPlanner:
@@ -122,37 +115,59 @@ class CameraPlanner:
         self._where = where
         self._lidar_stands_in = lidar_stands_in
         self._camera_id = camera_id
-        self._choices = _Choices(topics, named, where, camera_id)
+        self._choices = RoleFilling(topics, named, where, camera_id)
         self._problems: list[RecordingError] = []
+        self._doubts: list[str] = []
+        self._calibrated_namespaces = {namespace_of(info.name) for info in self._of("camera_info")}
 
     def plan(self) -> CameraPlan:
         """The camera's topics. Raises `RecordingError` if the user named what is not there."""
         choices = self._choices
-        choices.choose("detections", self._of("detections"), lambda topic: (topic.channel.count,))
+        choices.choose("detections", self._readable("detections"), lambda topic: (topic.channel.count,))
         choices.choose("masks", self._mask_candidates(), self._mask_rank)
-        choices.choose("color", self._color_candidates(), self._color_rank)
+        choices.choose("color", self._color_candidates(), self._color_rank, _COLOR_LOST)
         self._prefer_own_detections()
-        choices.choose("depth", self._depth_candidates(), self._depth_rank)
+        self._leave_out_foreign_detections()
+        choices.choose("depth", self._depth_candidates(), self._depth_rank, _DEPTH_LOST)
         self._choose_camera_info("camera_info", "color")
         self._choose_camera_info("depth_camera_info", "depth")
         self._note_missing()
         self._problems += faults(choices.chosen.values(), self._where)
-        return CameraPlan(self._camera_id, dict(choices.chosen), tuple(self._problems), bool(self._named))
+        problems, doubts = tuple(self._problems), tuple(self._doubts)
+        return CameraPlan(self._camera_id, dict(choices.chosen), problems, bool(self._named), doubts=doubts)
 
     def _of(self, kind: Kind) -> list[Topic]:
         return _of(self._own, kind)
 
+    def _readable(self, kind: Kind) -> list[Topic]:
+        """The topics of a kind that a build can do without, as far as they can be read."""
+        return [topic for topic in self._of(kind) if topic.fault is None]
+
     def _prefer_own_detections(self) -> None:
         """Of several detection topics the one of the colour camera; which images are masks does not change by it."""
         color = self._choices.topic("color")
-        if color is None or len(self._of("detections")) < 2:
+        if color is None or len(self._readable("detections")) < 2:
             return
         self._choices.choose(
             "detections",
-            self._of("detections"),
+            self._readable("detections"),
             lambda topic: (not self._is_of_other_camera(topic, color), topic.channel.count),
         )
         self._choices.choose("masks", self._mask_candidates(), self._mask_rank)
+
+    def _leave_out_foreign_detections(self) -> None:
+        """Detections that bear the frame of another camera are not this one's, whatever their topic is called."""
+        color, detections = self._choices.topic("color"), self._choices.topic("detections")
+        if color is None or detections is None or not color.frame_id or self._choices.is_named("detections"):
+            return
+        others = {topic.frame_id for topic in self._topics if shows_a_camera(topic)} - {color.frame_id, ""}
+        if detections.frame_ids and detections.frame_ids <= others:
+            for role in ("detections", "masks"):
+                self._choices.chosen.pop(role, None)
+            self._doubts.append(
+                f"{detections.name} holds detections in images of the frame {min(detections.frame_ids)!r}, not of "
+                f"{color.name} ({color.frame_id!r}): left out"
+            )
 
     def _is_of_other_camera(self, topic: Topic, color: Topic) -> bool:
         """Whether name and frame say that a topic belongs to another colour topic than the chosen one."""
@@ -185,11 +200,13 @@ class CameraPlanner:
 
     def _color_rank(self, topic: Topic) -> tuple[float, ...]:
         encoding = topic.image.encoding if topic.image else ""
-        has_info = any(namespace_of(info.name) == namespace_of(topic.name) for info in self._of("camera_info"))
+        detections = self._choices.topic("detections") if len(self._of("detections")) == 1 else None
+        has_info = namespace_of(topic.name) in self._calibrated_namespaces
         return (
             topic.fault is None,
             not has_word(topic, NOT_COLOR_WORDS),
             has_info,
+            detections is not None and topic.frame_id in detections.frame_ids,
             has_word(topic, ("color", "rgb")),
             "mono" not in encoding and "8UC1" not in encoding,
             not has_word(topic, ("right",)),
@@ -199,7 +216,9 @@ class CameraPlanner:
     def _depth_candidates(self) -> list[Topic]:
         color = self._choices.topic("color")
         return [
-            topic for topic in self._of("image") if is_depth(topic) and not self._is_mask(topic) and topic is not color
+            topic
+            for topic in self._of("image")
+            if is_depth(topic) and not self._is_mask(topic) and topic is not color and not _is_lossy(topic)
         ]
 
     def _depth_rank(self, topic: Topic) -> tuple[float, ...]:
@@ -227,7 +246,9 @@ class CameraPlanner:
         candidates = [] if image is None else [info for info in infos if _belongs(info, image)]
         if not candidates and len(infos) == 1:
             candidates = infos
-        self._choices.choose(role, candidates, lambda info: _belonging(info, image) if image else (0,))
+        self._choices.choose(
+            role, candidates, lambda info: _belonging(info, image, infos) if image else (0,), _INFO_LOST
+        )
 
     def _note_missing(self) -> None:
         color, depth = self._choices.topic("color"), self._choices.topic("depth")
@@ -239,7 +260,7 @@ class CameraPlanner:
             )
         elif depth is None and not self._lidar_stands_in:
             self._miss_depth()
-        if depth is not None and depth.image and not _can_be_depth(depth.image):
+        if depth is not None and depth.image and (not _can_be_depth(depth.image) or _is_lossy(depth)):
             self._problems.append(self._unsupported_depth(depth, depth.image))
 
     def _miss_depth(self) -> None:
@@ -248,7 +269,8 @@ class CameraPlanner:
             self._unsupported_depth(topic, topic.image)
             for topic in self._of("image")
             if topic.image and (has_word(topic, ("depth",)) or topic.fault)
-            if topic is not self._choices.topic("color") and not self._is_mask(topic) and not _can_be_depth(topic.image)
+            if topic is not self._choices.topic("color") and not self._is_mask(topic)
+            if _is_lossy(topic) or not _can_be_depth(topic.image)
         ]
         self._problems.extend(unsupported)
         if not unsupported:
@@ -265,10 +287,19 @@ class CameraPlanner:
                 )
 
     def _miss(self, what: str, cure: str) -> None:
-        known = ", ".join(topic.name for topic in self._topics) or "none of a known type"
+        names = [topic.name for topic in self._topics[:_MOST_LISTED]]
+        more = len(self._topics) - len(names)
+        known = ", ".join([*names, *([f"and {more} more"] if more else [])]) or "none of a known type"
         self._problems.append(RecordingError(f"{what} among its topics ({known})", where=self._where, cure=cure))
 
     def _unsupported_depth(self, topic: Topic, image: ImageMessage) -> RecordingError:
+        if _is_lossy(topic):
+            return RecordingError(
+                f"lossy depth images of 8 bits ({image.encoding.strip()!r}): they hold no distances",
+                where=f"{self._where}, {topic.name}",
+                cure="record compressedDepth, raw or 16-bit PNG images, or name another topic: "
+                f"--topic {role_name('depth', self._camera_id)}=/... or --topic lidar=/...",
+            )
         return RecordingError(
             f"depth images with the encoding {image.encoding!r}, which is not supported",
             where=f"{self._where}, {topic.name}",
@@ -294,6 +325,11 @@ def is_color(topic: Topic) -> bool:
     return topic.image is not None and not is_depth(topic)
 
 
+def shows_a_camera(topic: Topic) -> bool:
+    """Whether a topic holds what a colour camera sees: no masks, no infrared, no pictures of results."""
+    return topic.kind == "image" and is_color(topic) and not has_word(topic, (*MASK_WORDS, *NOT_COLOR_WORDS))
+
+
 def _of(topics: Iterable[Topic], kind: Kind) -> list[Topic]:
     return [topic for topic in topics if topic.kind == kind]
 
@@ -306,9 +342,10 @@ def _lidar_rank(topic: Topic, image_frames: set[str]) -> tuple[float, ...]:
     )
 
 
-def _odometry_rank(topic: Topic) -> tuple[float, ...]:
+def _odometry_rank(topic: Topic, most_poses: int) -> tuple[float, ...]:
     return (
         _GROUND_TRUTH.search(topic.name.lower()) is None,
+        2 * len(topic.poses) >= most_poses,
         not has_word(topic, ("wheel", "raw", "target", "goal")),
         has_word(topic, ("filtered", "fused")),
         topic.name in {"/odom", "/odometry"},
@@ -331,18 +368,33 @@ def _can_be_depth(image: ImageMessage) -> bool:
     return is_depth_encoding(image) or image.encoding.partition(";")[0].strip() in {"mono16", "png"}
 
 
+def _is_lossy(topic: Topic) -> bool:
+    """Whether a depth topic's compressed images are JPEG, or PNG of 8 bits: neither holds millimetres."""
+    if topic.image is None or not topic.image.compressed or "compressedDepth" in topic.image.encoding:
+        return False
+    head = bytes(topic.image.data[: _PNG_BIT_DEPTH_AT + 1])
+    is_depth_topic = is_depth_encoding(topic.image) or has_word(topic, ("depth",))
+    small_png = head[:4] == b"\x89PNG" and head[_PNG_BIT_DEPTH_AT:] == b"\x08"
+    return is_depth_topic and (head[:2] == b"\xff\xd8" or small_png)
+
+
 def _belongs(info: Topic, image: Topic) -> bool:
     """Same namespace, or the same non-empty frame."""
     same_frame = info.frame_id == image.frame_id != ""
     return same_frame or namespace_of(info.name) == namespace_of(image.name)
 
 
-def _belonging(info: Topic, image: Topic) -> tuple[float, ...]:
+def _belonging(info: Topic, image: Topic, infos: Sequence[Topic]) -> tuple[float, ...]:
+    """A folder of its own says more than the frame, and this more than a folder that several cameras share."""
     calibration = info.calibration
+    together = namespace_of(info.name) == namespace_of(image.name)
+    alone = sum(namespace_of(other.name) == namespace_of(image.name) for other in infos) == 1
     same_size = calibration is not None and (calibration.width, calibration.height) == image.size
     return (
-        namespace_of(info.name) == namespace_of(image.name),
+        together and alone,
+        info.frame_id == image.frame_id != "",
+        together,
         same_size,
-        common_parts(info.name, image.name),
+        common_words(info.name, image.name),
         info.channel.count,
     )

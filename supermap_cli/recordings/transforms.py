@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_left, insort
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -49,6 +49,15 @@ class Edge:
         return interpolate_transform(T_start, T_end, (stamp_ns - start_ns) / (end_ns - start_ns))
 
 
+@dataclass(frozen=True)
+class Link:
+    """Which link to a frame counts, of several: the parent, and whether its static transform or its moving ones."""
+
+    parent: str
+    child: str
+    static: bool
+
+
 def _stamp(sample: tuple[int, FloatArray]) -> int:
     return sample[0]
 
@@ -56,21 +65,23 @@ def _stamp(sample: tuple[int, FloatArray]) -> int:
 class TransformTree:
     """Frames and the edges between them. Structural faults are `CalibrationError`s that name the frames."""
 
-    def __init__(self) -> None:
+    def __init__(self, links: Mapping[str, Link] | None = None) -> None:
         self._edges: dict[str, Edge] = {}
-        self.conflicts: dict[str, tuple[str, str]] = {}
+        self._links = links or {}
 
     def add(self, message: PoseMessage, static: bool) -> bool:
-        """Take one transform in; False if it is not finite or joins a frame with itself."""
+        """Take one transform in; False if it is not finite, joins a frame with itself, or another link to that frame
+        counts. Without a choice the last parent counts, as in tf2.
+        """
         T = message.transform()
         parent, child = message.frame_id, message.child_frame_id
         if T is None or parent == child or not child:
             return False
+        link = self._links.get(child)
+        if link is not None and (link.parent, link.static) != (parent, static):
+            return False
         edge = self._edges.get(child)
-        if edge is not None and edge.parent != parent:
-            self.conflicts[child] = (edge.parent, parent)
-            edge = None
-        if edge is None:
+        if edge is None or edge.parent != parent:
             edge = self._edges[child] = Edge(parent, child, static)
         edge.seen += 1
         if static:
@@ -81,6 +92,17 @@ class TransformTree:
             else:
                 insort(edge.samples, (message.stamp_ns, T), key=_stamp)
         return True
+
+    def fix(self, message: PoseMessage) -> None:
+        """Put a static link in, in place of what leads to that frame. Raises `CalibrationError` for what is none."""
+        T = message.transform()
+        if T is None or message.frame_id in {message.child_frame_id, ""}:
+            raise CalibrationError(
+                f"{message.frame_id!r} -> {message.child_frame_id!r} is no mounting", cure="name two different frames"
+            )
+        self._edges[message.child_frame_id] = Edge(
+            message.frame_id, message.child_frame_id, static=True, samples=[(0, T)], seen=1
+        )
 
     @property
     def edges(self) -> tuple[Edge, ...]:
@@ -172,8 +194,13 @@ def _chain(edges_upwards: list[Edge], stamp_ns: int) -> FloatArray | None:
 class MovingTransforms:
     """A tree that moves along with the sensors' time and holds only a few seconds of samples."""
 
-    def __init__(self, statics: Iterable[PoseMessage], moving: Callable[[], Iterator[tuple[int, PoseMessage]]]) -> None:
-        self.tree = TransformTree()
+    def __init__(
+        self,
+        statics: Iterable[PoseMessage],
+        moving: Callable[[], Iterator[tuple[int, PoseMessage]]],
+        links: Mapping[str, Link] | None = None,
+    ) -> None:
+        self.tree = TransformTree(links)
         for transform in statics:
             self.tree.add(transform, static=True)
         self._moving = moving()

@@ -30,7 +30,7 @@ EXPLANATION = (
 
 def write_diff_page(diff: Diff, reader: MapReader, path: Path) -> None:
     """Write the page. Raises `SupermapError` if it cannot be written."""
-    write_file(path, diff_page(diff, reader))
+    write_file(path, diff_page(diff, reader), "html", option="--html")
 
 
 def diff_page(diff: Diff, reader: MapReader) -> str:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from supermap_cli.errors import SupermapError
 from supermap_cli.memory.reading import MapReader
+from supermap_cli.output_files import check_output, replace_file
 from supermap_cli.query.diff import Diff
 from supermap_cli.reports.diff_plan import Panel, before_after_panels
 from supermap_cli.reports.floor_plan import Outline
@@ -32,9 +34,10 @@ SUFFIXES = (".png", ".svg", ".pdf")
 
 
 def check_plot(path: Path) -> None:
-    """Raises `SupermapError` for an unsupported image suffix, before anything is computed."""
+    """Raises `SupermapError` for an unsupported image suffix or a file of another kind, before anything is computed."""
     if path.suffix.lower() not in SUFFIXES:
         raise SupermapError("a picture of an unknown kind", where=str(path), cure="name a .png, .svg or .pdf file")
+    check_output(path, path.suffix.lower().removeprefix("."), option="--plot")
 
 
 def draw_diff(diff: Diff, reader: MapReader, path: Path) -> None:
@@ -56,13 +59,10 @@ def draw_diff(diff: Diff, reader: MapReader, path: Path) -> None:
     ]
     if handles:
         figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), frameon=False)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        figure.savefig(path, dpi=130)
-    except (OSError, ValueError) as error:
-        raise SupermapError(
-            f"the picture cannot be written: {error}", where=str(path), cure="name another file"
-        ) from error
+    content = BytesIO()
+    figure.savefig(content, dpi=130, format=path.suffix.lower().removeprefix("."))
+    check_plot(path)
+    replace_file(path, content.getvalue())
 
 
 def _draw_panel(axes: Axes, panel: Panel) -> None:

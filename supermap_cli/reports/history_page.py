@@ -25,7 +25,7 @@ MAX_PICTURES, MAX_STATES = 60, 60
 
 def write_history_page(history: ObjectHistory, reader: MapReader, path: Path) -> None:
     """Write the page. Raises `SupermapError` if it cannot be written."""
-    write_file(path, history_page(history, reader))
+    write_file(path, history_page(history, reader), "html", option="--html")
 
 
 def history_page(history: ObjectHistory, reader: MapReader) -> str:

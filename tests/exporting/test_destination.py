@@ -34,14 +34,17 @@ def fill_the_disk(writing: AbstractContextManager[Path]) -> None:
 
 
 def test_a_failed_export_leaves_nothing(tmp_path: Path) -> None:
-    for writing in (atomic_file(tmp_path / "a", force=False), atomic_folder(tmp_path / "b", ("x",), force=False)):
+    for writing in (
+        atomic_file(tmp_path / "a", "csv", force=False),
+        atomic_folder(tmp_path / "b", ("x",), "csv", force=False),
+    ):
         with pytest.raises(ExportError, match="No space left"):
             fill_the_disk(writing)
     assert list(tmp_path.iterdir()) == []
 
 
 def write_folder(out: Path, text: str) -> None:
-    with atomic_folder(out, ("x",), force=True) as partial:
+    with atomic_folder(out, ("x",), "csv", force=True) as partial:
         (partial / "x").write_text(text)
 
 
@@ -75,7 +78,7 @@ WRITING = """
 import sys, time
 from pathlib import Path
 from supermap_cli.exporting.destination import atomic_file
-with atomic_file(Path(sys.argv[1]), force=True) as partial:
+with atomic_file(Path(sys.argv[1]), "csv", force=True) as partial:
     partial.write_text("half")
     print("half", flush=True)
     time.sleep(60)
@@ -89,7 +92,7 @@ def die(self, target):
     rename(self, target)
     os.kill(os.getpid(), 9)
 Path.rename = die
-with atomic_folder(Path(sys.argv[1]), ("x",), force=True) as partial:
+with atomic_folder(Path(sys.argv[1]), ("x",), "csv", force=True) as partial:
     (partial / "x").write_text("new")
 """
 
@@ -107,7 +110,7 @@ def test_a_killed_export_leaves_the_file_as_it_was_and_the_next_one_clears_up(tm
     killed(out)
     assert out.read_text() == "whole"
     assert len(names(tmp_path)) == 2
-    with atomic_file(out, force=True) as partial:
+    with atomic_file(out, "csv", force=True) as partial:
         partial.write_text("new")
     assert names(tmp_path) == {"plan.geojson"}
     assert out.read_text() == "new"
@@ -118,7 +121,7 @@ def test_leftovers_of_other_or_running_exports_are_kept(tmp_path: Path) -> None:
     of_others = {*names(tmp_path), f".a.json.{os.getppid()}.partial", ".a.json.notes.partial", ".axjson.999999.partial"}
     for name in of_others:
         (tmp_path / name).write_text("not mine")
-    with atomic_file(tmp_path / "a.json", force=False) as partial:
+    with atomic_file(tmp_path / "a.json", "csv", force=False) as partial:
         partial.write_text("new")
     assert names(tmp_path) == {*of_others, "a.json"}
 
@@ -129,7 +132,7 @@ def test_a_folder_is_restored_after_a_kill_between_two_renames(tmp_path: Path) -
     ended = subprocess.run([sys.executable, "-c", KILLED_BETWEEN_RENAMES, out], env=os.environ, check=False)
     assert ended.returncode == -signal.SIGKILL
     assert not out.exists()
-    with pytest.raises(ExportError, match="is there already"), atomic_folder(out, ("x",), force=False):
+    with pytest.raises(ExportError, match="is there already"), atomic_folder(out, ("x",), "csv", force=False):
         pass
     assert (out / "x").read_text() == "old"
     assert names(tmp_path) == {"tables"}
@@ -167,8 +170,8 @@ def test_a_stopped_export_leaves_nothing(tmp_path: Path, stop: int, options: Seq
 
 def test_a_forced_export_that_is_stopped_leaves_what_was_there(tmp_path: Path) -> None:
     kitchen.make_kitchen(tmp_path / "map.db")
-    (tmp_path / "out").write_text(json.dumps("mine"))
+    (tmp_path / "out").write_text(json.dumps({"format": "supermap-export"}))
     arguments = ("export", "--db", "map.db", "--out", "out", "--format", "json", "--force")
     code, _ = stopping.run(tmp_path, *arguments, prepare=stop_while_it_writes, given=signal.SIGTERM)
     assert code == 130
-    assert json.loads((tmp_path / "out").read_text()) == "mine"
+    assert json.loads((tmp_path / "out").read_text()) == {"format": "supermap-export"}

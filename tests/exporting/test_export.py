@@ -246,6 +246,10 @@ def test_existing_files_are_kept_without_force(db: Path, tmp_path: Path) -> None
     out.write_text("mine")
     assert isinstance(supermap("export", "--db", db, "--out", out).exception, ExportError)
     assert out.read_text() == "mine"
+    assert isinstance(supermap("export", "--db", db, "--out", out, "--force").exception, ExportError)
+    assert out.read_text() == "mine"
+    out.unlink()
+    export(db, out)
     export(db, out, "--force")
     assert json.loads(out.read_text())["type"] == "FeatureCollection"
 

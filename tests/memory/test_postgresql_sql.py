@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import select
 import signal
 import subprocess
 import sys
@@ -151,6 +152,7 @@ def test_ctrl_c_ends_a_long_statement(db: Path) -> None:
     with subprocess.Popen([sys.executable, "-c", code, *arguments], stderr=subprocess.PIPE, text=True) as process:
         try:
             assert process.stderr is not None
+            assert select.select([process.stderr], [], [], 60)[0], "it does not start"
             assert process.stderr.readline() == "ready\n"
             time.sleep(2.0)
             process.send_signal(signal.SIGINT)

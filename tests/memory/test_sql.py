@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import select
 import signal
 import sqlite3
 import subprocess
@@ -151,6 +152,7 @@ def test_ctrl_c_ends_a_long_statement(db: Path) -> None:
     ) as process:
         try:
             assert process.stderr is not None
+            assert select.select([process.stderr], [], [], 60)[0], "it does not start"
             assert process.stderr.readline() == "ready\n"
             time.sleep(2.0)
             process.send_signal(signal.SIGINT)

@@ -236,3 +236,26 @@ def test_a_real_model_finds_cup_chair_and_table(name: str) -> None:
     if "seg" in name:
         for box, mask in zip(found.boxes_xyxy, found.masks, strict=True):
             assert mask is None or (mask.u0 >= int(box[0]) and mask.v0 >= int(box[1]))
+
+
+@pytest.mark.parametrize("task", ["pose", "obb", "classify"])
+def test_models_for_other_tasks_are_named(tmp_path: Path, task: str) -> None:
+    model = write_constant_model(tmp_path / "m.onnx", [ultralytics()], SIZE, {**NAMES, "task": task})
+    with pytest.raises(DetectorError, match=f"a model for the task '{task}'.*export a detection or segmentation model"):
+        OnnxDetector(options(model))
+
+
+@pytest.mark.parametrize(
+    ("later", "message"),
+    [
+        (ultralytics()[:, :, :3], "changed shape: .* instead of .*export it with fixed output shapes"),
+        (ultralytics()[0], "changed shape"),
+        (ultralytics() * np.float32(np.nan), "NaN or infinity.*float32"),
+        (ultralytics() + np.float32(np.inf), "NaN or infinity"),
+    ],
+)
+def test_outputs_that_turn_into_something_else_are_named(tmp_path: Path, later: np.ndarray, message: str) -> None:
+    detector = OnnxDetector(options(write_constant_model(tmp_path / "m.onnx", [ultralytics()], SIZE, NAMES)))
+    detector._run = lambda _: [later]  # type: ignore[method-assign]
+    with pytest.raises(DetectorError, match=message):
+        detector.detect(frame())

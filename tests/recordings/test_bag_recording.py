@@ -228,14 +228,19 @@ def test_broken_images_are_left_out_with_a_warning_unless_all_are_broken(tmp_pat
     assert list(write(tmp_path / "last.mcap", {1, 2}).frames(rest_of_a_resumed_build.__contains__)) == []
 
 
-def test_a_frame_that_is_no_optical_frame_is_not_turned_by_guess(tmp_path):
+def test_an_upright_camera_frame_is_the_cameras_body_and_turned_unless_the_user_names_it(tmp_path):
     with bags.BagWriter(tmp_path / "run.mcap") as bag:
         write_camera(bag, 1, frame_id="camera_link")
         bag.transform(bags.START_NS, "base_link", "camera_link", np.eye(4), static=True)
         bag.odometry("/odom", bags.START_NS, np.eye(4))
     recording = open_(tmp_path / "run.mcap")
-    assert np.array_equal(next(recording.frames()).T_base_camera, np.eye(4))
-    assert any("'camera_link' is not named an optical frame" in line for line in recording.warnings)
+    assert np.allclose(next(recording.frames()).T_base_camera[:3, 2], [1, 0, 0])
+    assert any("'camera_link', which stands upright in TF" in line for line in recording.warnings)
+    kept = open_(tmp_path / "run.mcap", frames={"camera": "camera_link"})
+    assert np.array_equal(next(kept.frames()).T_base_camera, np.eye(4))
+    mounted = open_(tmp_path / "run.mcap", mounts={"camera": "1 0 0.5 0 0 0"})
+    assert np.allclose(next(mounted.frames()).T_base_camera[:3, 3], [1, 0, 0.5])
+    assert np.allclose(next(mounted.frames()).T_base_camera[:3, 2], [1, 0, 0])
 
 
 def test_a_camera_on_a_moving_head_moves(tmp_path):

@@ -61,7 +61,7 @@ def test_rectified_images_follow_the_projection_matrix():
 @pytest.mark.parametrize(
     ("change", "size", "what"),
     [
-        ({"K": np.zeros((3, 3))}, (640, 480), "not calibrated"),
+        ({"K": np.zeros((3, 3)), "P": np.zeros((3, 4))}, (640, 480), "not calibrated"),
         ({"model": "omni", "D": (0.1,)}, (640, 480), "unknown distortion model 'omni'"),
         ({}, (640, 200), "640 x 480 pixels, the image has 640 x 200"),
         ({"model": "rational_polynomial", "D": (0.1,) * 12}, (640, 480), "12 values"),
@@ -71,3 +71,16 @@ def test_what_makes_no_sense_is_refused_with_a_cure(change, size, what):
     with pytest.raises(CalibrationError, match=what) as caught:
         camera_from_calibration(replace(INFO, **change), size)
     assert caught.value.cure
+
+
+@pytest.mark.parametrize("K", [np.zeros((3, 3)), np.full((3, 3), np.nan)])
+def test_where_only_p_is_filled_in_it_gives_the_intrinsics(K):
+    P = np.array([[500.0, 0, 320, 0], [0, 501, 240, 0], [0, 0, 1, 0]])
+    assert camera_from_calibration(replace(INFO, K=K, P=P), (640, 480)) == PinholeCamera(640, 480, 500, 501, 320, 240)
+
+
+def test_a_model_that_is_not_known_needs_none_without_distortion():
+    named = replace(INFO, model="Brown Conrady", D=(0.0,) * 5)
+    assert camera_from_calibration(named, (640, 480)) == PinholeCamera(640, 480, 500, 510, 320, 240)
+    with pytest.raises(CalibrationError, match="unknown distortion model 'Brown Conrady'"):
+        camera_from_calibration(replace(named, D=(0.1,) * 5), (640, 480))

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from supermap_cli.recordings.containers import open_storage
-from supermap_cli.recordings.decoding import Decoder
+from supermap_cli.recordings.decoding import Decoder, MessageError
 from supermap_cli.recordings.definitions import LIVOX_PACKAGES
 from supermap_cli.recordings.notes import Notes
 from supermap_cli.recordings.pointclouds import point_stamps, read_points
@@ -107,7 +107,7 @@ def test_points_without_time_have_the_sweeps_time(tmp_path):
 
 def test_a_cloud_without_coordinates_is_refused(tmp_path):
     records = np.ones(3, np.dtype([("range", "<f4")]))
-    with pytest.raises(ValueError, match="without x, y, z"):
+    with pytest.raises(MessageError, match="without x, y, z"):
         read_one(tmp_path / "a.mcap", lambda bag: bag.points("/points", STAMP, "lidar", records))
 
 

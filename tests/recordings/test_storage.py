@@ -126,7 +126,7 @@ def test_a_folder_with_metadata_leaves_other_files_alone(tmp_path):
         (lambda path: path.write_bytes(b""), "an empty file"),
         (lambda path: path.write_text("hello world, no bag"), "not a recording"),
         (lambda path: path.mkdir(), "a folder without a recording"),
-        (lambda path: path.write_bytes(b"#ROSBAG V2.0\nnothing"), "cannot be read"),
+        (lambda path: path.write_bytes(b"#ROSBAG V2.0\nnothing"), "cut off before its first message"),
         (lambda path: path.write_bytes(b"SQLite format 3\0" + bytes(200)), "cannot be read"),
         (lambda path: path.write_bytes(b"\x89MCAP0\r\n"), "cut off before its first message"),
     ],

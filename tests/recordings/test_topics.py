@@ -7,8 +7,8 @@ from supermap_cli.errors import RecordingError
 from supermap_cli.recordings.containers import open_storage
 from supermap_cli.recordings.decoding import Decoder
 from supermap_cli.recordings.notes import Notes
-from supermap_cli.recordings.probing import probe_topics
 from supermap_cli.recordings.roles import parse_named_topics
+from supermap_cli.recordings.survey import survey_topics
 from supermap_cli.recordings.topics import plan_topics
 from support import bags
 
@@ -18,7 +18,7 @@ RGB, DEPTH = np.zeros((6, 8, 3), np.uint8), np.ones((6, 8), np.uint16)
 
 def plan_of(path, named=None):
     storage = open_storage(path, Notes())
-    return plan_topics(probe_topics(storage, Decoder("run")), parse_named_topics(named or {}), "run")
+    return plan_topics(survey_topics(storage, Decoder("run")), parse_named_topics(named or {}), "run")
 
 
 def chosen(plan):

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from supermap_cli.errors import CalibrationError
 from supermap_cli.geometry.se3 import inverse
 from supermap_cli.recordings.messages import PoseMessage
-from supermap_cli.recordings.transforms import HOLD_NS, MovingTransforms, TransformTree
+from supermap_cli.recordings.transforms import HOLD_NS, Link, MovingTransforms, TransformTree
 
 SECOND = 1_000_000_000
 
@@ -86,10 +86,13 @@ def test_transforms_that_are_not_finite_are_not_taken(broken):
     assert tree.edges == ()
 
 
-def test_two_parents_are_reported():
-    tree = tree_of(link("a", "c"), link("b", "c"))
-    assert tree.conflicts == {"c": ("a", "b")}
-    assert tree.parent_of("c") == "b"
+def test_of_two_parents_the_last_counts_unless_one_is_chosen():
+    assert tree_of(link("a", "c"), link("b", "c")).parent_of("c") == "b"
+    tree = TransformTree({"c": Link("a", "c", static=True)})
+    assert tree.add(link("a", "c"), static=True)
+    assert not tree.add(link("b", "c"), static=True)
+    assert not tree.add(link("a", "c", 5), static=False)
+    assert tree.parent_of("c") == "a"
 
 
 def test_a_moving_tree_keeps_only_seconds():

@@ -234,9 +234,17 @@ class BagWriter:
         self.write(topic, msgtype, message, stamp_ns if log_ns is None else log_ns)
 
     def transform(
-        self, stamp_ns: int, parent: str, child: str, T: np.ndarray, *, static: bool = False, log_ns: int | None = None
+        self,
+        stamp_ns: int,
+        parent: str,
+        child: str,
+        T: np.ndarray,
+        *,
+        static: bool = False,
+        namespace: str = "",
+        log_ns: int | None = None,
     ) -> None:
-        """One transform on /tf, or on /tf_static."""
+        """One transform on /tf, or on /tf_static, of a namespace."""
         q = quaternion_xyzw_from_rotation(T[:3, :3])
         motion = self.type(
             "geometry_msgs/msg/Transform",
@@ -250,7 +258,7 @@ class BagWriter:
             transform=motion,
         )
         message = self.type("tf2_msgs/msg/TFMessage", transforms=[stamped])
-        topic = "/tf_static" if static else "/tf"
+        topic = f"{namespace}/tf_static" if static else f"{namespace}/tf"
         self.write(topic, "tf2_msgs/msg/TFMessage", message, stamp_ns if log_ns is None else log_ns)
 
     def imu(

@@ -104,6 +104,29 @@ def write_recording(
     return path
 
 
+def write_images(
+    bag: BagWriter,
+    index: int,
+    *,
+    prefix: str = "/camera",
+    frame_id: str = "camera_optical_frame",
+    detections: bool = False,
+    late_ns: int = 0,
+) -> None:
+    """Colour and depth of frame `index` with their calibrations, and what a detector found in them.
+
+    They are recorded `late_ns` after their stamps.
+    """
+    at, size, K = stamp(index), (WIDTH, HEIGHT), (FOCAL, FOCAL, (WIDTH - 1) / 2, (HEIGHT - 1) / 2)
+    log_ns = at + late_ns
+    bag.camera_info(f"{prefix}/color/camera_info", at, frame_id, size, K, log_ns=log_ns)
+    bag.image(f"{prefix}/color/image_raw", at, frame_id, color_image(index), "rgb8", log_ns=log_ns)
+    bag.camera_info(f"{prefix}/depth/camera_info", at, frame_id, size, K, log_ns=log_ns)
+    bag.image(f"{prefix}/depth/image_raw", at, frame_id, depth_image(), "16UC1", log_ns=log_ns)
+    if detections:
+        bag.detections("/detections", at, frame_id, [([("box", 0.9)], (24, 16, 40, 32))], log_ns=log_ns)
+
+
 def write_rig(
     path: Path,
     cameras: Mapping[str, float] | Sequence[str],

@@ -89,7 +89,7 @@ def use_postgresql() -> None:
     from supermap_cli.memory.databases.postgresql import PostgresqlSchema
     from supermap_cli.memory.databases.sqlite import SqliteFile
 
-    pytest.MonkeyPatch().setattr(SqliteFile, "of", lambda path: PostgresqlSchema.of(place(path)))
+    pytest.MonkeyPatch().setattr(SqliteFile, "of", lambda path, _=None: PostgresqlSchema.of(place(path)))
 
 
 def replay_migrations() -> None:

@@ -32,6 +32,9 @@ from support import databases, simulated, simulated_traversals
 SETTINGS = "[build.keyframes]\nrate_hz = 5\nbatch = 3\ncheckpoint_s = 0.05\n"
 """Small batches and frequent checkpoints: many moments to be killed at."""
 
+RUN_LIMIT_S = 300
+"""Seconds that one command may take: many times what it takes on a busy machine."""
+
 Rows = dict[str, list[tuple[object, ...]]]
 """The rows of a memory by table."""
 
@@ -111,6 +114,7 @@ def kill(moment: Moment) -> None:
 
 def _run(arguments: Sequence[str], folder: str, prepare: Callable[[Any], None] | None, given: Any) -> None:
     os.chdir(folder)
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     if prepare is not None:
         prepare(given)
     sys.argv = ["supermap", *arguments]
@@ -124,7 +128,7 @@ _CONTEXT = multiprocessing.get_context("forkserver")
 _CONTEXT.set_forkserver_preload(
     [
         *("supermap_cli.drivers.traversal_build", "supermap_cli.memory.databases.sqlite", "supermap_schema.upgrading"),
-        *(f"supermap_cli.recordings.{each}" for each in ("bag_recording", "ros_storage", "self_calibration")),
+        *(f"supermap_cli.recordings.{each}" for each in ("bag_recording", "sqlite_storage", "self_calibration")),
         *("supermap_bytetrack.tracker", "supermap_depth_segmenter.segmenter", "supermap_recorded.detector"),
         *("supermap_recorded.odometry", "supermap_kiss_icp", "supermap_onnx"),
         *("rosbags.typesys.stores.ros2_jazzy", "scipy.optimize", "scipy.spatial", "scipy.sparse.csgraph"),
@@ -151,8 +155,11 @@ def run(
 ) -> tuple[int, str]:
     """Run `supermap ARGUMENTS` in a folder to its end; returns the exit code, negative for a signal, and its stderr."""
     process = start(folder, *arguments, prepare=prepare, given=given)
-    process.join()
-    assert process.exitcode is not None
+    process.join(RUN_LIMIT_S)
+    if process.exitcode is None:
+        process.kill()
+        process.join(10)
+        raise TimeoutError(f"supermap {' '.join(map(str, arguments))} took more than {RUN_LIMIT_S} s")
     return process.exitcode, (folder / "stderr.txt").read_text()
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+import tempfile
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -73,7 +74,7 @@ def measure_memories(
     )
     rows = []
     for question in questions(plan_traversals(traversals, room_count(instances[0]))):
-        row = _row(question, *(_measure(question, path, folder) for path in paths))
+        row = _row(question, *(_measure(question, path) for path in paths))
         progress(f"{row.question}: {row.small.again_ms:.0f} and {row.large.again_ms:.0f} ms")
         rows.append(row)
     bounded = [row for row in rows if row.bound != "grows"]
@@ -120,9 +121,10 @@ def _make_or_reuse(path: Path, instances: int, traversals: int, seed: int, progr
     )
 
 
-def _measure(question: BenchQuestion, path: Path, folder: Path) -> QuestionCost:
+def _measure(question: BenchQuestion, path: Path) -> QuestionCost:
     job = QuestionJob(db=path, command=question.command, arguments=question.arguments)
-    return run_process("supermap_cli.costs.memory", job, QuestionCost, folder / "question")
+    with tempfile.TemporaryDirectory(prefix="supermap-bench-") as folder:
+        return run_process("supermap_cli.costs.memory", job, QuestionCost, Path(folder) / "question")
 
 
 def _row(question: BenchQuestion, small: QuestionCost, large: QuestionCost) -> MemoryRow:

@@ -11,14 +11,18 @@ from __future__ import annotations
 from supermap_cli.errors import MemoryStoreError
 from supermap_cli.memory.databases.dialects import Dialect, dialect_of
 from supermap_cli.memory.databases.interface import Database, Lock, SqlRows, SqlValue
+from supermap_cli.memory.databases.waiting import Waiting
 
-__all__ = ["Database", "Dialect", "Lock", "SqlRows", "SqlValue", "database_of", "dialect_of"]
+__all__ = ["Database", "Dialect", "Lock", "SqlRows", "SqlValue", "Waiting", "database_of", "dialect_of"]
 
 _SQLITE_PREFIX = "sqlite:///"
 
 
-def database_of(url: str) -> Database:
-    """The database of a path or URL; nothing is opened. Raises `MemoryStoreError` for other kinds."""
+def database_of(url: str, waiting: Waiting | None = None) -> Database:
+    """The database of a path or URL; nothing is opened. Raises `MemoryStoreError` for other kinds.
+
+    `waiting` says how long writers wait for other programs.
+    """
     if "://" in url and not url.startswith(_SQLITE_PREFIX):
         scheme = url.partition("://")[0]
         if scheme.partition("+")[0] not in {"postgresql", "postgres"}:
@@ -32,4 +36,4 @@ def database_of(url: str) -> Database:
         return PostgresqlSchema.of(url)
     from supermap_cli.memory.databases.sqlite import SqliteFile  # noqa: PLC0415
 
-    return SqliteFile.of(url.removeprefix(_SQLITE_PREFIX))
+    return SqliteFile.of(url.removeprefix(_SQLITE_PREFIX), waiting)

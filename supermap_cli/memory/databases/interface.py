@@ -6,6 +6,7 @@ import sqlite3
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Protocol
 
 from sqlalchemy import Connection, Engine
@@ -30,6 +31,9 @@ class Lock(Protocol):
     def check(self, connection: Connection) -> None:
         """Raise `MemoryStoreError` if the lock was lost, so that another build may be writing."""
 
+    def check_place(self) -> None:
+        """Raise `MemoryStoreError` if the database is no longer where it was when the lock was taken."""
+
     def release(self) -> None:
         """Release the lock; does nothing if it is not held."""
 
@@ -44,6 +48,13 @@ class Database(Protocol):
     @property
     def identity(self) -> str:
         """Equal for equal places, however they are written."""
+
+    @property
+    def file(self) -> Path | None:
+        """The SQLite file; `None` for a database on a server."""
+
+    def is_stored(self) -> bool:
+        """Whether there is a file to be locked. Raises `MemoryStoreError` for a path that is no file's."""
 
     def stored_version(self) -> int | None:
         """The schema version of the map; `None` if there is none.
@@ -82,9 +93,11 @@ class Database(Protocol):
         """A `MemoryStoreError`, with a cure, for an error of the database."""
 
     def read_sql(
-        self, statement: str, prepare: Callable[[sqlite3.Connection], None] | None = None
+        self, statement: str, prepare: Callable[[sqlite3.Connection], None] | None = None, limit_s: float = 0.0
     ) -> AbstractContextManager[SqlRows]:
         """Run one read-only statement; `prepare` may add functions to an SQLite connection first.
+
+        `limit_s` is how many seconds it may compute, 0 = any.
 
         Raises `QueryError`, with the database's message, for a statement that is wrong, that would write, or that is
         more than one; also while rows are iterated over.

@@ -71,6 +71,14 @@ class PostgresqlSchema:
         """The URL without its password; two names of one server are not recognised as equal."""
         return self.where
 
+    @property
+    def file(self) -> None:
+        """There is none: the map is on a server."""
+
+    def is_stored(self) -> bool:
+        """There is no file."""
+        return False
+
     def stored_version(self) -> int | None:
         """The number of the newest migration of a schema that is marked as a map."""
         with self._connected("AUTOCOMMIT") as connection:
@@ -154,10 +162,10 @@ class PostgresqlSchema:
         return postgresql_error(error, self.where)
 
     def read_sql(
-        self, statement: str, prepare: Callable[[sqlite3.Connection], None] | None = None
+        self, statement: str, prepare: Callable[[sqlite3.Connection], None] | None = None, limit_s: float = 0.0
     ) -> AbstractContextManager[SqlRows]:
         """Run one read-only statement; functions of plugins exist for SQLite only."""
-        return read_rows(self._connect, statement)
+        return read_rows(self._connect, statement, limit_s)
 
     def _engine(self, **options: Any) -> Engine:
         try:

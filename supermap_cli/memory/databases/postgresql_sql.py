@@ -22,7 +22,9 @@ _CURES = {
 
 
 @contextmanager
-def read_rows(connect: Callable[[], psycopg.Connection[Any]], statement: str) -> Iterator[SqlRows]:
+def read_rows(
+    connect: Callable[[], psycopg.Connection[Any]], statement: str, limit_s: float = 0.0
+) -> Iterator[SqlRows]:
     """Run one statement (see `Database.read_sql`) in a read-only transaction.
 
     It uses the protocol for prepared statements, which takes one statement at a time and streams its rows.
@@ -33,6 +35,7 @@ def read_rows(connect: Callable[[], psycopg.Connection[Any]], statement: str) ->
         connection.isolation_level = psycopg.IsolationLevel.REPEATABLE_READ
         connection.read_only = True
         _plain_values(connection)
+        connection.execute("SELECT set_config('statement_timeout', %s, false)", (str(round(limit_s * 1000)),))
         with _refusals_as_query_errors(connection):
             columns = _columns(connection, statement)
         if not columns:

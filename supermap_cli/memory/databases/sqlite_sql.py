@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import sqlite3
+import time
 from collections.abc import Callable, Generator, Iterator
 from contextlib import closing, contextmanager
 
@@ -23,6 +25,7 @@ _CURES = {
     "not authorized": "this command only reads: give one SELECT",
     "one statement": "give one SELECT",
     "disk image": "see `supermap db check`",
+    "locked": "another program writes: try again when it has ended",
 }
 """Part of SQLite's message -> cure."""
 
@@ -32,18 +35,24 @@ def read_rows(
     connect: Callable[[], sqlite3.Connection],
     statement: str,
     prepare: Callable[[sqlite3.Connection], None] | None = None,
+    limit_s: float = 0.0,
 ) -> Iterator[SqlRows]:
-    """Run one statement (see `Database.read_sql`)."""
+    """Run one statement (see `Database.read_sql`); what `prepare` changes of the connection's rights is undone."""
     with closing(connect()) as connection:
         if prepare is not None:
+            connection.set_authorizer(_authorize)  # what a plugin adds must not lift that nothing is written
             prepare(connection)
+            connection.set_authorizer(None)
+            connection.row_factory, connection.text_factory, connection.isolation_level = None, str, None
+        connection.execute("PRAGMA query_only = ON")
         connection.set_authorizer(_authorize)
-        connection.set_progress_handler(lambda: None, 100_000)  # lets Ctrl-C through to a long statement
-        with _refusals_as_query_errors(connection):
+        deadline_s = time.thread_time() + limit_s if limit_s else math.inf
+        connection.set_progress_handler(lambda: time.thread_time() > deadline_s, 100_000)  # lets Ctrl-C through, too
+        with _refusals_as_query_errors(connection, deadline_s):
             cursor = connection.execute(statement)
         if cursor.description is None:
             raise QueryError("the SQL statement returns no rows", cure="give one SELECT")
-        with closing(_rows(cursor)) as rows:
+        with closing(_rows(cursor, deadline_s)) as rows:
             yield SqlRows(tuple(column[0] for column in cursor.description), rows)
 
 
@@ -56,17 +65,24 @@ def _authorize(action: int, first: str | None, *_: str | None) -> int:
     return sqlite3.SQLITE_OK
 
 
-def _rows(cursor: sqlite3.Cursor) -> Generator[tuple[SqlValue, ...], None, None]:
-    with _refusals_as_query_errors(cursor.connection):
+def _rows(cursor: sqlite3.Cursor, deadline_s: float) -> Generator[tuple[SqlValue, ...], None, None]:
+    with _refusals_as_query_errors(cursor.connection, deadline_s):
         yield from cursor
 
 
 @contextmanager
-def _refusals_as_query_errors(connection: sqlite3.Connection) -> Iterator[None]:
+def _refusals_as_query_errors(connection: sqlite3.Connection, deadline_s: float = math.inf) -> Iterator[None]:
     try:
         yield
+    except UnicodeEncodeError as error:
+        raise QueryError("the SQL statement holds what is no text", cure="give it in UTF-8") from error
+    except UnicodeDecodeError as error:
+        raise QueryError("the map holds what is no text", cure="see `supermap db check`") from error
     except (sqlite3.Error, sqlite3.Warning) as error:
         message = str(error)
+        if message == "interrupted" and time.thread_time() > deadline_s:
+            cure = "--timeout SECONDS allows more, 0 any; a view that asks itself never ends"
+            raise QueryError("the SQL statement takes too long", cure=cure) from error
         if message == "interrupted":
             raise KeyboardInterrupt from error
         cures = (cure for part, cure in _CURES.items() if part in message)

@@ -19,6 +19,7 @@ from supermap_cli.errors import SimulationError
 from supermap_cli.geometry.arrays import FloatArray, IntArray
 from supermap_cli.geometry.cameras import EquirectangularCamera
 from supermap_cli.lookahead import LookAhead
+from supermap_cli.output_files import check_output
 from supermap_cli.recordings.fingerprint import recording_fingerprint
 from supermap_cli.simulation.detection.detector import SimulatedDetector
 from supermap_cli.simulation.detection.detector_errors import DetectorErrors
@@ -138,6 +139,8 @@ def _check_targets(paths: tuple[Path, ...], *, overwrite: bool) -> None:
     if there and not overwrite:
         cure = "name another folder with --out, or replace them with --overwrite"
         raise SimulationError(f"{', '.join(there)} would be overwritten", where=str(folder), cure=cure)
+    for path in paths:
+        check_output(path, "truth" if path.name == TRUTH_FILE else "simulated recording", option="--out")
 
 
 def _silent(name: str, done: int, total: int) -> None:

@@ -1,0 +1,221 @@
+"""Saves what can be read of a damaged map in an SQLite file into a new one (`supermap db recover`)."""
+
+from __future__ import annotations
+
+import shutil
+import sqlite3
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from sqlalchemy import Connection, Table
+from sqlalchemy.exc import DatabaseError
+
+from supermap_cli.errors import STUMBLES, MemoryStoreError
+from supermap_cli.geometry.cameras import camera_from_json
+from supermap_cli.memory import blobs
+from supermap_cli.memory.databases.sqlite import SqliteFile
+from supermap_cli.memory.databases.sqlite_errors import sqlite_error
+from supermap_cli.memory.depth_png import depth_shape
+from supermap_cli.memory.names import clean_text
+from supermap_cli.memory.repairing import repair
+from supermap_cli.types.memory import VoxelCloud
+from supermap_schema import SCHEMA_VERSION, models, sqlite
+from supermap_schema.upgrading import upgrade
+
+_MAGIC = b"SQLite format 3\x00"
+_EDGE_M = 0.05
+"""Metres; the voxel edge of a shape that is lost, which is empty."""
+Row = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Recovered:
+    """By table: rows that were saved, and rows that could not be read or contradict the others."""
+
+    saved: dict[str, int]
+    lost: dict[str, int]
+
+
+def recover(url: str, out: Path) -> Recovered:
+    """Copy what can be read of the damaged map at `url` into a new map at `out`; the damaged one is only read.
+
+    Raises `MemoryStoreError` where `out` exists, where it is no SQLite file, or where nothing can be read.
+    """
+    source = SqliteFile.of(url.removeprefix("sqlite:///")).path
+    if not source.is_file():
+        raise MemoryStoreError("there is no map database", where=str(source), cure="name a file with --db")
+    if out.exists() or out.is_symlink():
+        raise MemoryStoreError("is there already", where=str(out), cure="name a new file with --out")
+    if not out.absolute().parent.is_dir():
+        raise MemoryStoreError("the folder does not exist", where=str(out), cure="make it, or change --out")
+    with tempfile.TemporaryDirectory(prefix=".supermap-recover-", dir=out.absolute().parent) as folder:
+        copy, made = Path(folder) / "copy.db", SqliteFile(Path(folder) / "new.db")
+        _copy(source, copy)
+        try:
+            found = _rebuilt(copy, made)
+        except (sqlite3.Error, DatabaseError, UnicodeDecodeError) as error:
+            raise sqlite_error(getattr(error, "orig", None) or error, str(source)) from error
+        if not found.saved.get("traversal"):
+            raise MemoryStoreError(
+                "nothing of the map can be read", where=str(source), cure="go back to a copy of it, or build anew"
+            )
+        made.path.rename(out)
+    return found
+
+
+def _copy(source: Path, copy: Path) -> None:
+    for suffix in ("", "-wal"):
+        beside = source.resolve().with_name(source.resolve().name + suffix)
+        if beside.is_file():
+            shutil.copyfile(beside, copy.with_name(copy.name + suffix))
+    with copy.open("r+b") as file:
+        file.write(_MAGIC)
+
+
+def _rebuilt(copy: Path, made: SqliteFile) -> Recovered:
+    engine = made.writer_engine()
+    saved: dict[str, int] = {}
+    lost: dict[str, int] = {}
+    try:
+        with (
+            closing(sqlite3.connect(copy)) as source,
+            engine.connect().execution_options(writes=True) as target,
+            target.begin(),
+        ):
+            source.row_factory = sqlite3.Row
+            source.text_factory = _as_text
+            upgrade(target)
+            for name in sqlite.TRIGGERS:
+                target.exec_driver_sql(f"DROP TRIGGER {name}")
+            target.exec_driver_sql("PRAGMA defer_foreign_keys = ON")
+            for table in models.Base.metadata.sorted_tables:
+                saved[table.name], lost[table.name] = _copy_table(source, target, table)
+            _drop_contradictions(target, saved, lost)
+            repair(target)
+            target.exec_driver_sql(f"PRAGMA user_version = {SCHEMA_VERSION}")
+    finally:
+        engine.dispose()  # the last connection moves all of the -wal into the file
+    return Recovered(saved, lost)
+
+
+def _as_text(content: bytes) -> str:
+    return content.decode("utf-8", "replace")
+
+
+def _copy_table(source: sqlite3.Connection, target: Connection, table: Table) -> tuple[int, int]:
+    """How many rows were copied, and how many were not."""
+    saved, lost = 0, 0
+    mend: Callable[[Row], Row] = _MENDED.get(table.name, dict)
+    for row in _readable(source, table):
+        values = None
+        if row is not None:
+            try:
+                values = mend({name: _text_cleaned(row.get(name)) for name in table.columns.keys()})  # noqa: SIM118
+            except (MemoryStoreError, *STUMBLES):
+                values = None
+        kept = values is not None and _inserted(target, table, values)
+        saved, lost = saved + kept, lost + (not kept)
+    return saved, lost
+
+
+def _text_cleaned(value: Any) -> Any:
+    return clean_text(value) if isinstance(value, str) else value
+
+
+def _inserted(target: Connection, table: Table, values: Row) -> bool:
+    given = {name: value for name, value in values.items() if value is not None}
+    names = ", ".join(f'"{name}"' for name in given)
+    marks = ", ".join("?" * len(given))
+    statement = f'INSERT OR IGNORE INTO "{table.name}" ({names}) VALUES ({marks})'  # noqa: S608 - names of the schema
+    try:
+        return target.exec_driver_sql(statement, tuple(given.values())).rowcount == 1
+    except Exception as error:
+        if not isinstance(getattr(error, "orig", None), sqlite3.Error):
+            raise
+        return False
+
+
+def _readable(source: sqlite3.Connection, table: Table) -> Iterator[Row | None]:
+    """The rows that can be read in the order of their row ids, from both ends of what cannot; `None` for a lost one."""
+    last = yield from _walk(source, table, "ASC", None)
+    if last is not None:
+        yield None
+        yield from _walk(source, table, "DESC", last)
+
+
+def _walk(source: sqlite3.Connection, table: Table, order: str, beyond: int | None) -> Any:
+    """Rows one after the other, upwards or downwards until those up to `beyond`.
+
+    Returns the last row id before one that cannot be read, `None` if there was none.
+    """
+    at: int | None = None
+    while True:
+        rows, failed = _some_rows(source, table, order, at)
+        for row in rows:
+            row_id = row["row id"]
+            if (beyond is not None and row_id <= beyond) or (at is not None and (row_id > at) is not (order == "ASC")):
+                return None
+            at = row_id
+            yield row
+        if failed and not rows:
+            return -(1 << 63) if at is None else at
+        if not rows:
+            return None
+
+
+def _some_rows(source: sqlite3.Connection, table: Table, order: str, at: int | None) -> tuple[list[Row], bool]:
+    """The next rows, and whether one after them cannot be read."""
+    after = "" if at is None else f"WHERE rowid {'>' if order == 'ASC' else '<'} {at}"
+    query = f'SELECT rowid AS "row id", * FROM "{table.name}" NOT INDEXED {after} ORDER BY rowid {order} LIMIT 200'  # noqa: S608
+    rows: list[Row] = []
+    try:
+        for row in source.execute(query):
+            rows.append(dict(row))  # noqa: PERF401 - those before the one that fails are kept
+    except sqlite3.Error:
+        return rows, True
+    return rows, False
+
+
+def _drop_contradictions(target: Connection, saved: dict[str, int], lost: dict[str, int]) -> None:
+    """Rows that point nowhere, and things without a state, until there are none."""
+    for _ in range(20):
+        dangling = target.exec_driver_sql("PRAGMA foreign_key_check").fetchall()
+        for child, row_id, *_ in dangling:
+            _drop(target, str(child), f"rowid = {row_id}", saved, lost)
+        stateless = """merged_into IS NULL AND NOT EXISTS
+            (SELECT 1 FROM state WHERE state.instance_number = instance.number)"""
+        if not _drop(target, "instance", stateless, saved, lost) and not dangling:
+            return
+
+
+def _drop(target: Connection, table: str, where: str, saved: dict[str, int], lost: dict[str, int]) -> int:
+    count = target.exec_driver_sql(f'DELETE FROM "{table}" WHERE {where}').rowcount  # noqa: S608 - names of the schema
+    saved[table] -= count
+    lost[table] += count
+    return count
+
+
+def _mended_keyframe(row: Row) -> Row:
+    """A keyframe whose camera and depth can be read. Raises for others."""
+    camera_from_json(row["camera"])
+    depth_shape(row["depth_png"])
+    return row
+
+
+def _mended_instance(row: Row) -> Row:
+    """A thing whose shape is lost has none; its places, labels and observations stay."""
+    try:
+        blobs.decode_voxels(row["voxels"])
+    except (MemoryStoreError, *STUMBLES):
+        none = np.zeros(0, np.float32)
+        cloud = VoxelCloud(_EDGE_M, np.zeros((0, 3), np.int32), none, none, none, np.zeros((0, 3), np.uint8))
+        row["voxels"] = blobs.encode_voxels(cloud)
+    return row
+
+
+_MENDED: dict[str, Callable[[Row], Row]] = {"keyframe": _mended_keyframe, "instance": _mended_instance}

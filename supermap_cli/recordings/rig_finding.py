@@ -1,0 +1,230 @@
+"""The robot as one rig: which topics, frames and clocks belong together, and where the sensors sit on it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from supermap_cli.errors import CalibrationError, RecordingError
+from supermap_cli.geometry.arrays import FloatArray
+from supermap_cli.recordings.camera_finding import CameraFinder, RecordedRobot, clock_problems, plan_named_cameras
+from supermap_cli.recordings.camera_rigs import CameraRigs, OpenedCamera, RecordedMotion, RigFrames
+from supermap_cli.recordings.messages import PoseMessage
+from supermap_cli.recordings.motion import MotionFinder, PoseSource, find_base_frame
+from supermap_cli.recordings.mounting import check_frames, parse_mounts, same_frames, with_given_frames
+from supermap_cli.recordings.notes import Notes
+from supermap_cli.recordings.robots import topics_of_robot
+from supermap_cli.recordings.roles import NamedTopics, parse_named_topics
+from supermap_cli.recordings.sensor_clocks import check_clocks, sensor_clocks
+from supermap_cli.recordings.survey import Topic
+from supermap_cli.recordings.tf_survey import SurveyedTransforms, is_static, survey_transforms
+from supermap_cli.recordings.topic_plan import TopicPlan
+from supermap_cli.recordings.topics import plan_topics
+from supermap_cli.recordings.transforms import TransformTree
+from supermap_cli.recordings.window import RecordedData, Window, find_window
+
+
+@dataclass(frozen=True)
+class Rig:
+    """What was found; see `OpenedRecording`."""
+
+    robot: str | None
+    topics: tuple[Topic, ...]
+    plan: TopicPlan
+    frames: RigFrames
+    pose_source: PoseSource | None
+    base_frame: str
+    cameras: tuple[OpenedCamera, ...]
+    window: Window
+    shifts_ns: dict[str, int]
+    origin: FloatArray
+    problems: tuple[RecordingError, ...]
+    not_motion: Mapping[str, str] = field(default_factory=dict)
+    notes: Notes = field(default_factory=Notes)
+
+
+def find_rig(data: RecordedData, topics: Sequence[Topic], notes: Notes) -> Rig:
+    """The rig that the recording is of, as one robot. Where samples of TF do not connect it, all of TF is read.
+
+    Raises `RecordingError` where it cannot be told which robot is meant, and `ConfigError` for options of no meaning.
+    """
+    finder = _RigFinder(data, topics, notes)
+    surveyed = survey_transforms(data.storage, data.decoder, finder.topics)
+    rig = finder.find(surveyed)
+    if (rig.problems or rig.pose_source is None) and not surveyed.whole:
+        rig = finder.find(survey_transforms(data.storage, data.decoder, finder.topics, whole=True))
+    notes.take(rig.notes)
+    return rig
+
+
+class _RigFinder:
+    """Finds the rig, with one knowledge of TF or another."""
+
+    def __init__(self, data: RecordedData, topics: Sequence[Topic], notes: Notes) -> None:
+        self._data = data
+        self._request = request = data.request
+        self._where = where = data.where
+        check_frames(request.frames)
+        check_clocks(request.clocks, [channel.topic for channel in data.storage.channels])
+        self._mounts = {mount.name: mount for mount in parse_mounts(request.mounts)}
+        self._named: NamedTopics = parse_named_topics(request.topics)
+        named = set(request.topics.values())
+        self.robot, self.topics = topics_of_robot(topics, request.robot, named, where, notes)
+        planned = (plan_named_cameras if self._named.color_cameras else plan_topics)(self.topics, self._named, where)
+        self._plan = planned
+
+    def find(self, surveyed: SurveyedTransforms) -> Rig:
+        """The rig, its problems among what is found."""
+        notes = Notes()
+        for line in surveyed.warnings:
+            notes.note(line, f"{self._where}, {line}")
+        plan = with_given_frames(self._plan, self._request.frames, self._mounts)
+        frames = RigFrames(surveyed.tree, surveyed.links)
+        source, base_frame = None, ""
+        cameras: tuple[OpenedCamera, ...] = ()
+        problems: list[RecordingError] = []
+        shifts: dict[str, int] = {}
+        not_motion: dict[str, str] = {}
+        window = find_window(self._data, _leading(plan), notes)
+        try:
+            frames = frames.with_given([mount.message("") for mount in self._mounts.values() if mount.parent])
+            length_s = (self._data.storage.end_ns - self._data.storage.start_ns) / 1e9
+            motion = MotionFinder(self.topics, frames.tree, self._request.frames, length_s)
+            source, not_motion = motion.find(plan, notes), motion.not_motion()
+            base_frame = self._base_frame(plan, source, frames.tree, notes)
+            frames = frames.with_given(self._links(source, base_frame, frames.tree, notes))
+            plan = self._cameras_of(
+                plan, RecordedRobot(frames.tree, base_frame, self._data.storage, self._data.decoder), notes
+            )
+            plan = with_given_frames(plan, self._request.frames, self._mounts)
+            shifts, of_clocks = self._clocks(plan, source, notes)
+            plan = replace(plan, shared_problems=(*plan.shared_problems, *of_clocks))
+            moved = RecordedMotion(self._data, source, base_frame, window.offset_ns, shifts)
+            rigs = CameraRigs(plan, frames, moved, notes)
+            cameras, problems = rigs.open_all()
+            plan, frames = rigs.plan, rigs.frames
+        except CalibrationError as error:
+            problems = [*plan.problems, CalibrationError(error.what, where=error.where or self._where, cure=error.cure)]
+        _note_doubts(plan, source, self._where, notes)
+        origin = _origin(source, frames.tree, self._where, notes)
+        return Rig(
+            self.robot,
+            self.topics,
+            plan,
+            frames,
+            source,
+            base_frame,
+            cameras,
+            window,
+            shifts,
+            origin,
+            tuple(problems),
+            not_motion,
+            notes,
+        )
+
+    def _base_frame(self, plan: TopicPlan, source: PoseSource | None, tree: TransformTree, notes: Notes) -> str:
+        lidar = plan.topic("lidar")
+        sensor_frame = plan.main.frame_id or (lidar.frame_id if lidar else "")
+        mounted = {mount.frame_id for mount in self._mounts.values() if not mount.parent}
+        if sensor_frame in mounted:
+            sensor_frame = ""
+        return find_base_frame(source, tree, sensor_frame, self._request.frames, notes) or "base_link"
+
+    def _links(
+        self, source: PoseSource | None, base_frame: str, tree: TransformTree, notes: Notes
+    ) -> list[PoseMessage]:
+        """The mountings on the base, and the link that joins what odometry moves with the base that the user named."""
+        links = [mount.message(base_frame) for mount in self._mounts.values() if not mount.parent]
+        moved = source.child_frame if source is not None else ""
+        if "base" in self._request.frames and (same := same_frames(tree, moved, base_frame)) is not None:
+            notes.note(
+                "same frame",
+                f"{self._where}: TF does not connect {moved!r}, which odometry moves, and {base_frame!r}: they are "
+                f'taken as one frame (else say where it sits: --mount {moved}="{base_frame} x y z roll pitch yaw")',
+            )
+            links.append(same)
+        return links
+
+    def _cameras_of(self, plan: TopicPlan, robot: RecordedRobot, notes: Notes) -> TopicPlan:
+        """The plan with several cameras where there are several."""
+        if self._named.color_cameras:
+            given = self._request.clocks.keys()
+            cameras = [camera for camera in plan.cameras if camera.color.name not in given]
+            clocks = clock_problems(cameras, robot, self._where)
+            return replace(plan, shared_problems=(*plan.shared_problems, *clocks))
+        if self._named.lone_camera:
+            return plan
+        finder = CameraFinder(self.topics, plan, self._named, self._where)
+        return finder.lone() if self._request.camera else finder.find(robot, notes)
+
+    def _clocks(
+        self, plan: TopicPlan, source: PoseSource | None, notes: Notes
+    ) -> tuple[dict[str, int], list[CalibrationError]]:
+        """What is added to the stamps of each topic, and what cannot be decided of it."""
+        sensors = [topic for role in ("depth", "lidar", "imu") if (topic := plan.topic(role)) is not None]
+        if source is not None and source.topic is not None:
+            sensors.append(source.topic)
+        moving = [topic for topic in self.topics if topic.kind == "transforms" and not is_static(topic.name)]
+        reference = plan.main.choices["color"].topic if "color" in plan.main.choices else None
+        shifts, problems = sensor_clocks(reference, [*sensors, *moving], self._request.clocks, self._where, notes)
+        for camera in plan.cameras:
+            color = camera.topic("color")
+            for role in ("detections", "masks"):
+                topic = camera.topic(role)
+                if color is not None and topic is not None and color.name in shifts:
+                    shifts.setdefault(topic.name, shifts[color.name])
+        return shifts, problems
+
+
+def _leading(plan: TopicPlan) -> Topic | None:
+    """The topic whose clock is the recording's."""
+    return next((topic for role in ("color", "lidar", "odometry") if (topic := plan.topic(role))), None)
+
+
+def _note_doubts(plan: TopicPlan, source: PoseSource | None, where: str, notes: Notes) -> None:
+    """What speaks against samples of topics that are used."""
+    used = {choice.topic.name: choice.topic for choice in plan.choices.values()}
+    if source is not None and source.topic is not None:
+        used[source.topic.name] = source.topic
+    for camera in plan.cameras:
+        for doubt in camera.doubts:
+            notes.note(doubt, f"{where}, {doubt}")
+    for topic in used.values():
+        for doubt in topic.doubts:
+            notes.note(f"doubt {topic.name} {doubt}", f"{where}, {topic.name}: {doubt}")
+
+
+_FAR_M = 10_000.0
+"""Metres from the origin from which positions are of the world (as UTM) and not of a robot's way: what is mapped keeps
+its millimetres in 32 bits up to there.
+"""
+
+_ORIGIN_STEP_M = 100.0
+"""Metres to which an origin is rounded, so that two recordings of one place mostly have the same one."""
+
+
+def _origin(source: PoseSource | None, tree: TransformTree, where: str, notes: Notes) -> FloatArray:
+    """(3,) metres that are taken off positions, so that they are near 0: none for what is near it already."""
+    origin: FloatArray = np.zeros(3)
+    if source is None:
+        return origin
+    first = source.topic.poses[0].position if source.topic and source.topic.poses else None
+    if source.topic is None:
+        _, chain = tree.path(source.odom_frame, source.child_frame)
+        T = next((edge.samples[0][1] for edge in reversed(chain) if edge.samples and not edge.static), None)
+        first = None if T is None else T[:3, 3]
+    if first is None or np.abs(first).max() < _FAR_M:
+        return origin
+    origin[:2] = np.round(first[:2] / _ORIGIN_STEP_M) * _ORIGIN_STEP_M
+    if abs(first[2]) >= _FAR_M:
+        origin[2] = np.round(first[2] / _ORIGIN_STEP_M) * _ORIGIN_STEP_M
+    x, y, z = origin
+    notes.note(
+        "origin",
+        f"{where}, {source.description}: positions are in coordinates of the world, as UTM; ({x:.0f}, {y:.0f}, "
+        f"{z:.0f}) m are taken off them, add it to places in the map",
+    )
+    return origin

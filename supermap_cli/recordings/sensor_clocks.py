@@ -1,0 +1,137 @@
+"""The clocks of the sensors: how far each is off the time of recording, and what brings them onto the camera's."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from supermap_cli.errors import CalibrationError, ConfigError
+from supermap_cli.recordings.notes import Notes
+from supermap_cli.recordings.survey import Topic
+
+OTHER_CLOCK_NS = 1_000_000_000
+"""ns between the stamps of two sensors at one time of recording from which they are two clocks."""
+
+_SURE_NS = 10_000_000_000
+"""ns from which a difference can only be that of clocks: no message waits for so long before it is recorded."""
+
+_STEADY_NS = 60_000_000
+"""ns by which the offsets of one clock vary, at most; messages that are merely late vary more."""
+
+_LATE_VARIES = 4
+"""What waits to be recorded does so for times that vary by at least a quarter."""
+
+_AHEAD_NS = 500_000_000
+"""ns that a stamp may lie beyond the time of recording; a message is never recorded before it was stamped."""
+
+_KNOWN_NS = {37: "TAI, 37 s ahead of UTC", 18: "GPS time, 18 s ahead of UTC", 19: "TAI against GPS time"}
+"""Whole seconds between time scales (IERS Bulletin C: since 2017)."""
+
+_KNOWN_WITHIN_NS = 300_000_000
+"""ns by which a difference of such time scales is told by times of recording."""
+
+_HOUR_NS, _MOST_HOURS = 3600 * 10**9, 14
+"""ns, and the most hours that a time zone is off UTC."""
+
+
+def sensor_clocks(
+    reference: Topic | None, sensors: Sequence[Topic], given: Mapping[str, float], where: str, notes: Notes
+) -> tuple[dict[str, int], list[CalibrationError]]:
+    """What is added to the stamps of each topic, in ns, and what cannot be decided.
+
+    `given` are the user's offsets in seconds, which count without a look at the times of recording.
+    """
+    shifts = {topic: round(offset_s * 1e9) for topic, offset_s in given.items() if offset_s}
+    problems: list[CalibrationError] = []
+    for topic in sensors if reference is not None else ():
+        if topic.name in given or reference is None or topic.name == reference.name or not topic.offsets_ns:
+            continue
+        apart_ns = topic.clock_offset_ns - reference.clock_offset_ns
+        if abs(apart_ns) < OTHER_CLOCK_NS or not (_is_steady(topic) and _is_steady(reference)):
+            continue
+        what = f"its clock is {_apart_text(apart_ns, reference.name)}, by times of recording"
+        if _is_late(topic, reference, apart_ns):
+            notes.note(
+                f"clock {topic.name}", f"{where}, {topic.name}: {what}; as this varies, messages are recorded late"
+            )
+        elif _is_sure(topic, reference, apart_ns):
+            shifts[topic.name] = -_scale_ns(apart_ns)
+            notes.note(
+                f"clock {topic.name}",
+                f"{where}, {topic.name}: {what}; {shifts[topic.name] / 1e9:+.3f} s are added to its stamps (--clock "
+                f"{topic.name}=SECONDS adds others, 0 none)",
+            )
+        else:
+            problems.append(
+                CalibrationError(
+                    f"{what}, or it is recorded late",
+                    where=f"{where}, {topic.name}",
+                    cure=f"say --clock {topic.name}={-apart_ns / 1e9:.3f} if its stamps are off by that, or "
+                    f"--clock {topic.name}=0 if they are right",
+                )
+            )
+    return shifts, problems
+
+
+def check_clocks(given: Mapping[str, float], topics: Sequence[str]) -> None:
+    """Raise `ConfigError` for an offset of a topic that is not there, or that is no time."""
+    for topic, offset_s in given.items():
+        if topic not in topics:
+            raise ConfigError(
+                f"--clock {topic}: there are no messages on this topic",
+                cure=f"the topics are {', '.join(sorted(topics)[:12])}",
+            )
+        if not np.isfinite(offset_s) or abs(offset_s) > 1e10:
+            raise ConfigError(f"--clock {topic}={offset_s:g} is no time", cure="write seconds, such as -37")
+
+
+def _is_late(topic: Topic, reference: Topic, apart_ns: int) -> bool:
+    """Whether the messages of one waited before they were recorded: for times that vary as much as they are long."""
+    later = min((topic, reference), key=lambda each: each.clock_offset_ns)
+    return _spread_ns(later.offsets_ns) * _LATE_VARIES > abs(apart_ns)
+
+
+def _is_sure(topic: Topic, reference: Topic, apart_ns: int) -> bool:
+    """Whether a difference is that of two clocks, and not of messages that waited before they were recorded."""
+    if abs(apart_ns) >= _SURE_NS:
+        return True
+    ahead = max(topic.clock_offset_ns, reference.clock_offset_ns) > _AHEAD_NS
+    return ahead or all(_spread_ns(each.offsets_ns) < _STEADY_NS for each in (topic, reference))
+
+
+def _is_steady(topic: Topic) -> bool:
+    """Whether a topic's stamps are of one clock all along; one that was set while recording is another matter."""
+    return _spread_ns(topic.offsets_ns) < OTHER_CLOCK_NS // 2
+
+
+def _spread_ns(offsets_ns: Sequence[int]) -> int:
+    """The range of all but the extreme samples."""
+    ordered = sorted(offsets_ns)
+    inner = ordered[1:-1] if len(ordered) > 4 else ordered
+    return inner[-1] - inner[0]
+
+
+def _scale_ns(apart_ns: int) -> int:
+    """The difference of time scales that is meant, where it is one; else the difference itself."""
+    for seconds in _KNOWN_NS:
+        if abs(abs(apart_ns) - seconds * 10**9) < _KNOWN_WITHIN_NS:
+            return int(np.sign(apart_ns)) * seconds * 10**9
+    hours = round(apart_ns / _HOUR_NS)
+    return (
+        hours * _HOUR_NS if 0 < abs(hours) <= 14 and abs(apart_ns - hours * _HOUR_NS) < _KNOWN_WITHIN_NS else apart_ns
+    )
+
+
+def _apart_text(apart_ns: int, other: str) -> str:
+    """How far apart, and which known scales of time that tells: "37.0 s ahead of (TAI ...)"."""
+    side = "ahead of" if apart_ns > 0 else "behind"
+    seconds = abs(apart_ns) / 1e9
+    known = next((text for each, text in _KNOWN_NS.items() if abs(seconds - each) < _KNOWN_WITHIN_NS / 1e9), None)
+    if seconds > 10 * 365 * 86400:
+        counted = "it counts since it was switched on" if apart_ns < 0 else "which counts since it was switched on"
+        return f"{seconds / 86400:.0f} days {side} that of {other} ({counted})"
+    hours = round(seconds / 3600)
+    if known is None and 0 < hours <= _MOST_HOURS and abs(seconds - hours * 3600) < 1:
+        known = f"{hours} h of time zone"
+    return f"{seconds:.1f} s {side} that of {other}" + (f" ({known})" if known else "")

@@ -1,0 +1,369 @@
+"""A recording understood as one robot: its evidence, its clocks, its frames, and the options that put them right."""
+
+import numpy as np
+import pytest
+
+from supermap_cli.errors import ConfigError, RecordingError
+from supermap_cli.geometry.se3 import make_transform
+from supermap_cli.hookspecs import RecordingRequest
+from supermap_cli.recordings import open_bag_recording
+from supermap_cli.recordings.inspection import inspect_recording
+from support import bags
+
+FRAME = "camera_optical_frame"
+FAR = make_transform(np.eye(3), [465_432.0, 5_572_111.0, 320.0])
+
+
+def open_(path, **request):
+    return open_bag_recording(path, RecordingRequest(**request))
+
+
+def problems_of(path, **request):
+    return [
+        f"{problem.what}: {problem.cure}" for problem in inspect_recording(path, RecordingRequest(**request)).problems
+    ]
+
+
+def mount(bag, frame=FRAME, base="base_link", namespace=""):
+    bag.transform(bags.START_NS, base, frame, bags.T_BASE_OPTICAL, static=True, namespace=namespace)
+
+
+def positions(recording):
+    return [pose.T_odom_base[:3, 3].tolist() for pose in recording.poses()]
+
+
+# Evidence ------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("late", [3, 40])
+def test_the_first_calibrations_may_be_zero(tmp_path, late):
+    size, K = (bags.WIDTH, bags.HEIGHT), (bags.FOCAL, bags.FOCAL, 31.5, 23.5)
+    with bags.BagWriter(tmp_path / "run.mcap") as bag:
+        mount(bag)
+        for index in range(50):
+            at = bags.stamp(index)
+            bag.camera_info("/cam/camera_info", at, FRAME, size, K if index >= late else (0.0, 0.0, 0.0, 0.0))
+            bag.image("/cam/image_raw", at, FRAME, bags.color_image(index), "rgb8")
+            bag.image("/cam/depth", at, FRAME, bags.depth_image(), "16UC1")
+            bag.odometry("/odom", at, bags.pose_at(index))
+    recording = open_(tmp_path / "run.mcap")
+    assert next(recording.frames()).camera.fx == bags.FOCAL
+    assert any("of no use (the camera is not calibrated" in line for line in recording.warnings)
+
+
+def test_a_broken_first_image_is_left_out_and_the_rest_is_read(tmp_path):
+    with bags.BagWriter(tmp_path / "run.mcap") as bag:
+        mount(bag)
+        bag.image("/camera/color/image_raw", bags.stamp(0), FRAME, np.zeros((1, 1, 3), np.uint8), "rgb8")
+        for index in range(1, 8):
+            bags.write_images(bag, index)
+            bag.odometry("/odom", bags.stamp(index), bags.pose_at(index))
+    assert len(list(open_(tmp_path / "run.mcap").frames())) == 7
+
+
+def test_transforms_are_found_wherever_they_begin(tmp_path):
+    joints, begins = 30_000, 20
+    with bags.BagWriter(tmp_path / "run.mcap") as bag:
+        mount(bag)
+        for index in range(joints):
+            bag.transform(bags.START_NS + index * 10**6, "base_link", "wheel", np.eye(4))
+        for index in range(300):
+            if index >= begins * 10:
+                bag.transform(bags.stamp(index), "odom", "base_link", bags.pose_at(index))
+            if index % 10 == 0:
+                bags.write_images(bag, index)
+    report = inspect_recording(tmp_path / "run.mcap", RecordingRequest())
+    assert report.poses == "TF (odom -> base_link)"
+    assert report.can_build
+
+
+def test_results_added_a_day_later_do_not_lengthen_the_recording(tmp_path):
+    day_ns = 86_400 * 10**9
+    with bags.BagWriter(tmp_path / "run.mcap") as bag:
+        mount(bag)
+        for index in range(10):
+            bags.write_images(bag, index)
+            bag.odometry("/odom", bags.stamp(index), bags.pose_at(index))
+        for index in range(10):
+            at = bags.stamp(index)
+            bag.detections("/detections", at, FRAME, [([("box", 0.9)], (24, 16, 40, 32))], log_ns=at + day_ns)
+    recording = open_(tmp_path / "run.mcap")
+    assert recording.end_ns == bags.stamp(9)
+    assert len(list(recording.detections())) == 10
+
+
+# Robots and motion ---------------------------------------------------------------------------------------------------
+
+
+def write_robot(bag, index, name, speed, *, camera):
+    frame = f"{FRAME}"
+    if index == 0:
+        mount(bag, frame, namespace=f"/{name}")
+    T = make_transform(np.eye(3), [speed * index / 10, 0, 0])
+    bag.transform(bags.stamp(index), "odom", "base_link", T, namespace=f"/{name}")
+    bag.odometry(f"/{name}/odom", bags.stamp(index), T)
+    if camera:
+        bags.write_images(bag, index, prefix=f"/{name}/camera", frame_id=frame)
+
+
+def test_of_two_robots_the_one_with_the_camera_is_mapped_with_its_own_wheels(tmp_path):
+    with bags.BagWriter(tmp_path / "run.mcap") as bag:
+        for index in range(20):
+            write_robot(bag, index, "alpha", 1.0, camera=True)
+            write_robot(bag, index, "beta", 3.0, camera=False)
+    recording = open_(tmp_path / "run.mcap")
+    assert positions(recording)[-1] == pytest.approx([1.9, 0, 0])
+    assert any("2 robots" in line and "--robot" in line for line in recording.warnings)
+
+
+def test_two_robots_with_cameras_are_refused_and_one_can_be_chosen(tmp_path):
+    with bags.BagWriter(tmp_path / "run.mcap") as bag:
+        for index in range(20):
+            write_robot(bag, index, "alpha", 1.0, camera=True)
+            write_robot(bag, index, "beta", 3.0, camera=True)
+    with pytest.raises(RecordingError, match=r"2 robots are in it \(alpha, beta\).*--robot alpha"):
+        open_(tmp_path / "run.mcap")
+    assert positions(open_(tmp_path / "run.mcap", robot="beta"))[-1] == pytest.approx([5.7, 0, 0])
+    with pytest.raises(ConfigError, match="no such robot"):
+        open_(tmp_path / "run.mcap", robot="gamma")
+
+
+def test_robots_are_told_apart_by_the_prefixes_of_their_frames(tmp_path):
+    with bags.BagWriter(tmp_path / "run.mcap") as bag:
+        mount(bag, f"r1/{FRAME}", "r1/base_link")
+        for index in range(20):
+            for name, speed in (("r1", 1.0), ("r2", 3.0)):
+                T = make_transform(np.eye(3), [speed * index / 10, 0, 0])
+                bag.transform(bags.stamp(index), f"{name}/odom", f"{name}/base_link", T)
+            bags.write_images(bag, index, frame_id=f"r1/{FRAME}")
+    recording = open_(tmp_path / "run.mcap")
+    assert recording.base_frame == "r1/base_link"
+    assert positions(recording)[-1] == pytest.approx([1.9, 0, 0])
+
+
+@pytest.mark.parametrize(
+    ("topic", "frame", "count"),
+    [
+        ("/goal_pose", "map", 2),
+        ("/move_base_simple/goal", "map", 40),
+        ("/aruco_single/pose", FRAME, 40),
+        ("/handle/pose", "base_link", 40),
+        ("/mavros/setpoint_position/local", "map", 40),
+    ],
+)
+def test_poses_of_something_else_are_not_the_robots_motion(tmp_path, topic, frame, count):
+    with bags.BagWriter(tmp_path / "run.mcap") as bag:
+        mount(bag)
+        for index in range(40):
+            bags.write_images(bag, index)
+            if index % (40 // count) == 0:
+                bag.pose(topic, bags.stamp(index), frame, bags.pose_at(index))
+    report = inspect_recording(tmp_path / "run.mcap", RecordingRequest())
+    assert report.poses is None
+    assert any(topic in problem.what for problem in report.problems)
+    named = inspect_recording(tmp_path / "run.mcap", RecordingRequest(topics={"odometry": topic}))
+    assert topic in (named.poses or "")
+
+
+def test_detections_of_a_camera_that_tf_does_not_place_are_not_anothers(tmp_path):
+    with bags.BagWriter(tmp_path / "run.mcap") as bag:
+        mount(bag, "a_optical")
+        for index in range(10):
+            bag.odometry("/odom", bags.stamp(index), bags.pose_at(index))
+            bags.write_images(bag, index, prefix="/cam_a", frame_id="a_optical")
+            bags.write_images(bag, index, prefix="/cam_b", frame_id="b_optical")
+            bag.detections("/found", bags.stamp(index), "b_optical", [([("box", 0.9)], (24, 16, 40, 32))])
+    found = open_(tmp_path / "run.mcap")
+    assert "detections" not in found.streams
+    assert any("TF does not place its frame 'b_optical'" in line for line in found.warnings)
+    alone = open_(tmp_path / "run.mcap", topics={"color": "/cam_a/color/image_raw"})
+    assert "detections" not in alone.streams
+    assert any("/found holds detections" in line and "'b_optical'" in line for line in alone.warnings)
+
+
+def test_coordinates_of_the_world_are_counted_from_an_origin(tmp_path):
+    with bags.BagWriter(tmp_path / "run.mcap") as bag:
+        mount(bag)
+        for index in range(10):
+            bags.write_images(bag, index)
+            bag.odometry("/odom", bags.stamp(index), FAR @ bags.pose_at(index), frame_id="utm")
+    recording = open_(tmp_path / "run.mcap")
+    assert positions(recording)[0] == pytest.approx([32, 11, 320])
+    assert any("(465400, 5572100, 0) m are taken off" in line for line in recording.warnings)
+
+
+# Clocks --------------------------------------------------------------------------------------------------------------
+
+
+def write_clocks(path, *, lidar_s=0.0, late_s=0.01, jitter_s=0.0):
+    rng = np.random.default_rng(1)
+    with bags.BagWriter(path) as bag:
+        mount(bag)
+        bag.transform(bags.START_NS, "base_link", "lidar", np.eye(4), static=True)
+        for index in range(30):
+            at = bags.stamp(index)
+            bags.write_images(bag, index)
+            bag.odometry("/odom", at, bags.pose_at(index))
+            late_ns = round((late_s + jitter_s * rng.random()) * 1e9)
+            bag.points("/points", at + round(lidar_s * 1e9), "lidar", bags.wall_points(index), log_ns=at + late_ns)
+    return path
+
+
+@pytest.mark.parametrize("apart_s", [37.0, -2.4, 7200.0, -1_699_990_000.25])
+def test_another_clock_is_brought_onto_the_cameras(tmp_path, apart_s):
+    recording = open_(write_clocks(tmp_path / "run.mcap", lidar_s=apart_s))
+    assert [sweep.stamp_ns for sweep in recording.sweeps()] == pytest.approx(
+        [bags.stamp(index) for index in range(30)], abs=20_000_000
+    )
+    assert any("/points: its clock is" in line for line in recording.warnings)
+
+
+def test_a_sensor_that_is_recorded_late_is_refused_until_the_user_decides(tmp_path):
+    path = write_clocks(tmp_path / "run.mcap", late_s=1.5, jitter_s=0.3)
+    (problem,) = problems_of(path)
+    assert "recorded late" in problem
+    assert "--clock /points=0" in problem
+    kept = open_(path, clocks={"/points": 0.0})
+    assert next(kept.sweeps()).stamp_ns == bags.stamp(0)
+    moved = open_(path, clocks={"/points": 0.5})
+    assert next(moved.sweeps()).stamp_ns == bags.stamp(0) + 500_000_000
+
+
+def test_a_slow_link_is_no_other_clock(tmp_path):
+    recording = open_(write_clocks(tmp_path / "run.mcap", late_s=0.9, jitter_s=0.9))
+    assert next(recording.sweeps()).stamp_ns == bags.stamp(0)
+
+
+def test_a_clock_of_no_topic_is_an_error(tmp_path):
+    path = write_clocks(tmp_path / "run.mcap")
+    with pytest.raises(ConfigError, match=r"--clock /nothing: there are no messages"):
+        open_(path, clocks={"/nothing": 1.0})
+
+
+# Mounting ------------------------------------------------------------------------------------------------------------
+
+
+def write_unconnected(path, child="body", frame_id=FRAME, *, mounted=True):
+    with bags.BagWriter(path) as bag:
+        if mounted:
+            mount(bag)
+        for index in range(10):
+            bags.write_images(bag, index, frame_id=frame_id)
+            bag.odometry("/odom", bags.stamp(index), bags.pose_at(index), child_frame_id=child)
+    return path
+
+
+def test_a_body_that_tf_does_not_connect_is_refused_with_cures_that_work(tmp_path):
+    path = write_unconnected(tmp_path / "run.mcap")
+    (problem,) = problems_of(path)
+    assert "--frame base=base_link" in problem
+    assert '--mount body="base_link' in problem
+    same = open_(path, frames={"base": "base_link"})
+    assert positions(same)[-1] == pytest.approx([0.9, 0, 0])
+    assert any("taken as one frame" in line for line in same.warnings)
+    linked = open_(path, mounts={"body": "base_link 0 0 0.4 0 0 0"})
+    assert next(linked.frames()).T_base_camera[2, 3] == pytest.approx(bags.T_BASE_OPTICAL[2, 3] - 0.4)
+
+
+@pytest.mark.parametrize("frame_id", ["", "unknown_frame"])
+def test_images_in_no_known_frame_are_refused_with_cures_that_work(tmp_path, frame_id):
+    path = write_unconnected(tmp_path / "run.mcap", "base_link", frame_id)
+    (problem,) = problems_of(path)
+    assert f"--frame camera={FRAME}" in problem
+    assert "--mount camera=" in problem
+    named = open_(path, frames={"camera": FRAME})
+    assert np.allclose(next(named.frames()).T_base_camera, bags.T_BASE_OPTICAL)
+    mounted = open_(path, mounts={"camera": "0.1 0 0.5 0 0 0"})
+    assert np.allclose(next(mounted.frames()).T_base_camera, bags.T_BASE_OPTICAL)
+
+
+def test_without_any_tf_the_mounting_can_be_given(tmp_path):
+    path = write_unconnected(tmp_path / "run.mcap", "base_link", mounted=False)
+    assert any("--mount camera=" in problem for problem in problems_of(path))
+    mounted = open_(path, mounts={"camera": "0.1 0 0.5 0 0 0"})
+    assert np.allclose(next(mounted.frames()).T_base_camera, bags.T_BASE_OPTICAL)
+
+
+@pytest.mark.parametrize(
+    ("mounts", "what"),
+    [
+        ({"camera": "1 2 3"}, "is not understood"),
+        ({"camera": "base 1 2 3 a b c"}, "is not understood"),
+        ({"camera": "0 0 1 0 90 0"}, "write the angles in radians"),
+        ({"camera": "0 0 nan 0 0 0"}, "is not understood"),
+    ],
+)
+def test_mountings_of_no_sense_are_one_clear_error(tmp_path, mounts, what):
+    path = write_unconnected(tmp_path / "run.mcap")
+    with pytest.raises(ConfigError, match=what):
+        open_(path, mounts=mounts)
+    with pytest.raises(ConfigError, match="unknown role 'cam' in --frame"):
+        open_(path, frames={"cam": "x"})
+
+
+def test_a_static_mounting_counts_before_a_moving_one(tmp_path):
+    with bags.BagWriter(tmp_path / "run.mcap") as bag:
+        mount(bag, "camera_link")
+        bag.transform(bags.START_NS, "camera_link", FRAME, np.eye(4), static=True)
+        for index in range(10):
+            bags.write_images(bag, index)
+            bag.transform(bags.stamp(index), "odom", "base_link", bags.pose_at(index))
+            bag.transform(bags.stamp(index), "odom", "camera_link", bags.pose_at(2 * index))
+    recording = open_(tmp_path / "run.mcap")
+    assert all(np.allclose(frame.T_base_camera, bags.T_BASE_OPTICAL) for frame in recording.frames())
+    assert any("'camera_link' has two parents" in line and "static mounting" in line for line in recording.warnings)
+
+
+def test_a_placeholder_under_odom_does_not_hold_the_robot_still(tmp_path):
+    with bags.BagWriter(tmp_path / "run.mcap") as bag:
+        mount(bag)
+        bag.transform(bags.START_NS, "odom", "base_link", np.eye(4), static=True)
+        for index in range(10):
+            bags.write_images(bag, index)
+            bag.transform(bags.stamp(index), "odom", "base_link", bags.pose_at(index))
+    recording = open_(tmp_path / "run.mcap")
+    assert positions(recording)[-1] == pytest.approx([0.9, 0, 0])
+    assert any("the moving one counts" in line for line in recording.warnings)
+
+
+def test_two_publishers_of_one_link_are_reported(tmp_path):
+    with bags.BagWriter(tmp_path / "run.mcap") as bag:
+        mount(bag)
+        for index in range(20):
+            bags.write_images(bag, index)
+            bag.odometry("/odom", bags.stamp(index), bags.pose_at(index))
+            far = make_transform(np.eye(3), [5.0 * (index % 2), 0, 0])
+            bag.transform(bags.stamp(index), "odom", "base_link", far)
+    assert any("jumps to and fro" in line for line in open_(tmp_path / "run.mcap").warnings)
+
+
+# Values --------------------------------------------------------------------------------------------------------------
+
+
+def test_floating_depth_in_millimetres_becomes_metres(tmp_path):
+    with bags.BagWriter(tmp_path / "run.mcap") as bag:
+        mount(bag)
+        for index in range(5):
+            bags.write_images(bag, index)
+            at = bags.stamp(index)
+            bag.image("/camera/depth_registered/image", at, FRAME, bags.depth_image().astype(np.float32), "32FC1")
+            bag.odometry("/odom", at, bags.pose_at(index))
+    recording = open_(tmp_path / "run.mcap", topics={"depth": "/camera/depth_registered/image"})
+    assert np.isclose(np.median(next(recording.frames()).depth_m), bags.WALL_M)
+    assert any("millimetres" in line for line in recording.warnings)
+
+
+@pytest.mark.parametrize("suffix", [".jpg", ".png"])
+def test_depth_of_eight_bits_is_refused(tmp_path, suffix):
+    import cv2
+
+    data = cv2.imencode(suffix, np.full((bags.HEIGHT, bags.WIDTH), 200, np.uint8))[1].tobytes()
+    with bags.BagWriter(tmp_path / "run.mcap") as bag:
+        mount(bag)
+        for index in range(5):
+            at = bags.stamp(index)
+            bag.camera_info("/camera/color/camera_info", at, FRAME, (bags.WIDTH, bags.HEIGHT), (60.0, 60.0, 31.5, 23.5))
+            bag.image("/camera/color/image_raw", at, FRAME, bags.color_image(index), "rgb8")
+            bag.compressed("/camera/depth/image_raw/compressed", at, FRAME, data, "16UC1; jpeg compressed ")
+            bag.odometry("/odom", at, bags.pose_at(index))
+    assert any("lossy depth images of 8 bits" in problem for problem in problems_of(tmp_path / "run.mcap"))
