@@ -211,11 +211,17 @@ class MapStore:
         if not self._created or any(traversal.status == "complete" for traversal in self.traversals()):
             return False
         self.check_place()
+        self._created = False
+        self._remove_files()
+        return True
+
+    def _remove_files(self) -> None:
         if self._engine is not None:
             self._engine.dispose()
-        self._engine, self._created = None, False
+        self._engine = None
+        if self._lock is not None:
+            self._lock.leave_file()
         self._database.remove()
-        return True
 
     def check_place(self) -> None:
         """Raise `MemoryStoreError` if the map was removed, moved or replaced since it was opened for writing."""
@@ -236,9 +242,7 @@ class MapStore:
             )
         if self._engine is not None:
             self.check_place()
-            self._engine.dispose()
-            self._engine = None
-            self._database.remove()
+            self._remove_files()
 
     # What mapping continues from
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import islice, pairwise
+from itertools import islice
 
 import numpy as np
 
@@ -179,12 +179,13 @@ def _disagreements(link: Link, seen: _Seen) -> Iterator[str]:
 
 
 def _is_told_twice(samples: Sequence[tuple[int, FloatArray]]) -> bool:
-    """Whether successive samples lie further apart than anything moves, again and again."""
+    """Whether samples lie further apart than anything moves, and the next step leads back, again and again."""
     ordered = sorted(samples, key=lambda sample: sample[0])
-    jumps = 0
-    for (start_ns, before), (end_ns, after) in pairwise(ordered):
-        distance_m = float(np.linalg.norm(after[:3, 3] - before[:3, 3]))
-        jumps += distance_m > max(0.1, _FASTEST * (end_ns - start_ns) / 1e9)
+    steps_m = np.diff(np.array([T[:3, 3] for _, T in ordered]).reshape(-1, 3), axis=0)
+    most_m = np.maximum(0.1, _FASTEST * np.diff([stamp_ns for stamp_ns, _ in ordered]) / 1e9)
+    far = np.linalg.norm(steps_m, axis=1) > most_m
+    back = np.einsum("ij,ij->i", steps_m[:-1], steps_m[1:]) < 0
+    jumps = int(np.count_nonzero(far[:-1] & far[1:] & back))
     return jumps > max(4, _JUMPS_SHARE * len(ordered))
 
 

@@ -34,6 +34,9 @@ class Lock(Protocol):
     def check_place(self) -> None:
         """Raise `MemoryStoreError` if the database is no longer where it was when the lock was taken."""
 
+    def leave_file(self) -> None:
+        """The database is about to be removed by the holder, who may create it anew."""
+
     def release(self) -> None:
         """Release the lock; does nothing if it is not held."""
 

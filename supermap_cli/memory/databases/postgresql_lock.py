@@ -63,6 +63,9 @@ class AdvisoryLock:
     def check_place(self) -> None:
         """Nothing to check: a schema that is dropped ends the statements of this build."""
 
+    def leave_file(self) -> None:
+        """Nothing to leave: the lock is the server's."""
+
     def release(self) -> None:
         """Close the connection, which releases the lock."""
         _close(self.connection)

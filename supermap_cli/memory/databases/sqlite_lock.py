@@ -100,13 +100,17 @@ class FileLock:
                 cure="put the file back, with the -wal that lies beside it, or build anew",
             )
 
+    def leave_file(self) -> None:
+        """The database is about to be removed by the holder, who may create it anew."""
+        if self._file is not None:
+            os.close(self._file)
+            self._file = None
+
     def release(self) -> None:
         """Release the lock and remove its file; does nothing if it is not held."""
         if self._descriptor is None:
             return
-        if self._file is not None:
-            os.close(self._file)
-            self._file = None
+        self.leave_file()
         self._path.unlink(missing_ok=True)
         os.close(self._descriptor)
         self._descriptor = None
