@@ -367,3 +367,15 @@ def test_depth_of_eight_bits_is_refused(tmp_path, suffix):
             bag.compressed("/camera/depth/image_raw/compressed", at, FRAME, data, "16UC1; jpeg compressed ")
             bag.odometry("/odom", at, bags.pose_at(index))
     assert any("lossy depth images of 8 bits" in problem for problem in problems_of(tmp_path / "run.mcap"))
+
+
+@pytest.mark.parametrize("to_and_fro", [True, False], ids=["two publishers", "one that is fast"])
+def test_two_publishers_of_one_motion_are_told_from_one_that_is_fast(tmp_path, to_and_fro):
+    with bags.BagWriter(tmp_path / "run.mcap") as bag:
+        mount(bag)
+        for index in range(20):
+            bags.write_images(bag, index)
+            x = 5.0 * (index % 2 if to_and_fro else index)
+            bag.transform(bags.stamp(index), "odom", "base_link", make_transform(np.eye(3), [x, 0, 0]))
+    warned = any("jumps to and fro" in line for line in open_(tmp_path / "run.mcap").warnings)
+    assert warned == to_and_fro
