@@ -77,7 +77,8 @@ def _refusals_as_query_errors(connection: psycopg.Connection[Any]) -> Iterator[N
 
 
 def _names(connection: psycopg.Connection[Any]) -> str:
-    """The tables and views of the schema."""
+    """The tables and views of the schema; ends the transaction that a refused statement has aborted."""
+    connection.rollback()
     found = connection.execute(
         "SELECT table_name FROM information_schema.tables WHERE table_schema = current_schema() "
         "ORDER BY table_type = 'VIEW' DESC, table_name"
