@@ -163,20 +163,31 @@ class SqliteStorage:
                     cure="give the .db3 file of a recording; a map is read by `supermap show --db`",
                 )
             topics = {
-                number: (str(name), full_type_name(str(msgtype)), str(serialization))
+                number: (_text(name), full_type_name(_text(msgtype)), _text(serialization))
                 for number, name, msgtype, serialization in connection.execute(
-                    "SELECT id, name, type, serialization_format FROM topics"
+                    f"SELECT id, {_bytes_of('name', 'type', 'serialization_format')} FROM topics"  # noqa: S608
                 )
             }
             definitions = {}
             if "message_definitions" in tables:
                 for name, form, text in connection.execute(
-                    "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions"
+                    f"SELECT {_bytes_of('topic_type', 'encoding', 'encoded_message_definition')} "  # noqa: S608
+                    "FROM message_definitions"
                 ):
-                    definitions[full_type_name(str(name))] = (str(form), str(text or "").encode())
+                    definitions[full_type_name(_text(name))] = (_text(form), _text(text).encode())
         except apsw.Error as error:
             raise self._unreadable(error) from error
         return topics, definitions
+
+
+def _bytes_of(*columns: str) -> str:
+    """Columns of text as they are stored: apsw refuses damaged UTF-8."""
+    return ", ".join(f"CAST({column} AS BLOB)" for column in columns)
+
+
+def _text(stored: object) -> str:
+    """A stored text; what is no UTF-8 in it is replaced."""
+    return stored.decode(errors="replace") if isinstance(stored, bytes) else ""
 
 
 def _select(

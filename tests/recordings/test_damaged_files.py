@@ -324,3 +324,13 @@ def test_a_damaged_message_index_does_not_hide_its_messages(tmp_path):
     for offset in chunk.message_index_offsets.values():
         overwrite(path, offset + 11, b"\xff\xff\xff\x7f")
     assert len(list(open_storage(path, Notes()).log_times(TOPICS))) == 30
+
+
+def test_texts_of_a_database_that_are_no_utf_8_are_read_all_the_same(tmp_path):
+    path = write_imu(tmp_path / "run.db3", count=10)
+    connection = sqlite3.connect(path)
+    connection.execute("UPDATE topics SET name = CAST(x'2F6DFF' AS TEXT) WHERE name = '/imu0'")
+    connection.commit()
+    connection.close()
+    storage = open_storage(path, Notes(), None)
+    assert [channel.topic for channel in storage.channels] == ["/imu1", "/m\ufffd"]
