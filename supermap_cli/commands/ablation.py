@@ -97,7 +97,8 @@ def compare(world: Path, folder: Path) -> Ablation:
 
 
 def _row(component: str | None, recordings: list[Path], config: BuildConfig, truth_path: Path, db: Path) -> AblationRow:
-    from supermap_cli.commands.build import Follow, build_all, request  # noqa: PLC0415 - keeps start-up light
+    from supermap_cli.commands.build import Follow, build_all  # noqa: PLC0415 - keeps start-up light
+    from supermap_cli.commands.build_options import request  # noqa: PLC0415
     from supermap_cli.evaluation.change_recall import score_change_recall  # noqa: PLC0415
     from supermap_cli.evaluation.identity import score_identity  # noqa: PLC0415
     from supermap_cli.evaluation.instances import score_instances  # noqa: PLC0415

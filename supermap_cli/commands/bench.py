@@ -13,7 +13,7 @@ from typer.core import TyperGroup
 
 from supermap_cli.commands import bench_memory
 from supermap_cli.commands.bench_numbers import parse_objects
-from supermap_cli.commands.build import override, request
+from supermap_cli.commands.build_options import override, request
 from supermap_cli.commands.common import (
     AlignOption,
     BackendOption,

@@ -226,7 +226,8 @@ def build_and_score(
     scenario: str, seed: int, folder: Path, config: BuildConfig | None = None, *, domain: Sequence[str] = ()
 ) -> Report:
     """Simulate a world, unless it is there, build it anew, by default with the default configuration, and score it."""
-    from supermap_cli.commands.build import Follow, build_all, request  # noqa: PLC0415 - keeps start-up light
+    from supermap_cli.commands.build import Follow, build_all  # noqa: PLC0415 - keeps start-up light
+    from supermap_cli.commands.build_options import request  # noqa: PLC0415
     from supermap_cli.commands.simulate import simulate_scenario  # noqa: PLC0415
     from supermap_cli.config import BuildConfig  # noqa: PLC0415
     from supermap_cli.evaluation.pairing import true_traversals  # noqa: PLC0415

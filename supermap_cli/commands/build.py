@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from supermap_cli.commands.build_options import override, request
 from supermap_cli.commands.common import (
     AlignOption,
     BackendOption,
@@ -70,6 +71,9 @@ Examples:
 """
 
 
+RecordingsArgument = Annotated[
+    list[Path], typer.Argument(help="ROS 1 .bag, ROS 2 .db3 or .mcap files, or rosbag2 folders; one traversal each.")
+]
 PerceptionRateOption = Annotated[
     float | None,
     typer.Option(help="Images perceived a second, the others give depth. [default: all that are mapped]"),
@@ -101,10 +105,7 @@ def register(app: typer.Typer) -> None:
 
 
 def build(  # noqa: PLR0917 - a command line has many options
-    recordings: Annotated[
-        list[Path],
-        typer.Argument(help="ROS 1 .bag, ROS 2 .db3 or .mcap files, or rosbag2 folders; one traversal each."),
-    ],
+    recordings: RecordingsArgument,
     db: DbOption = None,
     detector: DetectorOption = None,
     odometry: OdometryOption = None,
@@ -267,100 +268,6 @@ def _told_at_the_end(summaries: list[BuildSummary], *, as_json: bool) -> Iterato
     finally:
         if as_json and summaries:
             print_json({"traversals": [summary_json(summary) for summary in summaries]})
-
-
-def override(
-    config: BuildConfig,
-    *,
-    detector: str | None = None,
-    odometry: str | None = None,
-    segmenter: str | None = None,
-    tracker: str | None = None,
-    options: list[str] | None = None,
-    topics: list[str] | None = None,
-    frames: list[str] | None = None,
-    mounts: list[str] | None = None,
-    clocks: list[str] | None = None,
-    robot: str | None = None,
-    camera: str | None = None,
-    detection_tolerance: float | None = None,
-    limits: list[str] | None = None,
-    rate: float | None = None,
-    perception_rate: float | None = None,
-    min_confidence: float | None = None,
-    ablate: list[str] | None = None,
-) -> BuildConfig:
-    """The configuration with the command line's words laid over it. Raises `ConfigError` for what is not understood."""
-    from pydantic import ValidationError  # noqa: PLC0415
-
-    from supermap_cli.config import BuildConfig  # noqa: PLC0415
-    from supermap_cli.plugin_manager import parse_option_arguments  # noqa: PLC0415
-
-    values = config.model_dump()
-    named = {"detector": detector, "odometry": odometry, "segmenter": segmenter, "tracker": tracker}
-    values["backends"].update({kind: given for kind, given in named.items() if given is not None})
-    for backend, given in parse_option_arguments(options or []).items():
-        values["backends"]["options"].setdefault(backend, {}).update(given)
-    values["recording"]["topics"].update(pairs(topics, "--topic", "color=/camera/image"))
-    values["recording"]["frames"].update(pairs(frames, "--frame", "base=base_link"))
-    values["recording"]["mounts"].update(pairs(mounts, "--mount", 'camera="0.1 0 1.2 0 0.2 0"'))
-    values["recording"]["clocks"].update(pairs(clocks, "--clock", "/lidar/points=-37"))
-    if robot is not None:
-        values["recording"]["robot"] = robot
-    values["recording"]["limits"].update(pairs(limits, "--limit", "image_pixels=200000000"))
-    if detection_tolerance is not None:
-        values["recording"]["detection_tolerance_s"] = detection_tolerance
-    if camera is not None:
-        values["recording"]["camera"] = camera
-    if rate is not None:
-        values["keyframes"]["rate_hz"] = rate
-    if perception_rate is not None:
-        values["perception"]["rate_hz"] = perception_rate
-    if min_confidence is not None:
-        if not 0 < min_confidence < 1:
-            raise ConfigError(
-                f"--min-confidence {min_confidence:g} is not between 0 and 1", cure="it is a probability, such as 0.5"
-            )
-        values["parameters"].setdefault("lifecycle", {})["min_confidence"] = min_confidence
-    if ablate:
-        values["ablate"] = tuple(ablate)
-    try:
-        return BuildConfig.model_validate(values)
-    except ValidationError as error:
-        first = error.errors()[0]
-        entry = ".".join(str(part) for part in first["loc"])
-        raise ConfigError(f"{entry}: {first['msg']}", cure="see supermap build --help") from error
-
-
-def pairs(given: list[str] | None, option: str, example: str) -> dict[str, str]:
-    """`["a=b"]` -> `{"a": "b"}`."""
-    result = {}
-    for text in given or []:
-        key, equals, value = text.partition("=")
-        if not (key and equals and value):
-            raise ConfigError(f"{option} {text!r} is not understood", cure=f"write {option} {example}")
-        result[key.strip()] = value.strip()
-    return result
-
-
-def request(config: BuildConfig, start_s: float | None, end_s: float | None) -> RecordingRequest:
-    """How to open a recording, from the configuration."""
-    from supermap_cli.hookspecs import RecordingRequest  # noqa: PLC0415
-
-    return RecordingRequest(
-        topics=config.recording.topics,
-        frames=config.recording.frames,
-        mounts=config.recording.mounts,
-        clocks=config.recording.clocks,
-        robot=config.recording.robot,
-        camera=config.recording.camera,
-        sync_tolerance_s=config.recording.sync_tolerance_s,
-        detection_tolerance_s=config.recording.detection_tolerance_s,
-        fit_color=config.recording.fit_color,
-        limits=config.recording.limits,
-        start_s=start_s,
-        end_s=end_s,
-    )
 
 
 def open_recording(path: Path, wanted: RecordingRequest, plugins: Plugins) -> Recording:

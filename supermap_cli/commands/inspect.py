@@ -72,7 +72,7 @@ def inspect(  # noqa: PLR0917 - a command line has many options
 
     Exit code 1 means that a build could not work.
     """
-    from supermap_cli.commands.build import override, request  # noqa: PLC0415 - keeps start-up light
+    from supermap_cli.commands.build_options import override, request  # noqa: PLC0415 - keeps start-up light
     from supermap_cli.config import load_user_config  # noqa: PLC0415
     from supermap_cli.recordings.inspection import inspect_recording  # noqa: PLC0415
 

@@ -143,7 +143,7 @@ def detector_errors(given: list[str], *, perfect: bool, usual: DetectorErrors | 
     """
     from pydantic import ValidationError  # noqa: PLC0415 - keeps start-up light
 
-    from supermap_cli.commands.build import pairs  # noqa: PLC0415
+    from supermap_cli.commands.build_options import pairs  # noqa: PLC0415
     from supermap_cli.simulation.detection.detector_errors import DetectorErrors  # noqa: PLC0415
 
     values = (DetectorErrors.perfect() if perfect else usual or DetectorErrors()).model_dump()

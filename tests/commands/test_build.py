@@ -10,7 +10,7 @@ import pytest
 
 from supermap_cli import main as entry
 from supermap_cli import plugin_manager
-from supermap_cli.commands.build import override, pairs
+from supermap_cli.commands.build_options import override, pairs
 from supermap_cli.config import BuildConfig, KeyframeConfig
 from supermap_cli.errors import ConfigError, MemoryStoreError, PluginError, RecordingError, SupermapError
 from supermap_cli.memory import open_store

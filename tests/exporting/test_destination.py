@@ -129,7 +129,7 @@ def test_leftovers_of_other_or_running_exports_are_kept(tmp_path: Path) -> None:
 def test_a_folder_is_restored_after_a_kill_between_two_renames(tmp_path: Path) -> None:
     out = tmp_path / "tables"
     write_folder(out, "old")
-    ended = subprocess.run([sys.executable, "-c", KILLED_BETWEEN_RENAMES, out], env=os.environ, check=False)
+    ended = subprocess.run([sys.executable, "-c", KILLED_BETWEEN_RENAMES, out], env=os.environ, check=False, timeout=60)
     assert ended.returncode == -signal.SIGKILL
     assert not out.exists()
     with pytest.raises(ExportError, match="is there already"), atomic_folder(out, ("x",), "csv", force=False):
