@@ -139,9 +139,11 @@ class McapStorage:
         return found
 
     def _message(self, channel: Channel, log_ns: int, data: memoryview, place: int) -> RawMessage | None:
-        """A message, unpacked; `None` (with a note) where it cannot be."""
+        """A message, unpacked; `None` (with a note) where it cannot be. Its bytes are its own: a small message that is
+        kept for long (a detection, a pose) would keep the images of its whole block.
+        """
         try:
-            return RawMessage(channel, log_ns, unpacked_message(data, self._limits))
+            return RawMessage(channel, log_ns, bytes(unpacked_message(data, self._limits)))
         except ValueError as error:
             self._left_out.add("messages", f"a message of {channel.topic} cannot be unpacked ({error})", place)
             return None

@@ -111,7 +111,7 @@ class Ros1Storage:
                 continue
             number, log_ns = _message_head(fields)
             if number in wanted and first <= log_ns < beyond:
-                found.append(RawMessage(wanted[number], log_ns, records[start:end]))
+                found.append(RawMessage(wanted[number], log_ns, bytes(records[start:end])))  # keeps no block alive
         found.sort(key=lambda message: message.log_ns)
         return found
 
