@@ -200,8 +200,7 @@ class StateComparison:
         """In different states at the two time points."""
         edge = self._edge("moved", new)
         distance_m = state_distance_m(old, new)
-        direct = edge is not None and edge.from_state == old.index
-        if distance_m < MIN_MOVE_M and not direct:
+        if distance_m < MIN_MOVE_M:
             moved = any(state_distance_m(old, state) >= MIN_MOVE_M for state in self._states_between(old, new))
             reason = f"seen in its place in both, {'moved' if moved else 'gone'} in between"
             return ChangeClassification("unchanged", reason, new.confidence, None, None, old, new)
