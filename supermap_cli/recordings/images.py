@@ -70,7 +70,7 @@ _FLOAT_DEPTH = {"32FC1": "f4", "64FC1": "f8"}
 COLOR_ENCODINGS = (*_COLOR, "jpeg", "png")
 """What colour images may be encoded in, for error messages."""
 
-DEPTH_ENCODINGS = ("16UC1", "32FC1", "mono16", "64FC1", "compressedDepth (png, rvl)", "png")
+DEPTH_ENCODINGS = ("16UC1", "32FC1", "mono16", "64FC1", "compressedDepth (png, rvl)", "png", "tiff")
 """What depth images may be encoded in, for error messages."""
 
 
@@ -193,12 +193,13 @@ def _pixels(image: ImageMessage, dtype: str, channels: int, limits: Limits) -> N
 
 
 def _decode_compressed_depth(image: ImageMessage, limits: Limits) -> Float32Array:
-    """A CompressedImage of depth: plain 16-bit PNG (mm), or compressedDepth with its 12-byte ConfigHeader.
+    """A CompressedImage of depth: plain PNG or TIFF (16 bits: mm; floats: m), or compressedDepth with its 12-byte
+    ConfigHeader.
 
     Inverse quantisation of 32FC1: depth = depthParam[0] / (raw - depthParam[1])  (compressed_depth_image_transport).
     """
     if "compressedDepth" not in image.encoding or bytes(image.data[:4]) == _PNG:
-        return _millimetres(_decode_png16(image.data, limits))
+        return _metres(_decode_grey(image.data, limits))
     if len(image.data) <= _DEPTH_HEADER.size:
         raise ValueError("a compressedDepth image without content")
     _, a, b = _DEPTH_HEADER.unpack_from(image.data)
@@ -219,13 +220,25 @@ def _decode_rvl_image(image: ImageMessage, body: bytes | memoryview, limits: Lim
 
 
 def _decode_png16(body: bytes | memoryview, limits: Limits) -> NDArray[np.unsignedinteger]:
+    pixels = _decode_grey(body, limits)
+    if pixels.dtype.kind != "u":
+        raise ValueError(f"an image of {pixels.dtype} where 16 bits were expected")
+    return pixels
+
+
+def _decode_grey(body: bytes | memoryview, limits: Limits) -> NDArray[Any]:
+    """(h, w) of a PNG or TIFF with one channel of 8 or 16 bits, or of floats."""
     if not len(body):
         raise ValueError("a PNG that cannot be decoded")
     check_size(body, limits)
-    data = np.frombuffer(body, np.uint8)
-    pixels: NDArray[Any] | None = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if len(data) else None
+    pixels: NDArray[Any] | None = cv2.imdecode(np.frombuffer(body, np.uint8), cv2.IMREAD_UNCHANGED)
     if pixels is None:
-        raise ValueError("a PNG that cannot be decoded")
-    if pixels.ndim != 2 or pixels.dtype not in {np.dtype(np.uint8), np.dtype(np.uint16)}:
-        raise ValueError(f"a PNG of {pixels.dtype} with shape {pixels.shape} where one 16-bit channel was expected")
+        raise ValueError("a PNG or TIFF that cannot be decoded")
+    if pixels.ndim != 2 or pixels.dtype not in {np.dtype(kind) for kind in ("u1", "u2", "f4", "f8")}:
+        raise ValueError(f"an image of {pixels.dtype} with shape {pixels.shape} where one 16-bit channel was expected")
     return pixels
+
+
+def _metres(pixels: NDArray[Any]) -> Float32Array:
+    """Whole numbers are millimetres, floats metres (REP-118)."""
+    return _returns(pixels) if pixels.dtype.kind == "f" else _millimetres(pixels)

@@ -45,6 +45,20 @@ def is_rectified(topic: str) -> bool:
     return "rect" in topic.removeprefix(namespace_of(topic))
 
 
+def is_on_colors_pixels(topic: str) -> bool:
+    """Whether a depth topic is named as brought onto the colour camera's pixels; "unaligned" is not."""
+    return not words_of(topic).isdisjoint(_ON_COLORS_PIXELS)
+
+
+_ON_COLORS_PIXELS = frozenset({"aligned", "registered"})
+"""realsense-ros and Spot: aligned_depth_to_color, depth_registered; OpenNI, ZED: depth_registered, hw_registered."""
+
+
+def is_infrared(topic: str) -> bool:
+    """Whether a topic is named as infrared: /camera/ir/image_raw, /camera/left_ir/image_raw, image_ir_rect."""
+    return any(re.fullmatch(r"n?ir\d*", word) for word in words_of(topic))
+
+
 def common_parts(a: str, b: str) -> int:
     """How many leading parts two topic names share."""
     pairs = zip(a.split("/"), b.split("/"), strict=False)

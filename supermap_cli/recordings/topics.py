@@ -12,7 +12,15 @@ from supermap_cli.recordings.pose_topics import why_no_motion
 from supermap_cli.recordings.roles import NamedTopics, role_name
 from supermap_cli.recordings.survey import Topic
 from supermap_cli.recordings.topic_choices import RoleFilling
-from supermap_cli.recordings.topic_names import common_parts, common_words, device_of, namespace_of
+from supermap_cli.recordings.topic_names import (
+    common_parts,
+    common_words,
+    device_of,
+    is_infrared,
+    is_on_colors_pixels,
+    is_rectified,
+    namespace_of,
+)
 from supermap_cli.recordings.topic_plan import CameraPlan, TopicChoice, TopicPlan
 from supermap_cli.types.sensing import MAIN_CAMERA
 
@@ -20,10 +28,13 @@ MASK_WORDS = ("mask", "instance", "segment", "label")
 """An image topic whose name holds one of them shows instance masks, not colours."""
 
 NOT_COLOR_WORDS = (
-    *("infra", "/ir", "thermal", "depth", "confidence", "disparity"),
+    *("infra", "thermal", "depth", "confidence", "disparity"),
     *("debug", "overlay", "annotated", "result"),
 )
 """An image topic whose name holds one of them is chosen as colour only where there is no other."""
+
+_NO_DEPTH_WORDS = ("infra", "confidence", "disparity")
+"""A topic of depth's encodings whose name holds one of them shows something else."""
 
 _NOT_SCAN_WORDS = ("depth", "camera", "color", "map", "ground", "obstacle", "world", "deskew", "filtered", "registered")
 """A point cloud topic whose name holds one of them is no raw scan of a LiDAR."""
@@ -33,8 +44,8 @@ _PNG_BIT_DEPTH_AT = 24
 
 _COLOR_LOST = (
     *("cannot be read", "is named as no colour image", "has no camera_info beside it"),
-    *("is not in the frame of the detections", "is not named colour", "is grey", "is a right camera"),
-    "has fewer messages",
+    *("is not in the frame of the detections", "is not named colour", "is grey", "has no depth on its pixels"),
+    *("is a smaller copy", "is raw Bayer", "is not rectified", "is a right camera", "has fewer messages"),
 )
 _DEPTH_LOST = (
     *("cannot be read", "is named as another camera's", "is named infrared, confidence or disparity"),
@@ -204,22 +215,27 @@ class CameraPlanner:
         has_info = namespace_of(topic.name) in self._calibrated_namespaces
         return (
             topic.fault is None,
-            not has_word(topic, NOT_COLOR_WORDS),
+            not named_as_no_color(topic),
             has_info,
             detections is not None and topic.frame_id in detections.frame_ids,
             has_word(topic, ("color", "rgb")),
             "mono" not in encoding and "8UC1" not in encoding,
+            any(_on_same_pixels(depth, topic) for depth in self._depth_images()),
+            not any(_is_smaller(topic, other) for other in self._color_candidates()),
+            not encoding.startswith("bayer"),
+            is_rectified(topic.name),
             not has_word(topic, ("right",)),
             topic.channel.count,
         )
 
+    def _depth_images(self) -> list[Topic]:
+        """What can serve as depth, whatever is chosen as colour."""
+        images = [topic for topic in self._of("image") if is_depth(topic) and not self._is_mask(topic)]
+        return [topic for topic in images if not _is_lossy(topic)]
+
     def _depth_candidates(self) -> list[Topic]:
         color = self._choices.topic("color")
-        return [
-            topic
-            for topic in self._of("image")
-            if is_depth(topic) and not self._is_mask(topic) and topic is not color and not _is_lossy(topic)
-        ]
+        return [topic for topic in self._depth_images() if topic is not color]
 
     def _depth_rank(self, topic: Topic) -> tuple[float, ...]:
         color = self._choices.topic("color")
@@ -229,8 +245,8 @@ class CameraPlanner:
         return (
             topic.fault is None,
             color is None or not self._is_of_other_camera(topic, color),
-            not has_word(topic, ("infra", "/ir", "confidence", "disparity")),
-            has_word(topic, ("aligned", "registered")),
+            not _named_as_no_depth(topic),
+            is_on_colors_pixels(topic.name),
             same_frame and same_size,
             same_frame,
             near,
@@ -327,7 +343,31 @@ def is_color(topic: Topic) -> bool:
 
 def shows_a_camera(topic: Topic) -> bool:
     """Whether a topic holds what a colour camera sees: no masks, no infrared, no pictures of results."""
-    return topic.kind == "image" and is_color(topic) and not has_word(topic, (*MASK_WORDS, *NOT_COLOR_WORDS))
+    return (
+        topic.kind == "image" and is_color(topic) and not has_word(topic, MASK_WORDS) and not named_as_no_color(topic)
+    )
+
+
+def named_as_no_color(topic: Topic) -> bool:
+    """Whether an image topic's name says infrared, depth, confidence, or a picture of results."""
+    return has_word(topic, NOT_COLOR_WORDS) or is_infrared(topic.name)
+
+
+def _named_as_no_depth(topic: Topic) -> bool:
+    return has_word(topic, _NO_DEPTH_WORDS) or is_infrared(topic.name)
+
+
+def _on_same_pixels(depth: Topic, image: Topic) -> bool:
+    """Whether depth seems to lie on an image's own pixels."""
+    same = depth.size == image.size is not None and depth.frame_id == image.frame_id
+    return same and depth.fault is None and not _named_as_no_depth(depth)
+
+
+def _is_smaller(topic: Topic, other: Topic) -> bool:
+    """Whether an image shows in fewer pixels what another of its camera shows."""
+    if topic.size is None or other.size is None or topic.frame_id != other.frame_id or other.fault is not None:
+        return False
+    return topic.size[0] * topic.size[1] < other.size[0] * other.size[1]
 
 
 def _of(topics: Iterable[Topic], kind: Kind) -> list[Topic]:
@@ -364,8 +404,8 @@ def faults(choices: Iterable[TopicChoice], where: str) -> tuple[RecordingError, 
 
 
 def _can_be_depth(image: ImageMessage) -> bool:
-    """By its encoding: 16-bit grey and plain PNG may be depth or not."""
-    return is_depth_encoding(image) or image.encoding.partition(";")[0].strip() in {"mono16", "png"}
+    """By its encoding: 16-bit grey, plain PNG and TIFF may be depth or not."""
+    return is_depth_encoding(image) or image.encoding.partition(";")[0].strip() in {"mono16", "png", "tiff"}
 
 
 def _is_lossy(topic: Topic) -> bool:

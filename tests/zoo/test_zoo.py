@@ -1,0 +1,55 @@
+"""Every recording of the zoo: `inspect` chooses the right topics, and `build` maps what is there or says why not."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+
+from supermap_cli.errors import SupermapError
+from supermap_cli.plugin_manager import load_plugins
+from supermap_cli.recordings import open_bag_recording
+from zoo.judging import built, chosen_roles, expected_roles, inspected, is_right, problem_lines, wanted
+from zoo.robot import Variant
+from zoo.scene import FRAMES, render, stamp
+from zoo.variants import FAMILIES
+from zoo.writing import write_variant
+
+LARGEST_COLOR_ERROR = 20.0
+"""Mean difference of a decoded image from what was written, of 255: Bayer loses some 10, swapped channels 60."""
+
+ALL = [pytest.param(each, id=f"{family}: {each.name}") for family, listed in FAMILIES.items() for each in listed]
+
+
+@pytest.mark.sqlite_only(reason="what is tried is the reading of recordings")
+@pytest.mark.parametrize("variant", ALL)
+def test_what_becomes_of_a_recording(variant: Variant, tmp_path):
+    path = write_variant(variant, tmp_path)
+    report = inspected(variant, path)
+    if variant.refused:
+        line = variant.refused.replace("{path}", str(path))
+        assert line in problem_lines(report)
+        with pytest.raises(SupermapError) as raised:
+            built(variant, path, load_plugins(), tmp_path)
+        assert str(raised.value) == line
+        return
+    assert problem_lines(report) == []
+    chosen = chosen_roles(report)
+    expected = expected_roles(variant)
+    assert {role: chosen.get(role, "") for role in expected} == expected
+    objects, warnings = built(variant, path, load_plugins(), tmp_path)
+    assert is_right(objects, variant.tolerance_m), objects
+    said = "\n".join((*report.warnings, *warnings))
+    assert [note for note in variant.notes if note not in said] == []
+    check_colors(variant, path)
+
+
+def check_colors(variant: Variant, path):
+    """The first image, decoded, is what was written."""
+    color = variant.robot.cameras[0].color
+    frame = next(open_bag_recording(path, wanted(variant)).frames())
+    index = min(range(FRAMES), key=lambda each: abs(stamp(each) - frame.stamp_ns))
+    truth = render(index, color.offset, color.size)[2]
+    if color.encoding in {"mono8", "8UC1", "mono16"}:
+        truth = cv2.cvtColor(cv2.cvtColor(truth, cv2.COLOR_RGB2GRAY), cv2.COLOR_GRAY2RGB)
+    assert np.abs(frame.rgb.astype(float) - truth).mean() < LARGEST_COLOR_ERROR
