@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from supermap_cli.errors import RecordingError
 from supermap_cli.recordings.images import DEPTH_ENCODINGS, is_depth_encoding
 from supermap_cli.recordings.messages import ImageMessage, Kind
-from supermap_cli.recordings.pose_topics import why_no_motion
+from supermap_cli.recordings.pose_topics import WORLD_NAMES, is_odometry, last_part, why_no_motion
 from supermap_cli.recordings.roles import NamedTopics, role_name
 from supermap_cli.recordings.survey import Topic
 from supermap_cli.recordings.topic_choices import RoleFilling
@@ -85,8 +85,8 @@ def plan_topics(topics: Sequence[Topic], named: NamedTopics, where: str) -> Topi
 def plan_shared(topics: Sequence[Topic], named: Mapping[str, str], where: str) -> Mapping[str, TopicChoice]:
     """The topics of the roles that are of no single camera."""
     choices = RoleFilling(topics, named, where)
-    image_frames = {topic.frame_id for topic in topics if topic.kind == "image"}
-    choices.choose("lidar", _of(topics, "points"), lambda topic: _lidar_rank(topic, image_frames), _LIDAR_LOST)
+    frames = {topic.frame_id for topic in topics if topic.kind == "image" or is_odometry(topic)}
+    choices.choose("lidar", _of(topics, "points"), lambda topic: _lidar_rank(topic, frames), _LIDAR_LOST)
     choices.choose(
         "imu",
         [topic for topic in _of(topics, "imu") if topic.fault is None],
@@ -96,7 +96,7 @@ def plan_shared(topics: Sequence[Topic], named: Mapping[str, str], where: str) -
     odometries = [
         topic
         for topic in _of(topics, "pose")
-        if topic.channel.msgtype.endswith("Odometry") and why_no_motion(topic, topics) is None
+        if is_odometry(topic) and why_no_motion(topic, topics) is None
     ]
     most = max((len(topic.poses) for topic in odometries), default=0)
     choices.choose("odometry", odometries, lambda topic: _odometry_rank(topic, most), _ODOMETRY_LOST)
@@ -374,9 +374,9 @@ def _of(topics: Iterable[Topic], kind: Kind) -> list[Topic]:
     return [topic for topic in topics if topic.kind == kind]
 
 
-def _lidar_rank(topic: Topic, image_frames: set[str]) -> tuple[float, ...]:
+def _lidar_rank(topic: Topic, others_frames: set[str]) -> tuple[float, ...]:
     return (
-        topic.frame_id not in {"map", "odom", "world"} and topic.frame_id not in image_frames,
+        last_part(topic.frame_id) not in WORLD_NAMES and topic.frame_id not in others_frames,
         not has_word(topic, _NOT_SCAN_WORDS),
         topic.channel.count,
     )

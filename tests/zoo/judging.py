@@ -13,13 +13,14 @@ from supermap_cli.commands.build_options import override, request
 from supermap_cli.config import BuildConfig
 from supermap_cli.drivers.traversal_build import TraversalBuild
 from supermap_cli.errors import SupermapError
+from supermap_cli.geometry.se3 import inverse
 from supermap_cli.hookspecs import RecordingRequest
 from supermap_cli.memory import open_store
 from supermap_cli.plugin_manager import Plugins
 from supermap_cli.recordings import open_bag_recording
 from supermap_cli.recordings.inspection import Inspection, inspect_recording
 from zoo.robot import Image, Robot, Variant
-from zoo.scene import LABEL, SEEN
+from zoo.scene import LABEL, SEEN, T_world_base
 
 _OPTIONS = {"topic": "topics", "frame": "frames", "mount": "mounts", "clock": "clocks", "option": "options"}
 """Options that may be given several times, by the name that `override` has for them."""
@@ -105,9 +106,16 @@ def built(variant: Variant, path: Path, plugins: Plugins, folder: Path) -> tuple
     return objects, summary.warnings
 
 
-def is_right(objects: Iterable[BuiltObject], tolerance_m: float) -> bool:
+def is_right(objects: Iterable[BuiltObject], variant: Variant) -> bool:
     """Whether the map holds the suitcase where it stands, once, and nothing else."""
     listed = list(objects)
     if len(listed) != 1 or listed[0].label != LABEL:
         return False
-    return bool(np.abs(listed[0].center - SEEN).max() < tolerance_m)
+    return bool(np.abs(listed[0].center - seen_at(variant)).max() < variant.tolerance_m)
+
+
+def seen_at(variant: Variant) -> np.ndarray:
+    """Where the suitcase is expected (3,): LiDAR odometry begins at the robot."""
+    if variant.robot.motion is not None:
+        return SEEN - np.array(variant.robot.motion.offset)
+    return np.asarray((inverse(T_world_base(0)) @ np.append(SEEN, 1.0))[:3])

@@ -27,7 +27,7 @@ ROOM_LOW, ROOM_HIGH = np.array([-2.0, -2.2, 0.0]), np.array([3.0, 2.2, 2.4])
 WIDTH, HEIGHT, FOCAL = 64, 48, 50.0
 """Pixels of the colour images, and focal length in pixels."""
 
-START_NS, RATE_HZ, FRAMES = 1_700_000_000_000_000_000, 5.0, 12
+START_NS, RATE_HZ, FRAMES = 1_700_000_000_000_000_000, 3.0, 7
 """Stamp of the first image, images a second, images of a recording."""
 
 T_BASE_BODY = make_transform(np.eye(3), [0.1, 0.0, 0.8])
@@ -51,8 +51,8 @@ def stamp(index: float) -> int:
 
 @cache
 def T_world_base(index: float) -> np.ndarray:
-    """(4, 4): past the suitcase at 0.5 m/s, always looking at it."""
-    x, y = -0.3, -0.55 + 0.1 * index
+    """(4, 4): past the suitcase at 0.45 m/s, always looking at it."""
+    x, y = -0.3, -0.45 + 0.15 * index
     yaw = np.arctan2(CENTER[1] - y, CENTER[0] - x)
     c, s = np.cos(yaw), np.sin(yaw)
     return make_transform([[c, -s, 0], [s, c, 0], [0, 0, 1]], [x, y, 0])

@@ -38,7 +38,7 @@ def test_what_becomes_of_a_recording(variant: Variant, tmp_path):
     expected = expected_roles(variant)
     assert {role: chosen.get(role, "") for role in expected} == expected
     objects, warnings = built(variant, path, load_plugins(), tmp_path)
-    assert is_right(objects, variant.tolerance_m), objects
+    assert is_right(objects, variant), objects
     said = "\n".join((*report.warnings, *warnings))
     assert [note for note in variant.notes if note not in said] == []
     check_colors(variant, path)

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from zoo.families import kinect, oak, orbbec, realsense, zed
+from zoo.families import kinect, lidars, oak, orbbec, realsense, zed
 from zoo.robot import Variant
 
 FAMILIES: Mapping[str, tuple[Variant, ...]] = {
@@ -20,5 +20,6 @@ FAMILIES: Mapping[str, tuple[Variant, ...]] = {
     "OAK-D": oak.VARIANTS,
     "Kinect": kinect.VARIANTS,
     "Orbbec": orbbec.VARIANTS,
+    "LiDAR": lidars.VARIANTS,
 }
 """Title of a family to its recordings."""

@@ -80,7 +80,7 @@ def write_moment(bag: ZooBag, robot: Robot, index: int) -> None:
 
 def _write_mountings(bag: ZooBag, robot: Robot) -> None:
     """Where TF says that the sensors sit on the base."""
-    placed: set[str] = set()
+    placed = {motion.frame for motion in (robot.motion, *robot.others) if isinstance(motion, Motion)}
 
     def place(parent: str, child: str, T: np.ndarray) -> None:
         if child and child != parent and child not in placed:
@@ -166,7 +166,7 @@ def write_cloud(bag: ZooBag, cloud: Cloud, index: float) -> None:
     at, clock_ns = stamp(index), round(cloud.clock_s * 1e9)
     if cloud.msgtype.endswith("CustomMsg"):
         package = cloud.msgtype.partition("/")[0]
-        some = slice(None, None, 4)
+        some = slice(None, None, 5)
         offsets_ns = np.round(offsets_s[some] * 1e9).astype(np.int64)
         bag.livox(cloud.topic, at + clock_ns, cloud.frame, points[some], offsets_ns, package=package, log_ns=at)
         return
