@@ -16,20 +16,14 @@ import numpy as np
 from supermap_cli.errors import ConfigError, RecordingError
 from supermap_cli.recordings.calibration import is_calibrated
 from supermap_cli.recordings.decoding import Decoder
+from supermap_cli.recordings.image_topics import MASK_WORDS, has_word, shows_a_camera
 from supermap_cli.recordings.notes import Notes
 from supermap_cli.recordings.roles import NamedTopics
 from supermap_cli.recordings.storage import Storage
 from supermap_cli.recordings.survey import Topic, usual_offset_ns
 from supermap_cli.recordings.topic_names import Device, camera_ids, device_of, words_of
 from supermap_cli.recordings.topic_plan import CameraPlan, TopicPlan
-from supermap_cli.recordings.topics import (
-    MASK_WORDS,
-    CameraPlanner,
-    faults,
-    has_word,
-    plan_shared,
-    shows_a_camera,
-)
+from supermap_cli.recordings.topics import CameraPlanner, faults, plan_shared
 from supermap_cli.recordings.transforms import TransformTree
 from supermap_cli.types.sensing import MAIN_CAMERA
 

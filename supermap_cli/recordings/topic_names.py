@@ -54,6 +54,19 @@ _ON_COLORS_PIXELS = frozenset({"aligned", "registered"})
 """realsense-ros and Spot: aligned_depth_to_color, depth_registered; OpenNI, ZED: depth_registered, hw_registered."""
 
 
+def names_depth(topic: str) -> bool:
+    """Whether a topic's name says depth: of the parts that speak of depth or colour the last counts.
+
+    /camera/depth/image_raw, /camera/aligned_depth_to_color/image_raw; not /depth_camera_front/color/image_raw.
+    """
+    spoken = [part for part in topic.lower().split("/") if any(word in part for word in ("depth", *COLOR_WORDS))]
+    return bool(spoken) and "depth" in spoken[-1]
+
+
+COLOR_WORDS = ("color", "colour", "rgb")
+"""A topic whose name holds one of them says that its images are coloured."""
+
+
 def is_infrared(topic: str) -> bool:
     """Whether a topic is named as infrared: /camera/ir/image_raw, /camera/left_ir/image_raw, image_ir_rect."""
     return any(re.fullmatch(r"n?ir\d*", word) for word in words_of(topic))

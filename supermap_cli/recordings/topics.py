@@ -6,7 +6,19 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 
 from supermap_cli.errors import RecordingError
-from supermap_cli.recordings.images import DEPTH_ENCODINGS, is_depth_encoding
+from supermap_cli.recordings.image_topics import (
+    COLOR_LOST,
+    MASK_WORDS,
+    ColorRanking,
+    can_be_depth,
+    has_word,
+    is_color,
+    is_depth,
+    is_lossy,
+    named_as_no_depth,
+    shows_a_camera,
+)
+from supermap_cli.recordings.images import DEPTH_ENCODINGS
 from supermap_cli.recordings.messages import ImageMessage, Kind
 from supermap_cli.recordings.pose_topics import WORLD_NAMES, is_odometry, last_part, why_no_motion
 from supermap_cli.recordings.roles import NamedTopics, role_name
@@ -16,37 +28,16 @@ from supermap_cli.recordings.topic_names import (
     common_parts,
     common_words,
     device_of,
-    is_infrared,
     is_on_colors_pixels,
-    is_rectified,
+    names_depth,
     namespace_of,
 )
 from supermap_cli.recordings.topic_plan import CameraPlan, TopicChoice, TopicPlan
 from supermap_cli.types.sensing import MAIN_CAMERA
 
-MASK_WORDS = ("mask", "instance", "segment", "label")
-"""An image topic whose name holds one of them shows instance masks, not colours."""
-
-NOT_COLOR_WORDS = (
-    *("infra", "thermal", "depth", "confidence", "disparity"),
-    *("debug", "overlay", "annotated", "result"),
-)
-"""An image topic whose name holds one of them is chosen as colour only where there is no other."""
-
-_NO_DEPTH_WORDS = ("infra", "confidence", "disparity")
-"""A topic of depth's encodings whose name holds one of them shows something else."""
-
 _NOT_SCAN_WORDS = ("depth", "camera", "color", "map", "ground", "obstacle", "world", "deskew", "filtered", "registered")
 """A point cloud topic whose name holds one of them is no raw scan of a LiDAR."""
 
-_PNG_BIT_DEPTH_AT = 24
-"""Where a PNG says how many bits a sample has (RFC 2083, section 4.1.1)."""
-
-_COLOR_LOST = (
-    *("cannot be read", "is named as no colour image", "has no camera_info beside it"),
-    *("is not in the frame of the detections", "is not named colour", "is grey", "has no depth on its pixels"),
-    *("is a smaller copy", "is raw Bayer", "is not rectified", "is a right camera", "has fewer messages"),
-)
 _DEPTH_LOST = (
     *("cannot be read", "is named as another camera's", "is named infrared, confidence or disparity"),
     *("is not named aligned", "is not of the colour's frame and size", "is not in the colour's frame"),
@@ -93,11 +84,7 @@ def plan_shared(topics: Sequence[Topic], named: Mapping[str, str], where: str) -
         lambda topic: (has_word(topic, ("data",)), topic.channel.count),
         _IMU_LOST,
     )
-    odometries = [
-        topic
-        for topic in _of(topics, "pose")
-        if is_odometry(topic) and why_no_motion(topic, topics) is None
-    ]
+    odometries = [topic for topic in _of(topics, "pose") if is_odometry(topic) and why_no_motion(topic, topics) is None]
     most = max((len(topic.poses) for topic in odometries), default=0)
     choices.choose("odometry", odometries, lambda topic: _odometry_rank(topic, most), _ODOMETRY_LOST)
     return choices.chosen
@@ -129,14 +116,13 @@ class CameraPlanner:
         self._choices = RoleFilling(topics, named, where, camera_id)
         self._problems: list[RecordingError] = []
         self._doubts: list[str] = []
-        self._calibrated_namespaces = {namespace_of(info.name) for info in self._of("camera_info")}
 
     def plan(self) -> CameraPlan:
         """The camera's topics. Raises `RecordingError` if the user named what is not there."""
         choices = self._choices
         choices.choose("detections", self._readable("detections"), lambda topic: (topic.channel.count,))
         choices.choose("masks", self._mask_candidates(), self._mask_rank)
-        choices.choose("color", self._color_candidates(), self._color_rank, _COLOR_LOST)
+        choices.choose("color", self._color_candidates(), self._color_ranking().rank, COLOR_LOST)
         self._prefer_own_detections()
         self._leave_out_foreign_detections()
         choices.choose("depth", self._depth_candidates(), self._depth_rank, _DEPTH_LOST)
@@ -209,29 +195,19 @@ class CameraPlanner:
     def _color_candidates(self) -> list[Topic]:
         return [topic for topic in self._of("image") if is_color(topic) and not self._is_mask(topic)]
 
-    def _color_rank(self, topic: Topic) -> tuple[float, ...]:
-        encoding = topic.image.encoding if topic.image else ""
+    def _color_ranking(self) -> ColorRanking:
         detections = self._choices.topic("detections") if len(self._of("detections")) == 1 else None
-        has_info = namespace_of(topic.name) in self._calibrated_namespaces
-        return (
-            topic.fault is None,
-            not named_as_no_color(topic),
-            has_info,
-            detections is not None and topic.frame_id in detections.frame_ids,
-            has_word(topic, ("color", "rgb")),
-            "mono" not in encoding and "8UC1" not in encoding,
-            any(_on_same_pixels(depth, topic) for depth in self._depth_images()),
-            not any(_is_smaller(topic, other) for other in self._color_candidates()),
-            not encoding.startswith("bayer"),
-            is_rectified(topic.name),
-            not has_word(topic, ("right",)),
-            topic.channel.count,
+        return ColorRanking(
+            self._color_candidates(),
+            self._depth_images(),
+            {namespace_of(info.name) for info in self._of("camera_info")},
+            frozenset() if detections is None else detections.frame_ids,
         )
 
     def _depth_images(self) -> list[Topic]:
         """What can serve as depth, whatever is chosen as colour."""
         images = [topic for topic in self._of("image") if is_depth(topic) and not self._is_mask(topic)]
-        return [topic for topic in images if not _is_lossy(topic)]
+        return [topic for topic in images if not is_lossy(topic)]
 
     def _depth_candidates(self) -> list[Topic]:
         color = self._choices.topic("color")
@@ -245,12 +221,12 @@ class CameraPlanner:
         return (
             topic.fault is None,
             color is None or not self._is_of_other_camera(topic, color),
-            not _named_as_no_depth(topic),
+            not named_as_no_depth(topic),
             is_on_colors_pixels(topic.name),
             same_frame and same_size,
             same_frame,
             near,
-            has_word(topic, ("depth",)),
+            names_depth(topic.name),
             topic.channel.count,
         )
 
@@ -276,7 +252,7 @@ class CameraPlanner:
             )
         elif depth is None and not self._lidar_stands_in:
             self._miss_depth()
-        if depth is not None and depth.image and (not _can_be_depth(depth.image) or _is_lossy(depth)):
+        if depth is not None and depth.image and (not can_be_depth(depth.image) or is_lossy(depth)):
             self._problems.append(self._unsupported_depth(depth, depth.image))
 
     def _miss_depth(self) -> None:
@@ -284,9 +260,9 @@ class CameraPlanner:
         unsupported = [
             self._unsupported_depth(topic, topic.image)
             for topic in self._of("image")
-            if topic.image and (has_word(topic, ("depth",)) or topic.fault)
+            if topic.image and (names_depth(topic.name) or topic.fault)
             if topic is not self._choices.topic("color") and not self._is_mask(topic)
-            if _is_lossy(topic) or not _can_be_depth(topic.image)
+            if is_lossy(topic) or not can_be_depth(topic.image)
         ]
         self._problems.extend(unsupported)
         if not unsupported:
@@ -309,7 +285,7 @@ class CameraPlanner:
         self._problems.append(RecordingError(f"{what} among its topics ({known})", where=self._where, cure=cure))
 
     def _unsupported_depth(self, topic: Topic, image: ImageMessage) -> RecordingError:
-        if _is_lossy(topic):
+        if is_lossy(topic):
             return RecordingError(
                 f"lossy depth images of 8 bits ({image.encoding.strip()!r}): they hold no distances",
                 where=f"{self._where}, {topic.name}",
@@ -322,52 +298,6 @@ class CameraPlanner:
             cure=f"record them as one of {', '.join(DEPTH_ENCODINGS)}, or name another topic: "
             f"--topic {role_name('depth', self._camera_id)}=/... or --topic lidar=/...",
         )
-
-
-def has_word(topic: Topic, words: Iterable[str]) -> bool:
-    """Whether a topic's name holds one of the words, in any case."""
-    name = topic.name.lower()
-    return any(word in name for word in words)
-
-
-def is_depth(topic: Topic) -> bool:
-    """Whether an image topic shows depth: by its encoding; 16-bit grey and plain PNG only if the name says so too."""
-    image = topic.image
-    return image is not None and (is_depth_encoding(image) or (has_word(topic, ("depth",)) and _can_be_depth(image)))
-
-
-def is_color(topic: Topic) -> bool:
-    """Whether an image topic shows what a camera sees (or instance masks, which only its name tells apart)."""
-    return topic.image is not None and not is_depth(topic)
-
-
-def shows_a_camera(topic: Topic) -> bool:
-    """Whether a topic holds what a colour camera sees: no masks, no infrared, no pictures of results."""
-    return (
-        topic.kind == "image" and is_color(topic) and not has_word(topic, MASK_WORDS) and not named_as_no_color(topic)
-    )
-
-
-def named_as_no_color(topic: Topic) -> bool:
-    """Whether an image topic's name says infrared, depth, confidence, or a picture of results."""
-    return has_word(topic, NOT_COLOR_WORDS) or is_infrared(topic.name)
-
-
-def _named_as_no_depth(topic: Topic) -> bool:
-    return has_word(topic, _NO_DEPTH_WORDS) or is_infrared(topic.name)
-
-
-def _on_same_pixels(depth: Topic, image: Topic) -> bool:
-    """Whether depth seems to lie on an image's own pixels."""
-    same = depth.size == image.size is not None and depth.frame_id == image.frame_id
-    return same and depth.fault is None and not _named_as_no_depth(depth)
-
-
-def _is_smaller(topic: Topic, other: Topic) -> bool:
-    """Whether an image shows in fewer pixels what another of its camera shows."""
-    if topic.size is None or other.size is None or topic.frame_id != other.frame_id or other.fault is not None:
-        return False
-    return topic.size[0] * topic.size[1] < other.size[0] * other.size[1]
 
 
 def _of(topics: Iterable[Topic], kind: Kind) -> list[Topic]:
@@ -399,23 +329,8 @@ def faults(choices: Iterable[TopicChoice], where: str) -> tuple[RecordingError, 
         RecordingError(fault.what, where=fault.where or f"{where}, {choice.topic.name}", cure=fault.cure)
         for choice in choices
         if (fault := choice.topic.fault) is not None
-        and not (choice.role == "depth" and choice.topic.image and not _can_be_depth(choice.topic.image))
+        and not (choice.role == "depth" and choice.topic.image and not can_be_depth(choice.topic.image))
     )
-
-
-def _can_be_depth(image: ImageMessage) -> bool:
-    """By its encoding: 16-bit grey, plain PNG and TIFF may be depth or not."""
-    return is_depth_encoding(image) or image.encoding.partition(";")[0].strip() in {"mono16", "png", "tiff"}
-
-
-def _is_lossy(topic: Topic) -> bool:
-    """Whether a depth topic's compressed images are JPEG, or PNG of 8 bits: neither holds millimetres."""
-    if topic.image is None or not topic.image.compressed or "compressedDepth" in topic.image.encoding:
-        return False
-    head = bytes(topic.image.data[: _PNG_BIT_DEPTH_AT + 1])
-    is_depth_topic = is_depth_encoding(topic.image) or has_word(topic, ("depth",))
-    small_png = head[:4] == b"\x89PNG" and head[_PNG_BIT_DEPTH_AT:] == b"\x08"
-    return is_depth_topic and (head[:2] == b"\xff\xd8" or small_png)
 
 
 def _belongs(info: Topic, image: Topic) -> bool:

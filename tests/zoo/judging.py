@@ -34,11 +34,15 @@ class BuiltObject:
     center: np.ndarray
 
 
+CLASSES = Path(__file__).parents[2] / "plugins" / "supermap_onnx" / "coco80.txt"
+"""The 80 classes of COCO, one a line: coco.txt in options."""
+
+
 def settings(variant: Variant) -> BuildConfig:
     """The configuration of a build with a variant's options."""
     given: dict[str, list[str] | str | float] = {}
     for option in variant.options:
-        name, value = shlex.split(option)
+        name, value = shlex.split(option.replace("coco.txt", str(CLASSES)))
         key = name.removeprefix("--").replace("-", "_")
         if key in _OPTIONS:
             given.setdefault(_OPTIONS[key], []).append(value)  # type: ignore[union-attr]

@@ -57,6 +57,7 @@ _PLAIN = {
     "16UC1": lambda shown: _mm(shown) if shown.dtype.kind == "f" else shown.astype("<u2"),
     "mono16": lambda shown: _mm(shown) if shown.dtype.kind == "f" else shown.astype("<u2"),
     "32FC1": lambda shown: shown.astype("<f4"),
+    "32SC1": lambda shown: shown.astype("<i4"),
     "64FC1": lambda shown: shown.astype("<f8"),
     "mono8": _bytes,
     "8UC1": _bytes,
@@ -81,12 +82,9 @@ def _bayer(rgb: np.ndarray, pattern: str) -> np.ndarray:
 
 
 def _yuv422(rgb: np.ndarray, order: str) -> np.ndarray:
-    yuv = np.asarray(cv2.cvtColor(rgb, cv2.COLOR_RGB2YUV)).astype(float)
-    y = 16 + yuv[..., 0] * 219 / 255
-    u, v = (128 + (yuv[:, ::2, k] - 128) * 224 / 255 for k in (1, 2))
-    chroma = np.stack([u, v], axis=-1).reshape(y.shape)
-    packed = np.stack([y, chroma] if order == "yuyv" else [chroma, y], axis=-1)
-    return np.clip(packed, 0, 255).astype(np.uint8)
+    yuv = _video_range(rgb)
+    chroma = yuv[:, ::2, 1:].reshape(rgb.shape[:2])
+    return np.stack([yuv[..., 0], chroma] if order == "yuyv" else [chroma, yuv[..., 0]], axis=-1)
 
 
 def _nv(rgb: np.ndarray, order: str) -> np.ndarray:
@@ -96,6 +94,19 @@ def _nv(rgb: np.ndarray, order: str) -> np.ndarray:
     u, v = np.split(rest, 2)
     chroma = np.stack([v, u] if order == "vu" else [u, v], axis=-1).reshape(height // 2, width)
     return np.vstack([luma, chroma])
+
+
+def _nv24(rgb: np.ndarray) -> np.ndarray:
+    y, u, v = np.moveaxis(_video_range(rgb), -1, 0)
+    height, width = y.shape
+    return np.vstack([y, np.stack([u, v], axis=-1).reshape(2 * height, width)])
+
+
+def _video_range(rgb: np.ndarray) -> np.ndarray:
+    """(h, w, 3) of Y, U, V of ITU-R BT.601, 16 to 235 and 16 to 240."""
+    yuv = np.asarray(cv2.cvtColor(rgb, cv2.COLOR_RGB2YUV)).astype(float)
+    scaled = np.dstack([16 + yuv[..., 0] * 219 / 255, 128 + (yuv[..., 1:] - 128) * 224 / 255])
+    return np.clip(scaled, 0, 255).astype(np.uint8)
 
 
 _COLOR = {
@@ -120,6 +131,7 @@ _COLOR = {
     "yuyv": lambda rgb: _yuv422(rgb, "yuyv"),
     "nv12": lambda rgb: _nv(rgb, "uv"),
     "nv21": lambda rgb: _nv(rgb, "vu"),
+    "nv24": lambda rgb: _nv24(rgb),
     **{f"bayer_{p}8": (lambda rgb, p=p: _bayer(rgb, p)) for p in ("rggb", "bggr", "gbrg", "grbg")},
     **{f"bayer_{p}16": (lambda rgb, p=p: _bayer(rgb, p).astype("<u2") << 8) for p in ("rggb", "bggr", "gbrg", "grbg")},
 }

@@ -71,16 +71,23 @@ def _cast(origins: np.ndarray, rays: np.ndarray) -> tuple[np.ndarray, np.ndarray
 
 @cache
 def render(
-    index: float, offset: tuple[float, float, float] = (0, 0, 0), size: tuple[int, int] = (WIDTH, HEIGHT)
+    index: float,
+    offset: tuple[float, float, float] = (0, 0, 0),
+    size: tuple[int, int] = (WIDTH, HEIGHT),
+    *,
+    fisheye: bool = False,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """What a camera sees in image `index`: depth (h, w) metres, suitcase (h, w) bool, rgb (h, w, 3) uint8.
 
-    `offset` is its place in the main camera's optical frame, metres; another `size` has the same field of view.
+    `offset` is its place in the main camera's optical frame, metres; another `size` has the same field of view. A
+    `fisheye` is equidistant without further distortion.
     """
     T = T_world_base(index) @ T_BASE_BODY @ T_BODY_OPTICAL @ make_transform(np.eye(3), offset)
     fx, fy, cx, cy = intrinsics(size)
     v, u = np.mgrid[0 : size[1], 0 : size[0]].reshape(2, -1).astype(float)
-    rays = np.column_stack([(u - cx) / fx, (v - cy) / fy, np.ones(u.size)]) @ T[:3, :3].T
+    x, y = (u - cx) / fx, (v - cy) / fy
+    stretch = np.tan(np.hypot(x, y)) / np.hypot(x, y) if fisheye else 1.0
+    rays = np.column_stack([x * stretch, y * stretch, np.ones(u.size)]) @ T[:3, :3].T
     depth, thing = _cast(T[:3, 3], rays)
     places = T[:3, 3] + rays * depth[:, None]
     shade = np.where(np.floor(places * 5 + 1e-3).astype(int).sum(axis=1) % 2, 1.0, 0.7)

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from zoo.families import kinect, lidars, oak, orbbec, realsense, zed
+from zoo.families import detectors, encodings, kinect, lidars, oak, orbbec, realsense, robots, simulators, zed
 from zoo.robot import Variant
 
 FAMILIES: Mapping[str, tuple[Variant, ...]] = {
@@ -21,5 +21,9 @@ FAMILIES: Mapping[str, tuple[Variant, ...]] = {
     "Kinect": kinect.VARIANTS,
     "Orbbec": orbbec.VARIANTS,
     "LiDAR": lidars.VARIANTS,
+    "Robots": robots.VARIANTS,
+    "Simulators": simulators.VARIANTS,
+    "Images": encodings.VARIANTS,
+    "Detections": detectors.VARIANTS,
 }
 """Title of a family to its recordings."""

@@ -128,7 +128,7 @@ def write_pose(bag: ZooBag, motion: Motion, at: int, T: np.ndarray, namespace: s
 
 def _write_image(bag: ZooBag, image: Image, index: int, yaw_deg: float, infos: set[str]) -> None:
     at, log_ns = stamp(index) + image.late_ns, stamp(index)
-    depth, seen, rgb = render(index, image.offset, image.size)
+    depth, seen, rgb = render(index, image.offset, image.size, fisheye=image.model == "equidistant")
     if yaw_deg:
         depth, seen, rgb = np.full_like(depth, 2.0), np.zeros_like(seen), np.full_like(rgb, 90)
     info = image.topic if image.info == "beside" else image.info
@@ -138,9 +138,8 @@ def _write_image(bag: ZooBag, image: Image, index: int, yaw_deg: float, infos: s
     if info and info not in infos:
         infos.add(info)
         size = image.info_size or image.size
-        focal = (0, 0, 0, 0) if image.info_zero_k else intrinsics(size)
         frame = image.frame if image.info_frame is None else image.info_frame
-        bag.camera_info(info, at, frame, size, focal, D=image.distortion, model=image.model, log_ns=log_ns)
+        bag.calibration(info, at, frame, image, size, log_ns)
     shown: np.ndarray
     if image.content == "depth":
         shown = depth * image.scale
@@ -238,6 +237,27 @@ class ZooBag(BagWriter):
         if inner == Nodetype.NAME or what[0] == "string":
             return [self._zero(inner, what) for _ in range(length)]
         return np.zeros(length, {"octet": "uint8"}.get(what[0], what[0]))
+
+    def calibration(
+        self, topic: str, stamp_ns: int, frame: str, image: Image, size: tuple[int, int], log_ns: int
+    ) -> None:
+        """A sensor_msgs/CameraInfo of an image's camera."""
+        fx, fy, cx, cy = intrinsics(size)
+        matrices = {
+            "d": np.array(image.distortion, np.float64),
+            "k": np.zeros(9) if image.info_zero_k else np.array([fx, 0, cx, 0, fy, cy, 0, 0, 1.0]),
+            "r": np.eye(3).ravel(),
+            "p": np.array([fx, 0, cx, 0, 0, fy, cy, 0, 0, 0, 1, 0.0]),
+        }
+        message = self.make(
+            "sensor_msgs/msg/CameraInfo",
+            header=self.header(stamp_ns, frame),
+            width=size[0],
+            height=size[1],
+            distortion_model=image.model,
+            **{name.upper() if self._ros1 else name: values for name, values in matrices.items()},
+        )
+        self.write(topic, "sensor_msgs/msg/CameraInfo", message, log_ns)
 
     def raw_image(
         self,

@@ -28,7 +28,9 @@ OUSTER_CLOUD = Cloud("/ouster/points", "os_sensor", (*OUSTER_FIELDS, ("_", "u8")
 
 VARIANTS = (
     Variant("Velodyne", robot(VELODYNE_CLOUD), VELODYNE),
-    Variant("Velodyne, ROS 1, times before the stamp", robot(replace(VELODYNE_CLOUD, time="until_end")), VELODYNE, ".bag"),
+    Variant(
+        "Velodyne, ROS 1, times before the stamp", robot(replace(VELODYNE_CLOUD, time="until_end")), VELODYNE, ".bag"
+    ),
     Variant(
         "Velodyne, without times, PCL's padding",
         robot(Cloud("/velodyne_points", "velodyne", (PAD, INTENSITY, RING, ("_", "u2"), ("_", "u8")))),
