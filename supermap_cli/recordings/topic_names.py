@@ -38,11 +38,12 @@ def namespace_of(topic: str) -> str:
 
 
 def is_rectified(topic: str) -> bool:
-    """Whether an image topic is named as image_proc's rectified output (image_rect, image_rect_color, image_rect_raw).
+    """Whether an image topic is named as rectified: as image_proc's output (image_rect, image_rect_color,
+    image_rect_raw), or by a folder of its own (ZED's rgb/color/rect/image).
 
     RealSense's depth/image_rect_raw is meant too: its distortion is zero anyhow.
     """
-    return "rect" in topic.removeprefix(namespace_of(topic))
+    return "rect" in topic.removeprefix(namespace_of(topic)) or not {"rect", "rectified"}.isdisjoint(topic.split("/"))
 
 
 def is_on_colors_pixels(topic: str) -> bool:

@@ -121,5 +121,5 @@ def is_right(objects: Iterable[BuiltObject], variant: Variant) -> bool:
 def seen_at(variant: Variant) -> np.ndarray:
     """Where the suitcase is expected (3,): LiDAR odometry begins at the robot."""
     if variant.robot.motion is not None:
-        return SEEN - np.array(variant.robot.motion.offset)
+        return SEEN
     return np.asarray((inverse(T_world_base(0)) @ np.append(SEEN, 1.0))[:3])

@@ -131,7 +131,7 @@ _COLOR = {
     "yuyv": lambda rgb: _yuv422(rgb, "yuyv"),
     "nv12": lambda rgb: _nv(rgb, "uv"),
     "nv21": lambda rgb: _nv(rgb, "vu"),
-    "nv24": lambda rgb: _nv24(rgb),
+    "nv24": _nv24,
     **{f"bayer_{p}8": (lambda rgb, p=p: _bayer(rgb, p)) for p in ("rggb", "bggr", "gbrg", "grbg")},
     **{f"bayer_{p}16": (lambda rgb, p=p: _bayer(rgb, p).astype("<u2") << 8) for p in ("rggb", "bggr", "gbrg", "grbg")},
 }

@@ -133,10 +133,11 @@ class Robot:
 class Variant:
     """One recording of the zoo and what becomes of it.
 
-    `options` are those of `inspect` and `build`, as typed; `refused` is the line that both end with ("{path}" stands for
-    the file, " ..." for an end that is left open), and "" for a map. `notes` are parts of warnings that must be there; `roles` are what is
-    expected besides what `robot` says, role to topic ("" for none); `damage` changes the file that was written. `where`
-    the recording holds what has no place in a `Robot`, `extra` writes it. `source` documents what the driver does.
+    `options` are those of `inspect` and `build`, as typed; `refused` is the line that both end with ("{path}" stands
+    for the file, " ..." for an end that is left open), and "" for a map. `notes` are parts of warnings that must be
+    there; `roles` are what is expected besides what `robot` says, role to topic ("" for none). `damage` changes the
+    file that was written; `write` writes what has no place in a `Robot`, `writer` are options of `ZooBag`. `source`
+    documents what the driver does.
     """
 
     name: str

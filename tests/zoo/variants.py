@@ -11,7 +11,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from zoo.families import detectors, encodings, kinect, lidars, oak, orbbec, realsense, robots, simulators, zed
+from zoo.families import (
+    detectors,
+    encodings,
+    kinect,
+    lidars,
+    oak,
+    orbbec,
+    realsense,
+    recorders,
+    rigs,
+    robots,
+    simulators,
+    zed,
+)
 from zoo.robot import Variant
 
 FAMILIES: Mapping[str, tuple[Variant, ...]] = {
@@ -25,5 +38,7 @@ FAMILIES: Mapping[str, tuple[Variant, ...]] = {
     "Simulators": simulators.VARIANTS,
     "Images": encodings.VARIANTS,
     "Detections": detectors.VARIANTS,
+    "Motion, frames, clocks": rigs.VARIANTS,
+    "Files": recorders.VARIANTS,
 }
 """Title of a family to its recordings."""

@@ -93,6 +93,7 @@ def _write_mountings(bag: ZooBag, robot: Robot) -> None:
         place(robot.base, camera.body, T_base_body)
         parent, T = (camera.body, np.eye(4)) if camera.body else (robot.base, T_base_body)
         place(parent, camera.color.frame, T @ T_BODY_OPTICAL)
+        place(parent, camera.color.info_frame or "", T @ T_BODY_OPTICAL)
         if camera.depth is not None:
             place(parent, camera.depth.frame, T @ T_BODY_OPTICAL @ make_transform(np.eye(3), camera.depth.offset))
     for image in (each for each in robot.others if isinstance(each, Image)):

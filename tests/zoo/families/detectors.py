@@ -21,8 +21,8 @@ def of(
 
 
 UNREAD = (
-    "{{path}}, {}: detections of the type {} are not read; convert them to vision_msgs/Detection2DArray, or detect with "
-    "--detector onnx. Without them ..."
+    "{{path}}, {}: detections of the type {} are not read; convert them to vision_msgs/Detection2DArray, or detect "
+    "with --detector onnx. Without them ..."
 )
 
 VARIANTS = (

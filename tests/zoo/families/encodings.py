@@ -70,7 +70,7 @@ VARIANTS = (
         "colour as H.264",
         rgbd(f"{COLOR}/ffmpeg", DEPTH, FRAME, encoding="h264", info="/camera/color/camera_info"),
         "github.com/ros-misc-utilities/ffmpeg_image_transport",
-        refused="unknown image encoding 'h264' ({path}, /camera/color/image_raw/ffmpeg): re-record or convert it to one of ...",
+        refused="unknown image encoding 'h264' ({path}, /camera/color/image_raw/ffmpeg): re-record or convert it ...",
     ),
     of_camera("rows with padding", color(COLOR, FRAME, padding=16), "docs.ros.org: sensor_msgs/Image, step"),
     of_camera("floating depth in millimetres", color(COLOR, FRAME), REP118, depth(DEPTH, FRAME, "32FC1", scale=1000.0)),

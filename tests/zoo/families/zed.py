@@ -12,14 +12,14 @@ ODOM = Motion(f"{NODE}/odom", child="zed_camera_link", tf=True)
 POSE = Motion(f"{NODE}/pose", "pose", frame="map")
 
 OLD_STREAMS = (
-    Image(f"{NODE}/rgb/image_rect_color", FRAME, "bgra8"),
+    Image(f"{NODE}/left/image_rect_color", FRAME, "bgra8"),
     Image(f"{NODE}/right/image_rect_color", RIGHT, "bgra8", offset=BASELINE),
     Image(f"{NODE}/stereo/image_rect_color", FRAME, "bgra8", info="", size=(128, 48)),
     Image(f"{NODE}/rgb_raw/image_raw_color", FRAME, "bgra8"),
     depth(f"{NODE}/confidence/confidence_map", FRAME, "32FC1", scale=20.0, info=""),
 )
 NEW_STREAMS = (
-    Image(f"{NODE}/rgb/color/rect/image", FRAME, "bgra8"),
+    Image(f"{NODE}/left/color/rect/image", FRAME, "bgra8"),
     Image(f"{NODE}/left/gray/rect/image", FRAME, "mono8"),
     Image(f"{NODE}/right/color/rect/image", RIGHT, "bgra8", offset=BASELINE),
     Image(f"{NODE}/rgb/color/raw/image", FRAME, "bgra8"),
@@ -30,7 +30,7 @@ VARIANTS = (
     Variant(
         "ROS 1, /zed/zed_node",
         rgbd(
-            f"{NODE}/left/image_rect_color",
+            f"{NODE}/rgb/image_rect_color",
             f"{NODE}/depth/depth_registered",
             FRAME,
             encoding="bgra8",
@@ -45,7 +45,7 @@ VARIANTS = (
     Variant(
         "ROS 2, up to 4.x",
         rgbd(
-            f"{NODE}/left/image_rect_color",
+            f"{NODE}/rgb/image_rect_color",
             f"{NODE}/depth/depth_registered",
             FRAME,
             encoding="bgra8",
@@ -59,7 +59,7 @@ VARIANTS = (
     Variant(
         "ROS 2, from 5.1, with object detection",
         rgbd(
-            f"{NODE}/left/color/rect/image",
+            f"{NODE}/rgb/color/rect/image",
             f"{NODE}/depth/depth_registered",
             FRAME,
             encoding="bgra8",
@@ -74,7 +74,7 @@ VARIANTS = (
     Variant(
         "object detection of ROS 1",
         rgbd(
-            f"{NODE}/left/image_rect_color",
+            f"{NODE}/rgb/image_rect_color",
             f"{NODE}/depth/depth_registered",
             FRAME,
             encoding="bgra8",
@@ -100,7 +100,7 @@ VARIANTS = (
     Variant(
         "depth in OpenNI's millimetres",
         rgbd(
-            f"{NODE}/left/image_rect_color",
+            f"{NODE}/rgb/image_rect_color",
             f"{NODE}/depth/depth_registered",
             FRAME,
             encoding="bgra8",
