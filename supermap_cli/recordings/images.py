@@ -65,7 +65,7 @@ _COLOR = {
     "yuyv": _PixelLayout("u1", 2, cv2.COLOR_YUV2RGB_YUY2),
     "nv12": _PixelLayout("u1", 1, cv2.COLOR_YUV2RGB_NV12, half_lines=3),
     "nv21": _PixelLayout("u1", 1, cv2.COLOR_YUV2RGB_NV21, half_lines=3),
-    "nv24": _PixelLayout("u1", 1, cv2.COLOR_YUV2RGB_NV12, half_lines=6),
+    "nv24": _PixelLayout("u1", 1, None, half_lines=6),
     **{
         f"bayer_{pattern}{bits}": _PixelLayout(dtype, 1, to_rgb)
         for bits, dtype in ((8, "u1"), (16, "u2"))
@@ -127,7 +127,7 @@ def _decode_raw_color(image: ImageMessage, limits: Limits) -> UInt8Array:
         raise unknown_encoding(image, COLOR_ENCODINGS)
     pixels = _pixels(image, layout.dtype, layout.channels, limits, half_lines=layout.half_lines)
     if image.encoding == "nv24":
-        pixels = _with_halved_chroma(pixels, image.height)
+        return np.ascontiguousarray(_rgb_of_nv24(pixels, image.height))
     if layout.dtype == "u2":
         pixels = (pixels >> 8).astype(np.uint8)
     if layout.to_rgb is not None:
@@ -135,10 +135,11 @@ def _decode_raw_color(image: ImageMessage, limits: Limits) -> UInt8Array:
     return np.ascontiguousarray(pixels)
 
 
-def _with_halved_chroma(planes: NDArray[Any], height: int) -> NDArray[Any]:
-    """nv24, which has U and V for every pixel, as nv12, which has them for every fourth."""
-    luma, chroma = planes[:height], planes[height:].reshape(height, -1, 2)
-    return np.vstack([luma, chroma[::2, ::2].reshape(height // 2, -1)])
+def _rgb_of_nv24(planes: NDArray[Any], height: int) -> NDArray[Any]:
+    """nv24 has U and V for every pixel: it is every other pixel of an nv12 image of twice the size."""
+    luma, chroma = planes[:height], planes[height:].reshape(height, -1)
+    doubled = np.vstack([luma.repeat(2, axis=0).repeat(2, axis=1), chroma])
+    return np.asarray(cv2.cvtColor(doubled, cv2.COLOR_YUV2RGB_NV12))[::2, ::2]
 
 
 def _decode_compressed_color(image: ImageMessage, limits: Limits) -> UInt8Array:

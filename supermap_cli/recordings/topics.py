@@ -62,6 +62,14 @@ _GROUND_TRUTH = re.compile(r"ground_?truth|(^|[/_])gt([/_]|$)")
 """Beside an odometry, the truth is there to judge by; a robot does not have it."""
 
 
+class MissingTopicError(RecordingError):
+    """No topic of the recording is of one of `kinds`."""
+
+    def __init__(self, what: str, *, where: str, cure: str, kinds: tuple[Kind, ...]) -> None:
+        super().__init__(what, where=where, cure=cure)
+        self.kinds = kinds
+
+
 def plan_topics(topics: Sequence[Topic], named: NamedTopics, where: str) -> TopicPlan:
     """Choose a topic for every role that can be served, for a lone camera.
 
@@ -249,6 +257,7 @@ class CameraPlanner:
                 "no camera images",
                 "record a sensor_msgs Image or CompressedImage topic, or name it: "
                 f"--topic {role_name('color', self._camera_id)}=/...",
+                "image",
             )
         elif depth is None and not self._lidar_stands_in:
             self._miss_depth()
@@ -271,18 +280,21 @@ class CameraPlanner:
                     "no depth images and no LiDAR",
                     "record an aligned depth topic or a PointCloud2, or name one: --topic depth=/... or "
                     "--topic lidar=/...",
+                    *("points", "image"),
                 )
             else:
                 self._miss(
                     f"no depth images of the camera {self._camera_id!r}",
                     f"record its aligned depth, or name it: --topic depth.{self._camera_id}=/...",
+                    "image",
                 )
 
-    def _miss(self, what: str, cure: str) -> None:
+    def _miss(self, what: str, cure: str, *kinds: Kind) -> None:
         names = [topic.name for topic in self._topics[:_MOST_LISTED]]
         more = len(self._topics) - len(names)
         known = ", ".join([*names, *([f"and {more} more"] if more else [])]) or "none of a known type"
-        self._problems.append(RecordingError(f"{what} among its topics ({known})", where=self._where, cure=cure))
+        what = f"{what} among its topics ({known})"
+        self._problems.append(MissingTopicError(what, where=self._where, cure=cure, kinds=kinds))
 
     def _unsupported_depth(self, topic: Topic, image: ImageMessage) -> RecordingError:
         if is_lossy(topic):

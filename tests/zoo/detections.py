@@ -90,9 +90,22 @@ DEFINITIONS: dict[str, dict[str, str]] = {
     **{package: _of(package, _ZED) for package in ("zed_msgs", "zed_interfaces")},
     "depthai_ros_msgs": _of("depthai_ros_msgs", _DEPTHAI),
     "jsk_recognition_msgs": {**_of("jsk_recognition_msgs", _JSK), **_RECOGNITION},
+    "velodyne_msgs": {
+        "VelodynePacket": "builtin_interfaces/Time stamp\nuint8[1206] data\n",
+        "VelodyneScan": f"{_HEADER}velodyne_msgs/VelodynePacket[] packets\n",
+    },
+    "ouster_sensor_msgs": {"PacketMsg": "uint8[] buf\n"},
+    "hesai_ros_driver": {"UdpFrame": f"{_HEADER}uint8[] packets\n"},
+    "ffmpeg_image_transport_msgs": {
+        "FFMPEGPacket": (
+            f"{_HEADER}int32 width\nint32 height\nstring encoding\nuint64 pts\nuint8 flags\nbool is_bigendian\n"
+            "uint8[] data\n"
+        )
+    },
+    "theora_image_transport": {"Packet": f"{_HEADER}uint8[] data\nint32 b_o_s\nint32 e_o_s\nint64 granulepos\n"},
     "ultralytics_ros": {"YoloResult": f"{_HEADER}vision_msgs/Detection2DArray detections\nsensor_msgs/Image[] masks\n"},
 }
-"""Package to its messages' texts."""
+"""Package to its messages' texts; those of packets and videos, too, which are named and not read."""
 
 SCORE = 0.9
 

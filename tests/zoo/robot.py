@@ -37,13 +37,15 @@ class Image:
     info_frame: str | None = None
     info_zero_k: bool = False
     info_size: tuple[int, int] | None = None
+    info_once: bool = False
+    info_zero_size: bool = False
 
 
 @dataclass(frozen=True)
 class Camera:
     """A colour camera and its depth. `body` is the frame of its housing, "" for none: between base and optical frame.
 
-    `id` is what `inspect` calls it beside others; `depth_frame_at` says that TF places the depth's own frame.
+    `id` is what `inspect` calls it beside others; `yaw_deg` turns it on the robot, away from the suitcase.
     """
 
     color: Image
@@ -110,11 +112,20 @@ class Imu:
 
 
 @dataclass(frozen=True)
+class Other:
+    """A topic of a type that is not read; its messages hold nothing."""
+
+    topic: str
+    msgtype: str
+
+
+@dataclass(frozen=True)
 class Robot:
     """All that is recorded.
 
-    `base` is the frame under which TF places the sensors; `tf_prefix` stands before all frames in TF, `namespace`
-    before /tf and /tf_static; `without` leaves out of "tf_static", "camera_info".
+    `base` is the frame under which TF places the sensors, if `static`; with `mountings_move` on /tf, again and again.
+    `namespace` stands before /tf and /tf_static; `links` are frames that are one, parent to child; `shift_ns` is added
+    to all stamps.
     """
 
     cameras: tuple[Camera, ...]
@@ -122,11 +133,13 @@ class Robot:
     lidar: Cloud | None = None
     imu: Imu | None = None
     found: Found | None = Found()
-    others: tuple[Image | Cloud | Motion | Imu | Found, ...] = ()
+    others: tuple[Image | Cloud | Motion | Imu | Found | Other, ...] = ()
     base: str = "base_link"
     namespace: str = ""
     static: bool = True
     links: Mapping[str, str] = field(default_factory=dict)
+    mountings_move: bool = False
+    shift_ns: int = 0
 
 
 @dataclass(frozen=True)

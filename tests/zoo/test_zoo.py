@@ -9,6 +9,7 @@ import pytest
 from supermap_cli.errors import SupermapError
 from supermap_cli.plugin_manager import load_plugins
 from supermap_cli.recordings import open_bag_recording
+from zoo import documentation
 from zoo.judging import built, chosen_roles, expected_roles, inspected, is_right, problem_lines, wanted
 from zoo.robot import Variant
 from zoo.scene import FRAMES, render, stamp
@@ -58,3 +59,15 @@ def check_colors(variant: Variant, path):
     if color.encoding in {"mono8", "8UC1", "mono16"}:
         truth = cv2.cvtColor(cv2.cvtColor(truth, cv2.COLOR_RGB2GRAY), cv2.COLOR_GRAY2RGB)
     assert np.abs(frame.rgb.astype(float) - truth).mean() < LARGEST_COLOR_ERROR
+
+
+def test_the_table_of_the_documentation_is_that_of_the_zoo():
+    page = documentation.PAGE.read_text(encoding="utf-8")
+    assert documentation.written(page) == page, "run `make zoo`"
+
+
+def test_every_recording_has_a_name_of_its_own_and_a_source():
+    for family, listed in FAMILIES.items():
+        names = [each.name for each in listed]
+        assert len(set(names)) == len(names), family
+        assert all(each.source for each in listed), family

@@ -13,7 +13,7 @@ from supermap_cli.geometry.se3 import inverse, make_transform
 from support.bag_writer import BagWriter
 from zoo import pixels
 from zoo.detections import DEFINITIONS, detection_message
-from zoo.robot import Camera, Cloud, Found, Image, Imu, Motion, Robot, Variant
+from zoo.robot import Camera, Cloud, Found, Image, Imu, Motion, Other, Robot, Variant
 from zoo.scene import (
     CENTER,
     FRAMES,
@@ -46,8 +46,10 @@ def write_variant(variant: Variant, folder: Path) -> Path:
 
 def write_robot(bag: ZooBag, robot: Robot) -> None:
     """Everything a robot records."""
+    bag.shift_ns = robot.shift_ns
     if robot.static:
-        _write_mountings(bag, robot)
+        for index in range(FRAMES if robot.mountings_move else 1):
+            _write_mountings(bag, robot, stamp(index))
     streams = _streams(robot)
     _write_motion(bag, robot, [each for each in streams if isinstance(each, Motion)])
     for index in range(FRAMES):
@@ -58,7 +60,7 @@ def write_robot(bag: ZooBag, robot: Robot) -> None:
             bag.imu(imu.topic, at, imu.frame, (0, 0, 0), (0, 0, 9.80665 / imu.unit))
 
 
-def _streams(robot: Robot) -> list[Image | Cloud | Motion | Imu | Found]:
+def _streams(robot: Robot) -> list[Image | Cloud | Motion | Imu | Found | Other]:
     images = [image for camera in robot.cameras for image in (camera.color, camera.depth)]
     given = (*robot.others, robot.motion, robot.lidar, robot.imu, robot.found, *images)
     return [each for each in given if each is not None]
@@ -74,18 +76,20 @@ def write_moment(bag: ZooBag, robot: Robot, index: int) -> None:
         elif isinstance(each, Cloud):
             for half in (index, index + 0.5):
                 write_cloud(bag, each, half)
+        elif isinstance(each, Other):
+            bag.write(each.topic, each.msgtype, bag.make(each.msgtype), stamp(index))
         elif isinstance(each, Found):
             _write_found(bag, each, index, robot.cameras[0].color.frame if each.frame is None else each.frame)
 
 
-def _write_mountings(bag: ZooBag, robot: Robot) -> None:
+def _write_mountings(bag: ZooBag, robot: Robot, at: int) -> None:
     """Where TF says that the sensors sit on the base."""
     placed = {motion.frame for motion in (robot.motion, *robot.others) if isinstance(motion, Motion)}
 
     def place(parent: str, child: str, T: np.ndarray) -> None:
         if child and child != parent and child not in placed:
             placed.add(child)
-            bag.transform(START_NS, parent, child, T, static=True, namespace=robot.namespace)
+            bag.transform(at, parent, child, T, static=not robot.mountings_move, namespace=robot.namespace)
 
     for camera in robot.cameras:
         c, s = np.cos(np.deg2rad(camera.yaw_deg)), np.sin(np.deg2rad(camera.yaw_deg))
@@ -136,7 +140,7 @@ def _write_image(bag: ZooBag, image: Image, index: int, yaw_deg: float, infos: s
     if image.info == "beside":
         folder = image.topic.split("/")
         info = "/".join(folder[: -2 if folder[-1] in pixels.TRANSPORTS else -1]) + "/camera_info"
-    if info and info not in infos:
+    if info and info not in infos and not (image.info_once and index):
         infos.add(info)
         size = image.info_size or image.size
         frame = image.frame if image.info_frame is None else image.info_frame
@@ -221,6 +225,12 @@ class ZooBag(BagWriter):
                 types |= get_types_from_msg(text, f"{package}/msg/{name}")
             self._store.register({name: kind for name, kind in types.items() if name not in self._store.types})
 
+    shift_ns = 0
+
+    def header(self, stamp_ns: int, frame_id: str) -> Any:
+        """A std_msgs/Header by the robot's clock."""
+        return super().header(stamp_ns + self.shift_ns, frame_id)
+
     def make(self, name: str, /, **given: Any) -> Any:
         """A message object of zeros and empty texts, but for what is given."""
         values = {}
@@ -253,8 +263,8 @@ class ZooBag(BagWriter):
         message = self.make(
             "sensor_msgs/msg/CameraInfo",
             header=self.header(stamp_ns, frame),
-            width=size[0],
-            height=size[1],
+            width=0 if image.info_zero_size else size[0],
+            height=0 if image.info_zero_size else size[1],
             distortion_model=image.model,
             **{name.upper() if self._ros1 else name: values for name, values in matrices.items()},
         )

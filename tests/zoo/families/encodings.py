@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from zoo.robot import Camera, Image, Robot, Variant
+from zoo.robot import Camera, Found, Image, Motion, Other, Robot, Variant
 from zoo.shortcuts import color, depth, rgbd
 
 ENCODINGS = "github.com/ros2/common_interfaces, sensor_msgs/include/sensor_msgs/image_encodings.hpp"
@@ -44,10 +44,10 @@ FISHEYE = color(COLOR, FRAME, model="equidistant", distortion=(0.0,) * 4)
 
 VARIANTS = (
     *(of_color(encoding) for encoding in RAW),
-    of_compressed("jpeg", "jpeg, as web cameras say it"),
-    of_compressed("jpeg bgr8", "bgr8; jpeg compressed bgr8"),
-    of_compressed("png", "png"),
-    of_compressed("png bgr8", "bgr8; png compressed bgr8"),
+    of_compressed("jpeg", "JPEG, as web cameras say it"),
+    of_compressed("jpeg bgr8", "JPEG, as image_transport says it"),
+    of_compressed("png", "PNG"),
+    of_compressed("png bgr8", "PNG, as image_transport says it"),
     of_depth("16UC1", REP118),
     of_depth("32FC1", REP118),
     of_depth("64FC1", ENCODINGS),
@@ -71,6 +71,26 @@ VARIANTS = (
         rgbd(f"{COLOR}/ffmpeg", DEPTH, FRAME, encoding="h264", info="/camera/color/camera_info"),
         "github.com/ros-misc-utilities/ffmpeg_image_transport",
         refused="unknown image encoding 'h264' ({path}, /camera/color/image_raw/ffmpeg): re-record or convert it ...",
+    ),
+    *(
+        Variant(
+            name,
+            Robot((), others=(Other(topic, msgtype),), motion=Motion(), found=Found(frame=FRAME), static=False),
+            source,
+            refused="no camera images among its topics (/detections, /odom); "
+            f"{topic} ({msgtype}) holds a video stream, whose images need each other: convert it to Image or "
+            "CompressedImage ({path}): record a sensor_msgs Image or CompressedImage topic, or name it: "
+            "--topic color=/...",
+        )
+        for name, topic, msgtype, source in (
+            (
+                "ffmpeg packets alone",
+                f"{COLOR}/ffmpeg",
+                "ffmpeg_image_transport_msgs/msg/FFMPEGPacket",
+                "github.com/ros-misc-utilities/ffmpeg_image_transport_msgs",
+            ),
+            ("theora packets alone", f"{COLOR}/theora", "theora_image_transport/msg/Packet", TRANSPORT),
+        )
     ),
     of_camera("rows with padding", color(COLOR, FRAME, padding=16), "docs.ros.org: sensor_msgs/Image, step"),
     of_camera("floating depth in millimetres", color(COLOR, FRAME), REP118, depth(DEPTH, FRAME, "32FC1", scale=1000.0)),

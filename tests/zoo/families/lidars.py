@@ -5,7 +5,7 @@ After x, y, z come the fields named; "_" stands for bytes that a PCL point leave
 
 from dataclasses import replace
 
-from zoo.robot import Camera, Cloud, Image, Imu, Motion, Robot, Variant
+from zoo.robot import Camera, Cloud, Image, Imu, Motion, Other, Robot, Variant
 
 CAMERA = (Camera(Image("/camera/image_raw/compressed", "camera_optical_frame", "jpeg bgr8")),)
 PAD, INTENSITY, RING = ("_", "u4"), ("intensity", "f4"), ("ring", "u2")
@@ -179,5 +179,21 @@ VARIANTS = (
             others=(Cloud("/cloud_registered", "camera_init", (INTENSITY,)), Cloud("/cloud_registered_body", "body")),
         ),
         "github.com/hku-mars/FAST_LIO, README and src/laserMapping.cpp: topics",
+    ),
+    *(
+        Variant(
+            name,
+            Robot(CAMERA, others=(Other(topic, msgtype),)),
+            source,
+            refused="no depth images and no LiDAR among its topics (/camera/camera_info, /camera/image_raw/compressed, "
+            f"/detections, /odom, /tf_static); {topic} ({msgtype}) holds the raw packets of a LiDAR: replay them "
+            "through its driver, and record the PointCloud2 that it publishes ({path}): record an aligned depth topic "
+            "or a PointCloud2, or name one: --topic depth=/... or --topic lidar=/...",
+        )
+        for name, topic, msgtype, source in (
+            ("Velodyne, packets alone", "/velodyne_packets", "velodyne_msgs/msg/VelodyneScan", VELODYNE),
+            ("Ouster, packets alone", "/ouster/lidar_packets", "ouster_sensor_msgs/msg/PacketMsg", OUSTER),
+            ("Hesai, packets alone", "/lidar_packets", "hesai_ros_driver/msg/UdpFrame", HESAI),
+        )
     ),
 )

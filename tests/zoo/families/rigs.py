@@ -2,7 +2,9 @@
 
 from dataclasses import replace
 
+from zoo import damage
 from zoo.robot import Camera, Cloud, Found, Image, Imu, Motion, Robot, Variant
+from zoo.scene import START_NS
 from zoo.shortcuts import color, depth, rgbd
 
 FRAME = "camera_color_optical_frame"
@@ -195,5 +197,89 @@ VARIANTS = (
             others=(Image("/stereo/right/image_rect_color", "stereo_right_optical", offset=(0.3, 0, 0)),),
         ),
         "wiki.ros.org/stereo_image_proc",
+    ),
+    moved(
+        "VINS, odometry whose child is the world",
+        Motion("/vins_estimator/odometry", frame="world", child="world"),
+        "github.com/HKUST-Aerial-Robotics/VINS-Fusion, visualization.cpp",
+        ".bag",
+        base="body",
+        options=("--frame base=body",),
+    ),
+    moved(
+        "LIO-SAM, child unknown to TF",
+        Motion("/lio_sam/mapping/odometry", child="odom_mapping"),
+        "github.com/TixiaoShan/LIO-SAM, mapOptmization.cpp",
+        ".bag",
+        others=(Motion(kind="tf"),),
+        roles={"odometry": "/lio_sam/mapping/odometry"},
+        notes=("taken as the motion",),
+    ),
+    Variant(
+        "mountings on /tf, again and again",
+        rgbd(COLOR, DEPTH, FRAME, mountings_move=True),
+        "wiki.ros.org/tf: static_transform_publisher of tf 1",
+        ".bag",
+    ),
+    Variant(
+        "simulated time from 0",
+        rgbd(COLOR, DEPTH, FRAME, motion=Motion(tf=True), shift_ns=5 * 10**9 - START_NS),
+        "docs.ros.org: use_sim_time",
+    ),
+    Variant(
+        "simulated time from 0, also of recording",
+        rgbd(COLOR, DEPTH, FRAME, motion=Motion(tf=True), shift_ns=5 * 10**9 - START_NS),
+        "docs.ros.org: ros2 bag record --use-sim-time",
+        damage=damage.rewritten(lambda n, at, t: (at - START_NS + 5 * 10**9, t)),
+    ),
+    Variant(
+        "camera_info once",
+        Robot((Camera(color(COLOR, FRAME, info_once=True), depth(DEPTH, FRAME, info_once=True)),)),
+        "docs.ros.org: camera_info_manager, latched",
+    ),
+    Variant(
+        "camera_info of size 0",
+        Robot((Camera(color(COLOR, FRAME, info_zero_size=True), depth(DEPTH, FRAME)),)),
+        "docs.ros.org: sensor_msgs/CameraInfo, width",
+    ),
+    Variant(
+        "raw and compressed images beside each other",
+        rgbd(
+            COLOR,
+            DEPTH,
+            FRAME,
+            others=(
+                Image(f"{COLOR}/compressed", FRAME, "jpeg bgr8"),
+                depth(f"{DEPTH}/compressedDepth", FRAME, "compressedDepth png"),
+            ),
+        ),
+        "wiki.ros.org/image_transport",
+    ),
+    Variant(
+        "depth camera's cloud without depth images",
+        Robot(
+            (Camera(color(COLOR, FRAME)),), lidar=Cloud("/camera/depth/color/points", "lidar_link", (("rgb", "f4"),))
+        ),
+        "wiki.ros.org/depth_image_proc",
+    ),
+    Variant(
+        "two odometries of wheels, one of them still",
+        rgbd(
+            COLOR,
+            DEPTH,
+            FRAME,
+            motion=Motion(tf=True),
+            others=(Motion("/imu_odom", "odometry", frame="imu_odom", child="imu_link"),),
+        ),
+        REP105,
+    ),
+    Variant(
+        "two LiDARs",
+        Robot(
+            (Camera(color(COLOR, FRAME)),),
+            lidar=Cloud("/front/points", "front", POINTS.fields, "s"),
+            others=(Cloud("/rear/points_filtered", "rear", POINTS.fields, "s"),),
+        ),
+        "several LiDARs",
     ),
 )
