@@ -4,6 +4,7 @@
 #   make test     set up, then everything CI checks: format, lint, types, imports, tests
 #   make test-postgresql   the tests that touch a database, on a PostgreSQL server that they start for themselves
 #   make fuzz     mutated recordings, damaged maps, odd command lines: EXAMPLES=2000 of each kind
+#   make zoo      the small recordings of every recorder, driver and robot, and their table in docs/recordings.md
 #   make benchmark   simulate, build and score the tables of docs/benchmarks.md; SEEDS=11,12,13, WORLDS=folder
 #   make setup    only set up: .venv with SuperMap and its tools
 #   make lint     ruff, mypy --strict, import-linter       make format   let ruff format and fix
@@ -21,7 +22,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup demo benchmark test test-postgresql fuzz lint format wheel clean
+.PHONY: help setup demo benchmark test test-postgresql fuzz zoo lint format wheel clean
 
 help:
 	@sed -n 's/^#   //p' Makefile
@@ -70,6 +71,10 @@ EXAMPLES ?= 2000
 
 fuzz: $(INSTALLED)
 	@SUPERMAP_FUZZ_EXAMPLES=$(EXAMPLES) $(BIN)/python -m pytest -n $(WORKERS) tests/fuzz
+
+zoo: $(INSTALLED)
+	@PYTHONPATH=tests:. $(BIN)/python -m zoo.documentation
+	@$(BIN)/python -m pytest -n $(WORKERS) tests/zoo
 
 lint: $(INSTALLED)
 	@echo "== ruff format"

@@ -21,6 +21,7 @@ from supermap_cli.recordings.detection_messages import DetectionArrival, join_ma
 from supermap_cli.recordings.detection_readers import read_detections
 from supermap_cli.recordings.detection_stamps import DetectionStamps, find_stamps, unjoined
 from supermap_cli.recordings.fingerprint import content_fingerprint, window_fingerprint
+from supermap_cli.recordings.image_topics import shows_a_camera
 from supermap_cli.recordings.images import decode_numbers
 from supermap_cli.recordings.limits import Limits
 from supermap_cli.recordings.opening import MARGIN_NS, OpenedCamera, OpenedRecording, no_poses
@@ -28,7 +29,6 @@ from supermap_cli.recordings.pointclouds import read_points
 from supermap_cli.recordings.poses import recorded_poses
 from supermap_cli.recordings.storage import RawMessage
 from supermap_cli.recordings.survey import Topic
-from supermap_cli.recordings.topics import shows_a_camera
 from supermap_cli.types.detections import Detections
 from supermap_cli.types.sensing import CameraFrame, ImuSample, StampedPose, Sweep
 

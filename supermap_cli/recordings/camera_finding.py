@@ -16,21 +16,14 @@ import numpy as np
 from supermap_cli.errors import ConfigError, RecordingError
 from supermap_cli.recordings.calibration import is_calibrated
 from supermap_cli.recordings.decoding import Decoder
+from supermap_cli.recordings.image_topics import MASK_WORDS, has_word, shows_a_camera
 from supermap_cli.recordings.notes import Notes
 from supermap_cli.recordings.roles import NamedTopics
 from supermap_cli.recordings.storage import Storage
 from supermap_cli.recordings.survey import Topic, usual_offset_ns
 from supermap_cli.recordings.topic_names import Device, camera_ids, device_of, words_of
 from supermap_cli.recordings.topic_plan import CameraPlan, TopicPlan
-from supermap_cli.recordings.topics import (
-    MASK_WORDS,
-    NOT_COLOR_WORDS,
-    CameraPlanner,
-    faults,
-    has_word,
-    is_color,
-    plan_shared,
-)
+from supermap_cli.recordings.topics import CameraPlanner, faults, plan_shared
 from supermap_cli.recordings.transforms import TransformTree
 from supermap_cli.types.sensing import MAIN_CAMERA
 
@@ -266,8 +259,7 @@ def _color_devices(topics: Sequence[Topic]) -> dict[Device, _Owner]:
     """The devices in the names of all readable colour images, with the frames of these."""
     frames: dict[Device, set[str]] = {}
     for topic in topics:
-        usable = topic.kind == "image" and is_color(topic) and topic.fault is None
-        if usable and not has_word(topic, (*MASK_WORDS, *NOT_COLOR_WORDS)):
+        if topic.fault is None and shows_a_camera(topic):
             frames.setdefault(device_of(topic.name), set()).add(topic.frame_id)
     return {device: _Owner(device, frozenset(frames[device])) for device in sorted(frames)}
 

@@ -11,6 +11,7 @@ import json
 import re
 import struct
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import lru_cache
 from types import SimpleNamespace
 from typing import Any, TypeVar
 
@@ -34,6 +35,9 @@ _IDL_SEPARATOR = "=" * 80 + "\n"
 
 _LARGEST_DEFINITION = 1 << 20
 """Bytes of a message definition that are parsed: the largest of the ROS distributions have 30 kB."""
+
+_KEPT_TYPES = 128
+"""Message types that stay compiled for the next recording: 10 ms each; a robot has some twenty."""
 
 _BULKY = re.compile(r"Image|Cloud|CustomMsg|YoloResult")
 """Types whose messages hold images or clouds; those of others turn into many small objects, ten times their size."""
@@ -132,7 +136,7 @@ class Decoder:
 
     def _function(self, channel: Channel) -> Callable[[bytes | memoryview], Any]:
         """How messages of a channel are decoded. Raises `RecordingError` where none of them can be."""
-        key = (channel.serialization, channel.msgtype, channel.definition_format, channel.definition)
+        key = _type_key(channel)
         function = self._functions.get(key)
         if function is None and key not in self._unknown:
             try:
@@ -168,6 +172,10 @@ def _text(error: Exception) -> str:
     return text or type(error).__name__
 
 
+def _type_key(channel: Channel) -> _TypeKey:
+    return channel.serialization, channel.msgtype, channel.definition_format, channel.definition
+
+
 def _decoding_function(channel: Channel, limits: Limits) -> Callable[[bytes | memoryview], Any]:
     if channel.serialization == "json":
         return lambda data: _parse_json(bytes(data), limits)
@@ -184,7 +192,7 @@ def _decoding_function(channel: Channel, limits: Limits) -> Callable[[bytes | me
 
 
 def _ros_function(channel: Channel, fallback: Mapping[str, str], limits: Limits) -> Callable[[bytes | memoryview], Any]:
-    typestore = _typestore(channel, fallback, limits)
+    typestore = _typestore(_type_key(channel), tuple(fallback.items()), limits)
     if channel.serialization == "ros1":
         return lambda data: typestore.deserialize_ros1(data, channel.msgtype)
     return lambda data: typestore.deserialize_cdr(data, channel.msgtype)
@@ -254,16 +262,19 @@ def _protobuf_function(channel: Channel) -> Callable[[bytes | memoryview], Any]:
     return decode
 
 
-def _typestore(channel: Channel, definitions: Mapping[str, str], limits: Limits) -> Typestore:
-    """The channel's type and all it is made of: by its own definitions, and the default's for what they lack."""
-    embedded, default = _embedded_types(channel), get_typestore(_DEFAULTS[channel.serialization]).fielddefs
-    package = channel.msgtype.partition("/")[0]
+@lru_cache(_KEPT_TYPES)
+def _typestore(key: _TypeKey, definitions: tuple[tuple[str, str], ...], limits: Limits) -> Typestore:
+    """A channel's type and all it is made of: by its own definitions, and the default's for what they lack."""
+    serialization, msgtype, definition_format, definition = key
+    embedded = _embedded_types(msgtype, definition_format, definition)
+    default = get_typestore(_DEFAULTS[serialization]).fielddefs
+    package = msgtype.partition("/")[0]
     fallback: dict[str, Any] = {}
-    if channel.msgtype not in embedded and channel.msgtype not in default:
-        for type_name, text in definitions.items():
+    if msgtype not in embedded and msgtype not in default:
+        for type_name, text in definitions:
             fallback.update(get_types_from_msg(text, f"{package}/msg/{type_name}"))
     needed: dict[str, Any] = {}
-    wanted = [channel.msgtype]
+    wanted = [msgtype]
     while wanted:
         name = wanted.pop()
         source = next((types for types in (embedded, fallback, default) if name in types), None)
@@ -272,7 +283,7 @@ def _typestore(channel: Channel, definitions: Mapping[str, str], limits: Limits)
         if name not in needed:
             needed[name] = source[name]
             wanted += _types_of_fields(source[name], limits)
-    _check_nesting(channel.msgtype, needed, limits)
+    _check_nesting(msgtype, needed, limits)
     typestore = get_typestore(Stores.EMPTY)
     typestore.register(needed)
     return typestore
@@ -300,14 +311,14 @@ def _check_nesting(msgtype: str, types: dict[str, Any], limits: Limits) -> None:
     raise ValueError(f"a type whose messages are nested deeper than the limit nesting allows, {limits.nesting}")
 
 
-def _embedded_types(channel: Channel) -> Any:
-    text = channel.definition.decode(errors="replace")
+def _embedded_types(msgtype: str, definition_format: str, definition: bytes) -> Any:
+    text = definition.decode(errors="replace")
     if not text.strip():
         return {}
-    if len(channel.definition) > _LARGEST_DEFINITION:
-        raise ValueError(f"a message definition of {len(channel.definition)} bytes")
-    if channel.definition_format != "ros2idl":
-        return get_types_from_msg(text, channel.msgtype)
+    if len(definition) > _LARGEST_DEFINITION:
+        raise ValueError(f"a message definition of {len(definition)} bytes")
+    if definition_format != "ros2idl":
+        return get_types_from_msg(text, msgtype)
     if not text.startswith(f"{_IDL_SEPARATOR}IDL: "):
         return get_types_from_idl(text)
     types: dict[str, Any] = {}

@@ -7,7 +7,11 @@ import struct
 from supermap_cli.recordings.limits import Limits
 
 _PNG, _JPEG, _BMP, _RIFF, _WEBP = b"\x89PNG\r\n\x1a\n", b"\xff\xd8", b"BM", b"RIFF", b"WEBP"
-"""First bytes: PNG (RFC 2083), JPEG (ITU T.81), BMP, WebP (RFC 9649)."""
+_TIFF = {b"II*\0": "<", b"MM\0*": ">"}
+"""First bytes: PNG (RFC 2083), JPEG (ITU T.81), BMP, WebP (RFC 9649), TIFF 6.0 (section 2) with its byte order."""
+
+_TIFF_WIDTH, _TIFF_HEIGHT, _TIFF_SHORT = 256, 257, 3
+"""Tags ImageWidth and ImageLength, and the type of 16 bits, the other being LONG (TIFF 6.0, section 2 and 8)."""
 
 _NO_LENGTH = frozenset({0x01, *range(0xD0, 0xD9)})
 """JPEG markers without a segment behind them (T.81, table B.1)."""
@@ -25,7 +29,7 @@ def check_size(data: bytes | memoryview, limits: Limits) -> None:
     """Raise `ValueError` for an image beyond the limit of pixels, and for one whose size its header does not say."""
     size = image_size(data)
     if size is None:
-        raise ValueError("a compressed image that is no whole JPEG, PNG, BMP or WebP and cannot be decoded")
+        raise ValueError("a compressed image that is no whole JPEG, PNG, TIFF, BMP or WebP and cannot be decoded")
     check_pixels(*size, len(data), limits)
 
 
@@ -41,21 +45,27 @@ def check_pixels(width: int, height: int, data_bytes: int, limits: Limits) -> No
 
 
 def image_size(data: bytes | memoryview) -> tuple[int, int] | None:
-    """(width, height) in pixels by the header of a PNG, JPEG, BMP or WebP; `None` where it says none."""
-    head = bytes(data[:32])
+    """(width, height) in pixels by the header of a PNG, JPEG, TIFF, BMP or WebP; `None` where it says none."""
     try:
-        if head.startswith(_PNG):
-            return struct.unpack_from(">II", head, 16)
-        if head.startswith(_JPEG):
-            return _jpeg_size(memoryview(data).cast("B"))
-        if head.startswith(_BMP):
-            width, height = struct.unpack_from("<ii", head, 18)
-            return abs(width), abs(height)
-        if head.startswith(_RIFF) and head[8:12] == _WEBP:
-            return _webp_size(head)
+        return _size(bytes(data[:32]), memoryview(data).cast("B"))
     except struct.error:
         return None
-    return None
+
+
+def _size(head: bytes, data: memoryview) -> tuple[int, int] | None:
+    size: tuple[int, int] | None = None
+    if head.startswith(_PNG):
+        size = struct.unpack_from(">II", head, 16)
+    elif head.startswith(_JPEG):
+        size = _jpeg_size(data)
+    elif head[:4] in _TIFF:
+        size = _tiff_size(data, _TIFF[head[:4]])
+    elif head.startswith(_BMP):
+        width, height = struct.unpack_from("<ii", head, 18)
+        size = abs(width), abs(height)
+    elif head.startswith(_RIFF) and head[8:12] == _WEBP:
+        size = _webp_size(head)
+    return size
 
 
 def _jpeg_size(data: memoryview) -> tuple[int, int] | None:
@@ -78,6 +88,18 @@ def _jpeg_size(data: memoryview) -> tuple[int, int] | None:
         (length,) = struct.unpack_from(">H", data, position + 2)
         position += 2 + length
     return None
+
+
+def _tiff_size(data: memoryview, order: str) -> tuple[int, int] | None:
+    """By the tags of the first image's directory, 12 bytes each."""
+    (start,) = struct.unpack_from(f"{order}I", data, 4)
+    (count,) = struct.unpack_from(f"{order}H", data, start)
+    sizes = {}
+    for entry in range(start + 2, start + 2 + 12 * count, 12):
+        tag, kind = struct.unpack_from(f"{order}HH", data, entry)
+        if tag in {_TIFF_WIDTH, _TIFF_HEIGHT}:
+            (sizes[tag],) = struct.unpack_from(f"{order}{'H' if kind == _TIFF_SHORT else 'I'}", data, entry + 8)
+    return (sizes[_TIFF_WIDTH], sizes[_TIFF_HEIGHT]) if len(sizes) == 2 else None
 
 
 def _webp_size(head: bytes) -> tuple[int, int] | None:

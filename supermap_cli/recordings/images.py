@@ -34,11 +34,15 @@ _RVL_SIZE = struct.Struct("<ii")
 
 
 class _PixelLayout(NamedTuple):
-    """How an encoding lies in memory, and the OpenCV conversion to RGB (`None`: it is RGB)."""
+    """How an encoding lies in memory, and the OpenCV conversion to RGB (`None`: it is RGB).
+
+    `half_lines` are the lines of its planes together, in halves of the image's height.
+    """
 
     dtype: str
     channels: int
     to_rgb: int | None
+    half_lines: int = 2
 
 
 _COLOR = {
@@ -53,16 +57,27 @@ _COLOR = {
     "mono16": _PixelLayout("u2", 1, cv2.COLOR_GRAY2RGB),
     "rgb16": _PixelLayout("u2", 3, None),
     "bgr16": _PixelLayout("u2", 3, cv2.COLOR_BGR2RGB),
+    "rgba16": _PixelLayout("u2", 4, cv2.COLOR_RGBA2RGB),
+    "bgra16": _PixelLayout("u2", 4, cv2.COLOR_BGRA2RGB),
     "yuv422": _PixelLayout("u1", 2, cv2.COLOR_YUV2RGB_UYVY),
     "uyvy": _PixelLayout("u1", 2, cv2.COLOR_YUV2RGB_UYVY),
     "yuv422_yuy2": _PixelLayout("u1", 2, cv2.COLOR_YUV2RGB_YUY2),
     "yuyv": _PixelLayout("u1", 2, cv2.COLOR_YUV2RGB_YUY2),
-    "bayer_rggb8": _PixelLayout("u1", 1, cv2.COLOR_BayerRGGB2RGB),
-    "bayer_bggr8": _PixelLayout("u1", 1, cv2.COLOR_BayerBGGR2RGB),
-    "bayer_gbrg8": _PixelLayout("u1", 1, cv2.COLOR_BayerGBRG2RGB),
-    "bayer_grbg8": _PixelLayout("u1", 1, cv2.COLOR_BayerGRBG2RGB),
+    "nv12": _PixelLayout("u1", 1, cv2.COLOR_YUV2RGB_NV12, half_lines=3),
+    "nv21": _PixelLayout("u1", 1, cv2.COLOR_YUV2RGB_NV21, half_lines=3),
+    "nv24": _PixelLayout("u1", 1, None, half_lines=6),
+    **{
+        f"bayer_{pattern}{bits}": _PixelLayout(dtype, 1, to_rgb)
+        for bits, dtype in ((8, "u1"), (16, "u2"))
+        for pattern, to_rgb in (
+            ("rggb", cv2.COLOR_BayerRGGB2RGB),
+            ("bggr", cv2.COLOR_BayerBGGR2RGB),
+            ("gbrg", cv2.COLOR_BayerGBRG2RGB),
+            ("grbg", cv2.COLOR_BayerGRBG2RGB),
+        )
+    },
 }
-"""Colour encodings (sensor_msgs/image_encodings.h)."""
+"""Colour encodings (sensor_msgs/image_encodings.h; nv12 is that of decoders, Linux's V4L2_PIX_FMT_NV12)."""
 
 _FLOAT_DEPTH = {"32FC1": "f4", "64FC1": "f8"}
 """Depth encodings in metres."""
@@ -70,7 +85,7 @@ _FLOAT_DEPTH = {"32FC1": "f4", "64FC1": "f8"}
 COLOR_ENCODINGS = (*_COLOR, "jpeg", "png")
 """What colour images may be encoded in, for error messages."""
 
-DEPTH_ENCODINGS = ("16UC1", "32FC1", "mono16", "64FC1", "compressedDepth (png, rvl)", "png")
+DEPTH_ENCODINGS = ("16UC1", "32FC1", "mono16", "64FC1", "compressedDepth (png, rvl)", "png", "tiff")
 """What depth images may be encoded in, for error messages."""
 
 
@@ -110,12 +125,21 @@ def _decode_raw_color(image: ImageMessage, limits: Limits) -> UInt8Array:
     layout = _COLOR.get(image.encoding)
     if layout is None:
         raise unknown_encoding(image, COLOR_ENCODINGS)
-    pixels = _pixels(image, layout.dtype, layout.channels, limits)
+    pixels = _pixels(image, layout.dtype, layout.channels, limits, half_lines=layout.half_lines)
+    if image.encoding == "nv24":
+        return np.ascontiguousarray(_rgb_of_nv24(pixels, image.height))
     if layout.dtype == "u2":
         pixels = (pixels >> 8).astype(np.uint8)
     if layout.to_rgb is not None:
         pixels = np.asarray(cv2.cvtColor(np.ascontiguousarray(pixels), layout.to_rgb))
     return np.ascontiguousarray(pixels)
+
+
+def _rgb_of_nv24(planes: NDArray[Any], height: int) -> NDArray[Any]:
+    """nv24 has U and V for every pixel: it is every other pixel of an nv12 image of twice the size."""
+    luma, chroma = planes[:height], planes[height:].reshape(height, -1)
+    doubled = np.vstack([luma.repeat(2, axis=0).repeat(2, axis=1), chroma])
+    return np.asarray(cv2.cvtColor(doubled, cv2.COLOR_YUV2RGB_NV12))[::2, ::2]
 
 
 def _decode_compressed_color(image: ImageMessage, limits: Limits) -> UInt8Array:
@@ -172,33 +196,37 @@ def _decode_raw_numbers(image: ImageMessage, limits: Limits) -> UInt16Array:
     return _pixels(image, dtype, 1, limits).astype(np.uint16)
 
 
-def _pixels(image: ImageMessage, dtype: str, channels: int, limits: Limits) -> NDArray[Any]:
-    """The rows without their padding, (h, w) or (h, w, channels), in the machine's byte order."""
+def _pixels(image: ImageMessage, dtype: str, channels: int, limits: Limits, *, half_lines: int = 2) -> NDArray[Any]:
+    """The rows without their padding, (h, w) or (h, w, channels), in the machine's byte order; of planes one below the
+    other, whose lines are given in halves of the height, all.
+    """
     check_pixels(image.width, image.height, len(image.data), limits)
+    lines = image.height * half_lines // 2
     kind = np.dtype(dtype).newbyteorder(">" if image.big_endian else "<")
     row = image.width * channels * kind.itemsize
     step = image.step or row
-    if step < row or len(image.data) < step * (image.height - 1) + row:
+    if step < row or len(image.data) < step * (lines - 1) + row:
         raise ValueError(
             f"{len(image.data)} bytes do not hold {image.width} x {image.height} {image.encoding} rows of {step} bytes"
         )
-    padded = np.zeros(step * image.height, np.uint8)
+    padded = np.zeros(step * lines, np.uint8)
     data = np.frombuffer(image.data, np.uint8)[: len(padded)]
     rows = data if len(data) == len(padded) else padded
     if rows is padded:
         padded[: len(data)] = data
-    packed = np.ascontiguousarray(rows.reshape(image.height, step)[:, :row]).view(kind)
-    shaped = packed.reshape((image.height, image.width) if channels == 1 else (image.height, image.width, channels))
+    packed = np.ascontiguousarray(rows.reshape(lines, step)[:, :row]).view(kind)
+    shaped = packed.reshape((lines, image.width) if channels == 1 else (lines, image.width, channels))
     return shaped.astype(kind.newbyteorder("="), copy=False)
 
 
 def _decode_compressed_depth(image: ImageMessage, limits: Limits) -> Float32Array:
-    """A CompressedImage of depth: plain 16-bit PNG (mm), or compressedDepth with its 12-byte ConfigHeader.
+    """A CompressedImage of depth: plain PNG or TIFF (16 bits: mm; floats: m), or compressedDepth with its 12-byte
+    ConfigHeader.
 
     Inverse quantisation of 32FC1: depth = depthParam[0] / (raw - depthParam[1])  (compressed_depth_image_transport).
     """
     if "compressedDepth" not in image.encoding or bytes(image.data[:4]) == _PNG:
-        return _millimetres(_decode_png16(image.data, limits))
+        return _metres(_decode_grey(image.data, limits))
     if len(image.data) <= _DEPTH_HEADER.size:
         raise ValueError("a compressedDepth image without content")
     _, a, b = _DEPTH_HEADER.unpack_from(image.data)
@@ -219,13 +247,25 @@ def _decode_rvl_image(image: ImageMessage, body: bytes | memoryview, limits: Lim
 
 
 def _decode_png16(body: bytes | memoryview, limits: Limits) -> NDArray[np.unsignedinteger]:
+    pixels = _decode_grey(body, limits)
+    if pixels.dtype.kind != "u":
+        raise ValueError(f"an image of {pixels.dtype} where 16 bits were expected")
+    return pixels
+
+
+def _decode_grey(body: bytes | memoryview, limits: Limits) -> NDArray[Any]:
+    """(h, w) of a PNG or TIFF with one channel of 8 or 16 bits, or of floats."""
     if not len(body):
         raise ValueError("a PNG that cannot be decoded")
     check_size(body, limits)
-    data = np.frombuffer(body, np.uint8)
-    pixels: NDArray[Any] | None = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if len(data) else None
+    pixels: NDArray[Any] | None = cv2.imdecode(np.frombuffer(body, np.uint8), cv2.IMREAD_UNCHANGED)
     if pixels is None:
-        raise ValueError("a PNG that cannot be decoded")
-    if pixels.ndim != 2 or pixels.dtype not in {np.dtype(np.uint8), np.dtype(np.uint16)}:
-        raise ValueError(f"a PNG of {pixels.dtype} with shape {pixels.shape} where one 16-bit channel was expected")
+        raise ValueError("a PNG or TIFF that cannot be decoded")
+    if pixels.ndim != 2 or pixels.dtype not in {np.dtype(kind) for kind in ("u1", "u2", "f4", "f8")}:
+        raise ValueError(f"an image of {pixels.dtype} with shape {pixels.shape} where one 16-bit channel was expected")
     return pixels
+
+
+def _metres(pixels: NDArray[Any]) -> Float32Array:
+    """Whole numbers are millimetres, floats metres (REP-118)."""
+    return _returns(pixels) if pixels.dtype.kind == "f" else _millimetres(pixels)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import re
 import struct
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Any, Literal
@@ -73,6 +73,27 @@ _NEAR_DETECTIONS = re.compile(
     r"/msg/\w*(Detection|BoundingBox|ObjectArray|ObjectsStamped|TrackedObject|YoloResult)", re.I
 )
 """Names of types that hold detections, though of a layout that is not read."""
+
+
+_PACKETS = "the raw packets of a LiDAR: replay them through its driver, and record the PointCloud2 that it publishes"
+_VIDEO = "a video stream, whose images need each other: convert it to Image or CompressedImage"
+_NEAR: tuple[tuple[Kind, re.Pattern[str], str], ...] = (
+    ("points", re.compile(r"(Velodyne|Pandar|Rslidar|Hesai|Lslidar|Robosense)\w*(Scan|Packet)$", re.I), _PACKETS),
+    ("points", re.compile(r"(UdpFrame|/PacketMsg|UdpPacket)$"), _PACKETS),
+    ("points", re.compile(r"/(LaserScan|MultiEchoLaserScan)$"), "a scan in one plane, which gives images no depth"),
+    ("points", re.compile(r"sensor_msgs/msg/PointCloud$"), "the old PointCloud: convert it to PointCloud2"),
+    ("image", re.compile(r"FFMPEGPacket$|H264|H265|theora|CompressedVideo$|VideoPacket$", re.I), _VIDEO),
+)
+"""Names of types that hold what is looked for, though of a layout that is not read; what they are, and what helps."""
+
+
+def near(channel: Channel, kinds: Collection[Kind]) -> str | None:
+    """What a channel holds that is near to one of the kinds and not read, for people; `None` for other channels."""
+    if channel.count and kind_of(channel) is None:
+        for kind, names, what in _NEAR:
+            if kind in kinds and names.search(channel.msgtype):
+                return f"{channel.topic} ({channel.msgtype}) holds {what}"
+    return None
 
 
 @dataclass(frozen=True)

@@ -24,6 +24,7 @@ from supermap_cli.recordings.storage import Channel, RawMessage, Storage
 from supermap_cli.recordings.survey import Topic, survey_topics
 from supermap_cli.recordings.tf_survey import is_static
 from supermap_cli.recordings.topic_plan import TopicPlan
+from supermap_cli.recordings.topics import MissingTopicError
 from supermap_cli.recordings.transforms import MovingTransforms, TransformTree
 from supermap_cli.recordings.window import MARGIN_NS, RecordedData, Window
 
@@ -145,7 +146,7 @@ def open_recording(path: Path, request: RecordingRequest) -> OpenedRecording:
         window=rig.window,
         shifts_ns=rig.shifts_ns,
         origin=rig.origin,
-        problems=rig.problems,
+        problems=tuple(_with_near(problem, storage) for problem in rig.problems),
         motion_problem=None
         if rig.pose_source is not None or rig.plan.serves("lidar")
         else no_poses(where, rig.not_motion),
@@ -160,6 +161,15 @@ def _note_unread(storage: Storage, topics: tuple[Topic, ...], where: str, notes:
     for channel in storage.channels:
         if channel.count and messages.is_near_detections(channel):
             notes.note(f"unread {channel.topic}", f"{where}, {channel.topic}: {unread_detections(channel)}")
+
+
+def _with_near(problem: RecordingError, storage: Storage) -> RecordingError:
+    """Where something is missing, what the recording holds in its place that is not read."""
+    kinds = problem.kinds if isinstance(problem, MissingTopicError) else ()
+    found = [text for channel in storage.channels if (text := messages.near(channel, kinds)) is not None]
+    if not found:
+        return problem
+    return RecordingError(f"{problem.what}; {'; '.join(found)}", where=problem.where, cure=problem.cure)
 
 
 def unread_detections(channel: Channel) -> str:

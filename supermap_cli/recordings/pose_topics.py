@@ -10,6 +10,9 @@ from supermap_cli.recordings.topic_names import words_of
 BASE_NAMES = ("base_link", "base_footprint", "base", "body")
 """Names of the robot's base (REP-105, REP-120), the likeliest first."""
 
+WORLD_NAMES = frozenset({"map", "odom", "world", "earth", "utm", "odom_combined", "odometry", "camera_init"})
+"""Names of frames that stand still (REP-105; robot_pose_ekf; LOAM and FAST-LIO), which are no sensor's."""
+
 _OTHERS_WORDS = frozenset(
     {
         *("goal", "target", "setpoint", "waypoint", "waypoints", "initialpose", "clicked", "desired", "reference"),
@@ -33,13 +36,14 @@ are told so seldom.
 
 def why_no_motion(topic: Topic, topics: Sequence[Topic], length_s: float = 0.0) -> str | None:
     """Why a topic of poses cannot be the robot's motion in a recording of that length; `None` if it can."""
-    sensor_frames = {other.frame_id for other in topics if other.kind in {"image", "points", "imu"}} - {""}
+    sensors = {"image", "imu"} if is_odometry(topic) else {"image", "points", "imu"}  # LiDAR odometry maps in its frame
+    sensor_frames = {other.frame_id for other in topics if other.kind in sensors} - {""}
     words = words_of(topic.name) & _OTHERS_WORDS
     count = topic.channel.count
     images = max((other.channel.count for other in topics if other.kind == "image"), default=0)
     if not is_odometry(topic) and count < max(min(_LEAST_POSES, images / 2), _LEAST_POSES_HZ * length_s):
         return f"it has only {count} messages in {length_s:.0f} s"
-    if topic.frame_id in sensor_frames:
+    if topic.frame_id in sensor_frames and last_part(topic.frame_id) not in WORLD_NAMES:
         return f"it is given in the sensor's own frame {topic.frame_id!r}"
     if last_part(topic.frame_id) in BASE_NAMES:
         return f"it is given in the robot's own frame {topic.frame_id!r}"

@@ -12,7 +12,7 @@ from supermap_cli.recordings.motion import PoseSource
 from supermap_cli.recordings.pose_topics import BASE_NAMES, last_part
 from supermap_cli.recordings.roles import role_name
 from supermap_cli.recordings.survey import Topic
-from supermap_cli.recordings.topic_names import is_rectified
+from supermap_cli.recordings.topic_names import is_on_colors_pixels, is_rectified
 from supermap_cli.recordings.topic_plan import CameraPlan, TopicPlan
 from supermap_cli.recordings.transforms import TransformTree
 from supermap_cli.types.sensing import MAIN_CAMERA
@@ -86,7 +86,7 @@ class RigBuilder:
         """Depth is aligned when named so, or in the colour's frame with its intrinsics; both at the same size."""
         color_frame, info = camera.frame_id, camera.topic("depth_camera_info")
         frame_id = depth.frame_id or (info.frame_id if info else "")
-        named_aligned = any(word in depth.name for word in ("aligned", "registered"))
+        named_aligned = is_on_colors_pixels(depth.name)
         same_frame = named_aligned or not frame_id or frame_id == color_frame
         if same_frame and depth.size == camera.color.size and (named_aligned or info is None or self._forced_model):
             return DepthRig(model, color_frame, aligned=True)

@@ -38,11 +38,39 @@ def namespace_of(topic: str) -> str:
 
 
 def is_rectified(topic: str) -> bool:
-    """Whether an image topic is named as image_proc's rectified output (image_rect, image_rect_color, image_rect_raw).
+    """Whether an image topic is named as rectified: as image_proc's output (image_rect, image_rect_color,
+    image_rect_raw), or by a folder of its own (ZED's rgb/color/rect/image).
 
     RealSense's depth/image_rect_raw is meant too: its distortion is zero anyhow.
     """
-    return "rect" in topic.removeprefix(namespace_of(topic))
+    return "rect" in topic.removeprefix(namespace_of(topic)) or not {"rect", "rectified"}.isdisjoint(topic.split("/"))
+
+
+def is_on_colors_pixels(topic: str) -> bool:
+    """Whether a depth topic is named as brought onto the colour camera's pixels; "unaligned" is not."""
+    return not words_of(topic).isdisjoint(_ON_COLORS_PIXELS)
+
+
+_ON_COLORS_PIXELS = frozenset({"aligned", "registered"})
+"""realsense-ros and Spot: aligned_depth_to_color, depth_registered; OpenNI, ZED: depth_registered, hw_registered."""
+
+
+def names_depth(topic: str) -> bool:
+    """Whether a topic's name says depth: of the parts that speak of depth or colour the last counts.
+
+    /camera/depth/image_raw, /camera/aligned_depth_to_color/image_raw; not /depth_camera_front/color/image_raw.
+    """
+    spoken = [part for part in topic.lower().split("/") if any(word in part for word in ("depth", *COLOR_WORDS))]
+    return bool(spoken) and "depth" in spoken[-1]
+
+
+COLOR_WORDS = ("color", "colour", "rgb")
+"""A topic whose name holds one of them says that its images are coloured."""
+
+
+def is_infrared(topic: str) -> bool:
+    """Whether a topic is named as infrared: /camera/ir/image_raw, /camera/left_ir/image_raw, image_ir_rect."""
+    return any(re.fullmatch(r"n?ir\d*", word) for word in words_of(topic))
 
 
 def common_parts(a: str, b: str) -> int:

@@ -6,36 +6,38 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 
 from supermap_cli.errors import RecordingError
-from supermap_cli.recordings.images import DEPTH_ENCODINGS, is_depth_encoding
+from supermap_cli.recordings.image_topics import (
+    COLOR_LOST,
+    MASK_WORDS,
+    ColorRanking,
+    can_be_depth,
+    has_word,
+    is_color,
+    is_depth,
+    is_lossy,
+    named_as_no_depth,
+    shows_a_camera,
+)
+from supermap_cli.recordings.images import DEPTH_ENCODINGS
 from supermap_cli.recordings.messages import ImageMessage, Kind
-from supermap_cli.recordings.pose_topics import why_no_motion
+from supermap_cli.recordings.pose_topics import WORLD_NAMES, is_odometry, last_part, why_no_motion
 from supermap_cli.recordings.roles import NamedTopics, role_name
 from supermap_cli.recordings.survey import Topic
 from supermap_cli.recordings.topic_choices import RoleFilling
-from supermap_cli.recordings.topic_names import common_parts, common_words, device_of, namespace_of
+from supermap_cli.recordings.topic_names import (
+    common_parts,
+    common_words,
+    device_of,
+    is_on_colors_pixels,
+    names_depth,
+    namespace_of,
+)
 from supermap_cli.recordings.topic_plan import CameraPlan, TopicChoice, TopicPlan
 from supermap_cli.types.sensing import MAIN_CAMERA
-
-MASK_WORDS = ("mask", "instance", "segment", "label")
-"""An image topic whose name holds one of them shows instance masks, not colours."""
-
-NOT_COLOR_WORDS = (
-    *("infra", "/ir", "thermal", "depth", "confidence", "disparity"),
-    *("debug", "overlay", "annotated", "result"),
-)
-"""An image topic whose name holds one of them is chosen as colour only where there is no other."""
 
 _NOT_SCAN_WORDS = ("depth", "camera", "color", "map", "ground", "obstacle", "world", "deskew", "filtered", "registered")
 """A point cloud topic whose name holds one of them is no raw scan of a LiDAR."""
 
-_PNG_BIT_DEPTH_AT = 24
-"""Where a PNG says how many bits a sample has (RFC 2083, section 4.1.1)."""
-
-_COLOR_LOST = (
-    *("cannot be read", "is named as no colour image", "has no camera_info beside it"),
-    *("is not in the frame of the detections", "is not named colour", "is grey", "is a right camera"),
-    "has fewer messages",
-)
 _DEPTH_LOST = (
     *("cannot be read", "is named as another camera's", "is named infrared, confidence or disparity"),
     *("is not named aligned", "is not of the colour's frame and size", "is not in the colour's frame"),
@@ -60,6 +62,14 @@ _GROUND_TRUTH = re.compile(r"ground_?truth|(^|[/_])gt([/_]|$)")
 """Beside an odometry, the truth is there to judge by; a robot does not have it."""
 
 
+class MissingTopicError(RecordingError):
+    """No topic of the recording is of one of `kinds`."""
+
+    def __init__(self, what: str, *, where: str, cure: str, kinds: tuple[Kind, ...]) -> None:
+        super().__init__(what, where=where, cure=cure)
+        self.kinds = kinds
+
+
 def plan_topics(topics: Sequence[Topic], named: NamedTopics, where: str) -> TopicPlan:
     """Choose a topic for every role that can be served, for a lone camera.
 
@@ -74,19 +84,15 @@ def plan_topics(topics: Sequence[Topic], named: NamedTopics, where: str) -> Topi
 def plan_shared(topics: Sequence[Topic], named: Mapping[str, str], where: str) -> Mapping[str, TopicChoice]:
     """The topics of the roles that are of no single camera."""
     choices = RoleFilling(topics, named, where)
-    image_frames = {topic.frame_id for topic in topics if topic.kind == "image"}
-    choices.choose("lidar", _of(topics, "points"), lambda topic: _lidar_rank(topic, image_frames), _LIDAR_LOST)
+    frames = {topic.frame_id for topic in topics if topic.kind == "image" or is_odometry(topic)}
+    choices.choose("lidar", _of(topics, "points"), lambda topic: _lidar_rank(topic, frames), _LIDAR_LOST)
     choices.choose(
         "imu",
         [topic for topic in _of(topics, "imu") if topic.fault is None],
         lambda topic: (has_word(topic, ("data",)), topic.channel.count),
         _IMU_LOST,
     )
-    odometries = [
-        topic
-        for topic in _of(topics, "pose")
-        if topic.channel.msgtype.endswith("Odometry") and why_no_motion(topic, topics) is None
-    ]
+    odometries = [topic for topic in _of(topics, "pose") if is_odometry(topic) and why_no_motion(topic, topics) is None]
     most = max((len(topic.poses) for topic in odometries), default=0)
     choices.choose("odometry", odometries, lambda topic: _odometry_rank(topic, most), _ODOMETRY_LOST)
     return choices.chosen
@@ -118,14 +124,13 @@ class CameraPlanner:
         self._choices = RoleFilling(topics, named, where, camera_id)
         self._problems: list[RecordingError] = []
         self._doubts: list[str] = []
-        self._calibrated_namespaces = {namespace_of(info.name) for info in self._of("camera_info")}
 
     def plan(self) -> CameraPlan:
         """The camera's topics. Raises `RecordingError` if the user named what is not there."""
         choices = self._choices
         choices.choose("detections", self._readable("detections"), lambda topic: (topic.channel.count,))
         choices.choose("masks", self._mask_candidates(), self._mask_rank)
-        choices.choose("color", self._color_candidates(), self._color_rank, _COLOR_LOST)
+        choices.choose("color", self._color_candidates(), self._color_ranking().rank, COLOR_LOST)
         self._prefer_own_detections()
         self._leave_out_foreign_detections()
         choices.choose("depth", self._depth_candidates(), self._depth_rank, _DEPTH_LOST)
@@ -198,28 +203,23 @@ class CameraPlanner:
     def _color_candidates(self) -> list[Topic]:
         return [topic for topic in self._of("image") if is_color(topic) and not self._is_mask(topic)]
 
-    def _color_rank(self, topic: Topic) -> tuple[float, ...]:
-        encoding = topic.image.encoding if topic.image else ""
+    def _color_ranking(self) -> ColorRanking:
         detections = self._choices.topic("detections") if len(self._of("detections")) == 1 else None
-        has_info = namespace_of(topic.name) in self._calibrated_namespaces
-        return (
-            topic.fault is None,
-            not has_word(topic, NOT_COLOR_WORDS),
-            has_info,
-            detections is not None and topic.frame_id in detections.frame_ids,
-            has_word(topic, ("color", "rgb")),
-            "mono" not in encoding and "8UC1" not in encoding,
-            not has_word(topic, ("right",)),
-            topic.channel.count,
+        return ColorRanking(
+            self._color_candidates(),
+            self._depth_images(),
+            {namespace_of(info.name) for info in self._of("camera_info")},
+            frozenset() if detections is None else detections.frame_ids,
         )
+
+    def _depth_images(self) -> list[Topic]:
+        """What can serve as depth, whatever is chosen as colour."""
+        images = [topic for topic in self._of("image") if is_depth(topic) and not self._is_mask(topic)]
+        return [topic for topic in images if not is_lossy(topic)]
 
     def _depth_candidates(self) -> list[Topic]:
         color = self._choices.topic("color")
-        return [
-            topic
-            for topic in self._of("image")
-            if is_depth(topic) and not self._is_mask(topic) and topic is not color and not _is_lossy(topic)
-        ]
+        return [topic for topic in self._depth_images() if topic is not color]
 
     def _depth_rank(self, topic: Topic) -> tuple[float, ...]:
         color = self._choices.topic("color")
@@ -229,12 +229,12 @@ class CameraPlanner:
         return (
             topic.fault is None,
             color is None or not self._is_of_other_camera(topic, color),
-            not has_word(topic, ("infra", "/ir", "confidence", "disparity")),
-            has_word(topic, ("aligned", "registered")),
+            not named_as_no_depth(topic),
+            is_on_colors_pixels(topic.name),
             same_frame and same_size,
             same_frame,
             near,
-            has_word(topic, ("depth",)),
+            names_depth(topic.name),
             topic.channel.count,
         )
 
@@ -257,10 +257,11 @@ class CameraPlanner:
                 "no camera images",
                 "record a sensor_msgs Image or CompressedImage topic, or name it: "
                 f"--topic {role_name('color', self._camera_id)}=/...",
+                "image",
             )
         elif depth is None and not self._lidar_stands_in:
             self._miss_depth()
-        if depth is not None and depth.image and (not _can_be_depth(depth.image) or _is_lossy(depth)):
+        if depth is not None and depth.image and (not can_be_depth(depth.image) or is_lossy(depth)):
             self._problems.append(self._unsupported_depth(depth, depth.image))
 
     def _miss_depth(self) -> None:
@@ -268,9 +269,9 @@ class CameraPlanner:
         unsupported = [
             self._unsupported_depth(topic, topic.image)
             for topic in self._of("image")
-            if topic.image and (has_word(topic, ("depth",)) or topic.fault)
+            if topic.image and (names_depth(topic.name) or topic.fault)
             if topic is not self._choices.topic("color") and not self._is_mask(topic)
-            if _is_lossy(topic) or not _can_be_depth(topic.image)
+            if is_lossy(topic) or not can_be_depth(topic.image)
         ]
         self._problems.extend(unsupported)
         if not unsupported:
@@ -279,21 +280,24 @@ class CameraPlanner:
                     "no depth images and no LiDAR",
                     "record an aligned depth topic or a PointCloud2, or name one: --topic depth=/... or "
                     "--topic lidar=/...",
+                    *("points", "image"),
                 )
             else:
                 self._miss(
                     f"no depth images of the camera {self._camera_id!r}",
                     f"record its aligned depth, or name it: --topic depth.{self._camera_id}=/...",
+                    "image",
                 )
 
-    def _miss(self, what: str, cure: str) -> None:
+    def _miss(self, what: str, cure: str, *kinds: Kind) -> None:
         names = [topic.name for topic in self._topics[:_MOST_LISTED]]
         more = len(self._topics) - len(names)
         known = ", ".join([*names, *([f"and {more} more"] if more else [])]) or "none of a known type"
-        self._problems.append(RecordingError(f"{what} among its topics ({known})", where=self._where, cure=cure))
+        what = f"{what} among its topics ({known})"
+        self._problems.append(MissingTopicError(what, where=self._where, cure=cure, kinds=kinds))
 
     def _unsupported_depth(self, topic: Topic, image: ImageMessage) -> RecordingError:
-        if _is_lossy(topic):
+        if is_lossy(topic):
             return RecordingError(
                 f"lossy depth images of 8 bits ({image.encoding.strip()!r}): they hold no distances",
                 where=f"{self._where}, {topic.name}",
@@ -308,35 +312,13 @@ class CameraPlanner:
         )
 
 
-def has_word(topic: Topic, words: Iterable[str]) -> bool:
-    """Whether a topic's name holds one of the words, in any case."""
-    name = topic.name.lower()
-    return any(word in name for word in words)
-
-
-def is_depth(topic: Topic) -> bool:
-    """Whether an image topic shows depth: by its encoding; 16-bit grey and plain PNG only if the name says so too."""
-    image = topic.image
-    return image is not None and (is_depth_encoding(image) or (has_word(topic, ("depth",)) and _can_be_depth(image)))
-
-
-def is_color(topic: Topic) -> bool:
-    """Whether an image topic shows what a camera sees (or instance masks, which only its name tells apart)."""
-    return topic.image is not None and not is_depth(topic)
-
-
-def shows_a_camera(topic: Topic) -> bool:
-    """Whether a topic holds what a colour camera sees: no masks, no infrared, no pictures of results."""
-    return topic.kind == "image" and is_color(topic) and not has_word(topic, (*MASK_WORDS, *NOT_COLOR_WORDS))
-
-
 def _of(topics: Iterable[Topic], kind: Kind) -> list[Topic]:
     return [topic for topic in topics if topic.kind == kind]
 
 
-def _lidar_rank(topic: Topic, image_frames: set[str]) -> tuple[float, ...]:
+def _lidar_rank(topic: Topic, others_frames: set[str]) -> tuple[float, ...]:
     return (
-        topic.frame_id not in {"map", "odom", "world"} and topic.frame_id not in image_frames,
+        last_part(topic.frame_id) not in WORLD_NAMES and topic.frame_id not in others_frames,
         not has_word(topic, _NOT_SCAN_WORDS),
         topic.channel.count,
     )
@@ -359,23 +341,8 @@ def faults(choices: Iterable[TopicChoice], where: str) -> tuple[RecordingError, 
         RecordingError(fault.what, where=fault.where or f"{where}, {choice.topic.name}", cure=fault.cure)
         for choice in choices
         if (fault := choice.topic.fault) is not None
-        and not (choice.role == "depth" and choice.topic.image and not _can_be_depth(choice.topic.image))
+        and not (choice.role == "depth" and choice.topic.image and not can_be_depth(choice.topic.image))
     )
-
-
-def _can_be_depth(image: ImageMessage) -> bool:
-    """By its encoding: 16-bit grey and plain PNG may be depth or not."""
-    return is_depth_encoding(image) or image.encoding.partition(";")[0].strip() in {"mono16", "png"}
-
-
-def _is_lossy(topic: Topic) -> bool:
-    """Whether a depth topic's compressed images are JPEG, or PNG of 8 bits: neither holds millimetres."""
-    if topic.image is None or not topic.image.compressed or "compressedDepth" in topic.image.encoding:
-        return False
-    head = bytes(topic.image.data[: _PNG_BIT_DEPTH_AT + 1])
-    is_depth_topic = is_depth_encoding(topic.image) or has_word(topic, ("depth",))
-    small_png = head[:4] == b"\x89PNG" and head[_PNG_BIT_DEPTH_AT:] == b"\x08"
-    return is_depth_topic and (head[:2] == b"\xff\xd8" or small_png)
 
 
 def _belongs(info: Topic, image: Topic) -> bool:

@@ -167,3 +167,45 @@ def test_an_unknown_depth_encoding_is_named():
 @pytest.mark.parametrize("image", [raw(DEPTH_MM, "16UC1"), compressed(png(DEPTH_MM), "16UC1; png compressed")])
 def test_instance_masks_keep_their_numbers(image):
     assert np.array_equal(decode_numbers(image), DEPTH_MM)
+
+
+@pytest.mark.parametrize("big_endian", [False, True])
+@pytest.mark.parametrize(("pattern", "colour"), [("rggb", 0), ("bggr", 2)])
+def test_sixteen_bit_mosaics_keep_their_high_bytes(pattern, colour, big_endian):
+    mosaic = np.zeros((6, 10), np.uint16)
+    mosaic[::2, ::2] = 200 << 8
+    rgb = decode_color(raw(mosaic, f"bayer_{pattern}16", big_endian=big_endian))
+    assert rgb[2:4, 2:8].reshape(-1, 3).max(axis=0)[colour] == 200
+    assert rgb[2:4, 2:8].reshape(-1, 3).max(axis=0)[2 - colour] == 0
+
+
+@pytest.mark.parametrize("padding", [0, 6])
+@pytest.mark.parametrize(("encoding", "order"), [("nv12", (0, 1)), ("nv21", (1, 0)), ("nv24", (0, 1))])
+def test_planes_below_each_other_give_rgb(encoding, order, padding):
+    luma, chroma = np.full((6, 10), 81, np.uint8), np.array([90, 240], np.uint8)[list(order)]
+    lines = 12 if encoding == "nv24" else 3
+    image = raw(np.vstack([luma, np.tile(chroma, (lines, 5))]), encoding, padding=padding)
+    rgb = decode_color(replace(image, height=6))
+    assert rgb.shape == (6, 10, 3)
+    assert np.abs(rgb.astype(int) - [255, 0, 0]).max() <= 3
+
+
+@pytest.mark.parametrize("encoding", ["nv12", "nv21", "nv24"])
+def test_planes_that_are_cut_off_or_odd_are_broken(encoding):
+    with pytest.raises(ValueError, match="do not hold"):
+        decode_color(ImageMessage(0, "camera", encoding, bytes(70), 10, 6, 10))
+    odd = ImageMessage(0, "camera", encoding, bytes(200), 5, 5, 5)
+    if encoding == "nv24":
+        assert decode_color(odd).shape == (5, 5, 3)
+    else:
+        with pytest.raises(ValueError, match="cannot be decoded"):
+            decode_color(odd)
+
+
+def test_depth_as_tiff_is_millimetres_or_metres():
+    metres = np.where(DEPTH_MM > 0, DEPTH_MM / 1000, np.nan).astype(np.float32)
+    for pixels, form in ((DEPTH_MM, "16UC1; tiff compressed"), (metres, "32FC1; tiff compressed")):
+        depth_m = decode_depth(compressed(cv2.imencode(".tiff", pixels)[1].tobytes(), form))
+        assert np.allclose(depth_m, DEPTH_MM / 1000, rtol=1e-6)
+    with pytest.raises(ValueError, match="cannot be decoded"):
+        decode_depth(compressed(b"II*\0\x08\0\0\0\xff\xff", "16UC1; tiff compressed"))

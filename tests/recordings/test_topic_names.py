@@ -2,7 +2,16 @@
 
 import pytest
 
-from supermap_cli.recordings.topic_names import camera_ids, common_parts, device_of, is_rectified, namespace_of
+from supermap_cli.recordings.topic_names import (
+    camera_ids,
+    common_parts,
+    device_of,
+    is_infrared,
+    is_on_colors_pixels,
+    is_rectified,
+    names_depth,
+    namespace_of,
+)
 
 
 @pytest.mark.parametrize(
@@ -12,6 +21,8 @@ from supermap_cli.recordings.topic_names import camera_ids, common_parts, device
         ("/camera/color/image_raw/compressed", "/camera/color", False),
         ("/camera/depth/image_rect/compressedDepth", "/camera/depth", True),
         ("/direct/image", "/direct", False),
+        ("/zed/zed_node/rgb/color/rect/image", "/zed/zed_node/rgb/color/rect", True),
+        ("/zed/zed_node/rgb/color/raw/image", "/zed/zed_node/rgb/color/raw", False),
         ("/image", "", False),
     ],
 )
@@ -67,3 +78,30 @@ def test_cameras_are_called_by_what_distinguishes_them(prefixes, ids):
 def test_common_parts_are_counted_from_the_front():
     assert common_parts("/a/b/c", "/a/b/d") == 3
     assert common_parts("/a", "/b") == 1
+
+
+@pytest.mark.parametrize(
+    ("topic", "is_depth"),
+    [
+        ("/camera/depth/image_raw", True),
+        ("/camera/aligned_depth_to_color/image_raw", True),
+        ("/oakd/rgb/preview/depth", True),
+        ("/kinect2/qhd/image_depth_rect", True),
+        ("/depth_camera_front/color/image_raw", False),
+        ("/depth_camera_front/rgb/image_rect", False),
+        ("/camera/color/image_raw", False),
+        ("/image", False),
+    ],
+)
+def test_of_the_parts_that_say_depth_or_colour_the_last_counts(topic, is_depth):
+    assert names_depth(topic) == is_depth
+
+
+def test_words_are_whole_words():
+    assert is_on_colors_pixels("/camera/aligned_depth_to_color/image_raw")
+    assert is_on_colors_pixels("/camera/depth_registered/image")
+    assert not is_on_colors_pixels("/camera/depth/image_unaligned")
+    assert all(
+        is_infrared(topic) for topic in ("/camera/ir/image", "/camera/left_ir/image", "/image_ir_rect", "/ir2/image")
+    )
+    assert not any(is_infrared(topic) for topic in ("/irobot/image", "/first/image", "/camera/image"))

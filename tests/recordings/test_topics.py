@@ -114,3 +114,57 @@ def test_of_several_depths_and_detections_those_of_the_cameras_own_device_are_ch
     assert (front["depth"], front["detections"]) == ("/front/depth/image_raw", "/front/detections")
     rear = chosen(plan_of(tmp_path / "a.mcap", {"color": "/rear/color/image_raw"}))
     assert (rear["depth"], rear["detections"]) == ("/rear/aligned_depth_to_color/image_raw", "/rear/detections")
+
+
+def write_images(path, topics, depth="/cam/depth/image", frame="camera_optical"):
+    """Colour topics with the shape and the encoding of their images, in one frame, and depth of 8 x 6 pixels."""
+    with bags.BagWriter(path) as bag:
+        for topic, (pixels, encoding) in topics.items():
+            bag.image(topic, bags.START_NS, frame, pixels, encoding)
+            info = f"{topic.rpartition('/')[0]}/camera_info"
+            bag.camera_info(info, bags.START_NS, frame, (pixels.shape[1], pixels.shape[0]), K)
+        bag.image(depth, bags.START_NS, frame, DEPTH, "16UC1")
+    return path
+
+
+LARGE, SMALL, MOSAIC = np.zeros((12, 16, 3), np.uint8), np.zeros((3, 4, 3), np.uint8), np.zeros((6, 8), np.uint8)
+
+
+@pytest.mark.parametrize(
+    ("topics", "best"),
+    [
+        ({"/cam/hd/image": (LARGE, "rgb8"), "/cam/qhd/image": (RGB, "rgb8")}, "/cam/qhd/image"),
+        ({"/cam/preview/image": (SMALL, "rgb8"), "/cam/video/image": (LARGE, "rgb8")}, "/cam/video/image"),
+        (
+            {"/cam/rgb/image_raw": (MOSAIC, "bayer_grbg8"), "/cam/rgb/image_color": (RGB, "rgb8")},
+            "/cam/rgb/image_color",
+        ),
+        (
+            {"/cam/rgb/image_raw": (RGB, "rgb8"), "/cam/rgb/image_rect_color": (RGB, "rgb8")},
+            "/cam/rgb/image_rect_color",
+        ),
+    ],
+)
+def test_of_a_cameras_streams_the_best_is_chosen_in_any_order(tmp_path, topics, best):
+    for number, listed in enumerate((topics, dict(reversed(topics.items())))):
+        assert chosen(plan_of(write_images(tmp_path / f"{number}.mcap", listed)))["color"] == best
+
+
+def test_a_camera_with_depth_counts_before_one_without(tmp_path):
+    with bags.BagWriter(tmp_path / "a.mcap") as bag:
+        for device, colour in (("depth_camera_front", "rgb/image_raw"), ("web", "color/image_color")):
+            bag.image(f"/{device}/{colour}", bags.START_NS, f"{device}_optical", RGB, "rgb8")
+            folder = colour.rpartition("/")[0]
+            bag.camera_info(f"/{device}/{folder}/camera_info", bags.START_NS, f"{device}_optical", SIZE, K)
+        bag.image("/depth_camera_front/depth/image_raw", bags.START_NS, "depth_camera_front_optical", DEPTH, "16UC1")
+    assert chosen(plan_of(tmp_path / "a.mcap"))["color"] == "/depth_camera_front/rgb/image_raw"
+
+
+@pytest.mark.parametrize("frame", ["odom", "camera_init", "map"])
+def test_odometry_in_the_frame_of_registered_clouds_is_motion_and_these_are_no_scan(tmp_path, frame):
+    with bags.BagWriter(tmp_path / "a.mcap") as bag:
+        for index in range(3):
+            bag.odometry("/lio/odometry", bags.stamp(index), bags.pose_at(index), frame_id=frame)
+            for topic, own in (("/lio/cloud", frame), ("/points_raw", "lidar")):
+                bag.points(topic, bags.stamp(index), own, bags.wall_points(index))
+    assert chosen(plan_of(tmp_path / "a.mcap")) == {"lidar": "/points_raw", "odometry": "/lio/odometry"}
