@@ -38,6 +38,7 @@ from supermap_cli.commands.common import (
     interrupt_on_sigterm,
     out,
     print_json,
+    sane,
     waiting,
 )
 from supermap_cli.errors import BuildStoppedError, ConfigError
@@ -76,12 +77,15 @@ RecordingsArgument = Annotated[
 ]
 PerceptionRateOption = Annotated[
     float | None,
-    typer.Option(help="Images perceived a second, the others give depth. [default: all that are mapped]"),
+    typer.Option(
+        callback=sane, help="Images perceived a second, the others give depth. [default: all that are mapped]"
+    ),
 ]
 NameOption = Annotated[str | None, typer.Option(help="Name of the traversal. [default: the file's name]")]
 MinConfidenceOption = Annotated[
     float | None,
     typer.Option(
+        callback=sane,
         metavar="P",
         help="Probability of being right (there, and rightly called) from which an object enters the map, between "
         "0 and 1: higher, and less is wrong and more is missing. None is surer than about 0.95. [default: 0.5]",
