@@ -7,7 +7,8 @@
             ...
 
 `SUPERMAP_FUZZ_EXAMPLES` says how many examples each test tries (`make fuzz`); without it each tries the few that it
-names, the same ones every time. `--hypothesis-seed` repeats a run.
+names, the same ones every time. `--hypothesis-seed` repeats a run, and `SUPERMAP_FUZZ_SHRINK=yes` makes what it finds
+smaller.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from hypothesis import HealthCheck, settings
+from hypothesis import HealthCheck, Phase, settings
 from hypothesis import strategies as st
 
 from supermap_cli.errors import SupermapError
@@ -39,6 +40,11 @@ TRIED: Counter[str] = Counter()
 
 _EXAMPLES = os.environ.get("SUPERMAP_FUZZ_EXAMPLES")
 
+_SHRINKS = os.environ.get("SUPERMAP_FUZZ_SHRINK", "no") == "yes"
+"""Whether a found input is made smaller, which takes minutes where an input takes a second."""
+
+_PHASES = (Phase.explicit, Phase.generate, Phase.shrink)
+
 
 def fuzzing(in_ci: int, *, share: float = 1.0) -> settings:
     """Settings of a fuzzer: `in_ci` examples, or that `share` of `SUPERMAP_FUZZ_EXAMPLES` for one that is slow."""
@@ -48,6 +54,7 @@ def fuzzing(in_ci: int, *, share: float = 1.0) -> settings:
         derandomize=_EXAMPLES is None,
         suppress_health_check=list(HealthCheck),
         database=None,
+        phases=_PHASES if _SHRINKS else _PHASES[:2],
     )
 
 
