@@ -207,7 +207,7 @@ def _image_input(inputs: Sequence[Any], path: Path) -> tuple[str, type[np.floati
     """The input's name, type and (height, width); sizes that the model leaves open become 640."""
     types: dict[str, type[np.floating[Any]]] = {"tensor(float)": np.float32, "tensor(float16)": np.float16}
     image = inputs[0] if inputs else None
-    shape = () if image is None else image.shape
+    shape: Sequence[Any] = [] if image is None else image.shape
     one_image = len(inputs) == 1 and len(shape) == 4 and (shape[1] == 3 or not isinstance(shape[1], int))
     if image is None or not one_image or image.type not in types:
         described = ", ".join(f"{tensor.name} {tensor.shape} {tensor.type}" for tensor in inputs)

@@ -278,7 +278,7 @@ def open_recording(path: Path, wanted: RecordingRequest, plugins: Plugins) -> Re
     """Open a recording by a plugin that knows its format, else as a bag."""
     from supermap_cli.recordings import open_bag_recording  # noqa: PLC0415
 
-    opened: Recording | None = plugins.hook.open_recording(path=path, request=wanted)
+    opened = plugins.open_recording(path, wanted)
     return opened if opened is not None else open_bag_recording(path, wanted)
 
 
