@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from supermap_cli.config import load_user_config
+from supermap_cli.errors import ConfigError
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -29,10 +30,12 @@ MOST = 1e9
 """No number on a command line is larger, of whatever unit: a billion seconds are 32 years."""
 
 
-def sane(value: float | None) -> float | None:
+def sane(parameter: typer.CallbackParam, value: float | None) -> float | None:
     """The callback of every option that takes a real number: neither NaN nor infinite, and not absurdly large."""
     if value is not None and not abs(value) <= MOST:
-        raise typer.BadParameter(f"{value:g} is no number between {-MOST:g} and {MOST:g}")
+        raise ConfigError(
+            f"{parameter.opts[0]} {value:g} is no number to work with", cure=f"give one between {-MOST:g} and {MOST:g}"
+        )
     return value
 
 

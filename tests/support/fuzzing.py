@@ -29,8 +29,8 @@ from hypothesis import strategies as st
 
 from supermap_cli.errors import SupermapError
 
-LONGEST_S = 20
-"""Seconds that one input may take."""
+LONGEST_S, LONGEST_WAIT_S = 20, 120
+"""Seconds of computing that one input may take, and by the clock: a wait that never ends, on a busy machine."""
 
 MOST_MB = 800
 """MB that one input may add to what the process holds: with the program itself, which takes 200, this makes 1 GB."""
@@ -73,16 +73,19 @@ def one_input(form: str) -> Iterator[None]:
 
 @contextmanager
 def _time_limit() -> Iterator[None]:
-    def too_long(*_: object) -> None:
-        raise TooMuchError(f"longer than {LONGEST_S} s")
+    def too_long(number: int, *_: object) -> None:
+        raise TooMuchError(f"{LONGEST_S} s of computing" if number == signal.SIGPROF else f"{LONGEST_WAIT_S} s")
 
-    before = signal.signal(signal.SIGALRM, too_long)
-    signal.setitimer(signal.ITIMER_REAL, LONGEST_S)
+    before = {number: signal.signal(number, too_long) for number in (signal.SIGPROF, signal.SIGALRM)}
+    signal.setitimer(signal.ITIMER_PROF, LONGEST_S)
+    signal.setitimer(signal.ITIMER_REAL, LONGEST_WAIT_S)
     try:
         yield
     finally:
+        signal.setitimer(signal.ITIMER_PROF, 0)
         signal.setitimer(signal.ITIMER_REAL, 0)
-        signal.signal(signal.SIGALRM, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 @contextmanager
