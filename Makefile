@@ -3,8 +3,9 @@
 #   make demo     set up, then simulate two recordings of one place, build, query, diff and evaluate
 #   make test     set up, then everything CI checks: format, lint, types, imports, tests
 #   make test-postgresql   the tests that touch a database, on a PostgreSQL server that they start for themselves
-#   make fuzz     mutated recordings, damaged maps, odd command lines: EXAMPLES=2000 of each kind
 #   make zoo      the small recordings of every recorder, driver and robot, and their table in docs/recordings.md
+#   make fuzz     hostile recordings, messages, maps, models, plugins, settings and command lines: EXAMPLES=2000 of each
+#                 kind; says how many of each were tried, and SEED=7 tries the same again
 #   make benchmark   simulate, build and score the tables of docs/benchmarks.md; SEEDS=11,12,13, WORLDS=folder
 #   make setup    only set up: .venv with SuperMap and its tools
 #   make lint     ruff, mypy --strict, import-linter       make format   let ruff format and fix
@@ -68,9 +69,10 @@ test-postgresql: $(INSTALLED)
 	@SUPERMAP_TEST_DATABASE=postgresql $(BIN)/python -m pytest -n $(WORKERS) -rs $(ON_POSTGRESQL)
 
 EXAMPLES ?= 2000
+SEED := $(or $(SEED),$(shell date +%s))
 
 fuzz: $(INSTALLED)
-	@SUPERMAP_FUZZ_EXAMPLES=$(EXAMPLES) $(BIN)/python -m pytest -n $(WORKERS) tests/fuzz
+	@SUPERMAP_FUZZ_EXAMPLES=$(EXAMPLES) $(BIN)/python -m pytest -n $(WORKERS) --hypothesis-seed=$(SEED) tests/fuzz
 
 zoo: $(INSTALLED)
 	@PYTHONPATH=tests:. $(BIN)/python -m zoo.documentation

@@ -4,6 +4,7 @@ traversal.
 
 from __future__ import annotations
 
+import os
 import tomllib
 from pathlib import Path
 from typing import Literal
@@ -11,6 +12,7 @@ from typing import Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from supermap_cli.errors import ConfigError
+from supermap_cli.input_files import read_text
 from supermap_cli.types.limits import RecordingLimits
 
 ParameterValue = bool | int | float | list[int | float]
@@ -20,9 +22,9 @@ Ablation = Literal["tracker", "semantic-fusion", "geometric-consistency"]
 
 
 class Section(BaseModel):
-    """Base of all sections: unknown names are errors."""
+    """Base of all sections: unknown names are errors, and so are numbers that are not finite."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
 class RecordingConfig(Section):
@@ -139,15 +141,20 @@ class UserConfig(Section):
 def load_user_config(folder: Path) -> UserConfig:
     """Read `supermap.toml` in `folder` (or its defaults). Raises `ConfigError` naming the file and the entry."""
     path = folder / "supermap.toml"
-    if not path.is_file():
+    if not os.path.lexists(path):
         return UserConfig()
+    text = read_text(path, ConfigError, what="a TOML file supermap.toml, or move this one away")
     try:
-        return UserConfig.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ConfigError(f"not a TOML file: {error}", where=str(path)) from error
-    except ValidationError as error:
-        first = error.errors()[0]
-        entry = ".".join(str(part) for part in first["loc"])
-        raise ConfigError(
-            f"{entry}: {first['msg']}", where=str(path), cure="the entries are listed in docs/configuration.md"
-        ) from error
+        return UserConfig.model_validate(tomllib.loads(text))
+    except (tomllib.TOMLDecodeError, RecursionError, ValueError) as error:
+        if not isinstance(error, ValidationError):
+            cure = "correct it, or move it away"
+            raise ConfigError(f"not a TOML file: {error}", where=str(path), cure=cure) from error
+        raise _wrong_entry(error, path) from error
+
+
+def _wrong_entry(error: ValidationError, path: Path) -> ConfigError:
+    first = error.errors()[0]
+    entry = ".".join(str(part) for part in first["loc"])
+    cure = "the entries are listed in docs/configuration.md"
+    return ConfigError(f"{entry}: {first['msg']}", where=str(path), cure=cure)

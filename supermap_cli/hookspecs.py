@@ -34,9 +34,11 @@ hookimpl = pluggy.HookimplMarker("supermap")
 
 
 class Options(BaseModel):
-    """Base of every backend's options: unknown names are errors, every field has a description."""
+    """Base of every backend's options: unknown names and numbers that are not finite are errors, every field has a
+    description.
+    """
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
 class RecordingRequest(BaseModel):
@@ -50,7 +52,7 @@ class RecordingRequest(BaseModel):
     first message; `limits` bound what is read into memory.
     """
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     topics: Mapping[str, str] = {}
     frames: Mapping[str, str] = {}

@@ -9,6 +9,7 @@ from contextlib import contextmanager, redirect_stdout
 from dataclasses import dataclass, field
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
+from pathlib import Path
 from typing import Any, Generic, TypeVar
 
 import pluggy
@@ -16,18 +17,20 @@ from pydantic import ValidationError
 
 from supermap_cli import hookspecs
 from supermap_cli.errors import ConfigError, PluginError, SupermapError
-from supermap_cli.hookspecs import Options
+from supermap_cli.hookspecs import Options, RecordingRequest
 from supermap_cli.protocols import (
     Detector,
     ImageEncoder,
     LanguageModel,
     Observer,
     Odometry,
+    Recording,
     Segmenter,
     TextEncoder,
     Tracker,
 )
 from supermap_cli.time_limit import time_limit
+from supermap_cli.types.relations import SpatialPredicate
 from supermap_cli.types.session import SessionContext
 
 OWN = "supermap-cli"
@@ -185,6 +188,26 @@ class Plugins:
             self.encoders,
             self.language_models,
         )
+
+    def open_recording(self, path: Path, request: RecordingRequest) -> Recording | None:
+        """A recording opened by the first plugin that knows its format. Raises `PluginError` for what is none."""
+        opened = self.hook.open_recording(path=path, request=request)
+        if opened is not None and not isinstance(opened, Recording):
+            what = f"a plugin opens it as {type(opened).__name__}, which is no recording"
+            raise PluginError(what, where=str(path), cure="see `supermap plugins`, and tell its authors")
+        return opened
+
+    def spatial_predicates(self) -> tuple[SpatialPredicate, ...]:
+        """The further relations of all plugins. Raises `PluginError` naming the one that gives something else."""
+        found: list[SpatialPredicate] = []
+        for plugin in self.working:
+            if "spatial_predicates" in plugin.hooks:
+                (given,) = plugin.hook.spatial_predicates() or ((),)
+                if not isinstance(given, list | tuple) or not all(isinstance(each, SpatialPredicate) for each in given):
+                    what = f"the plugin {plugin.name} of {plugin.distribution} gives relations that are none"
+                    raise PluginError(what, cure="tell its authors, or do without it")
+                found += given
+        return tuple(found)
 
     def check_options(self, options: Mapping[str, Mapping[str, object]]) -> None:
         """Check the options of all backends (name -> option -> value), used or not; raises `ConfigError`."""

@@ -24,6 +24,7 @@ from supermap_cli.mapping.objects import MapObject
 from supermap_cli.observing import Observers
 from supermap_cli.stages.awaited_detections import AwaitedDetections
 from supermap_cli.stages.camera_trackers import CameraTrackers
+from supermap_cli.stages.checked_answers import checked_tracks
 from supermap_cli.stages.keyframe_record import keyframe_record
 from supermap_cli.stages.localization import Localizer, LocatedFrame
 from supermap_cli.stages.map_registration import MapRegistration, Placement
@@ -251,7 +252,8 @@ class MappingSession:
     def associate(self, keyframe: Keyframe, detections: Detections, priors: Sequence[TrackPrior]) -> Tracks:
         """Associate: the camera's own tracker links detections over time."""
         size = (keyframe.camera.width, keyframe.camera.height)
-        tracks = self.trackers.of(keyframe.camera_id).update(detections, priors, size)
+        tracker = self.trackers.of(keyframe.camera_id)
+        tracks = checked_tracks(tracker.update(detections, priors, size), tracker, len(detections))
         self.observers.perceived(keyframe, detections, detections.masks, tracks)
         return tracks
 

@@ -75,7 +75,7 @@ def test_what_is_wrong_in_a_file_is_named(tmp_path: Path, text: str, said: str) 
 
 def test_a_file_that_is_no_text_is_named(tmp_path: Path) -> None:
     (tmp_path / "supermap.toml").write_bytes(b"\xff\xfe\x00db")
-    with pytest.raises(ConfigError, match="not a TOML file"):
+    with pytest.raises(ConfigError, match="no UTF-8 text"):
         load_user_config(tmp_path)
 
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +33,9 @@ _MAX_HYPOTHESES = 3
 _MIN_HYPOTHESIS_RATIO = 0.2
 """Least score of a hypothesis, relative to the best one's. Chosen."""
 
+_LARGEST_OUTPUT = 1e9
+"""No pixel, score or mask coefficient is larger, and products of two stay finite in float32. Chosen."""
+
 _TASKS = ("detect", "segment")
 """What Ultralytics' exports call, in their metadata, the tasks whose outputs are boxes with classes."""
 
@@ -46,12 +50,13 @@ class OnnxDetector:
         self._options = options
         path = find_model(options.model)
         self._session = _open_session(path, options.threads)
-        metadata = self._session.get_modelmeta().custom_metadata_map
+        metadata, inputs = _described(self._session, path)
         _check_task(metadata.get("task"), path)
         self._path = path
-        self._input, self._input_type, self._input_size = _image_input(self._session, path)
+        self._input, self._input_type, self._input_size = _image_input(inputs, path)
         grey = np.full((1, 3, *self._input_size), PADDING_GREY, np.float32)
         outputs = self._run_safely(grey, path)
+        _check_numbers(outputs, str(path))
         layout = recognise_layout(outputs, self._input_size)
         if layout is None:
             shapes = ", ".join(str(list(output.shape)) for output in outputs)
@@ -125,9 +130,7 @@ class OnnxDetector:
             now, first = (", ".join(str(list(shape)) for shape in each) for each in (_shapes(outputs), self._shapes))
             cure = "export it with fixed output shapes (dynamic=False)"
             raise DetectorError(f"the model's outputs changed shape: {now} instead of {first}", where=where, cure=cure)
-        if not all(np.isfinite(output).all() for output in outputs):
-            cure = "export it in float32, not in half precision, or choose another model"
-            raise DetectorError("the model's outputs hold NaN or infinity", where=where, cure=cure)
+        _check_numbers(outputs, where)
 
     def _run_safely(self, tensor: Float32Array, path: Path) -> list[Float32Array]:
         """Run the model; raises `DetectorError` if it cannot be run."""
@@ -139,6 +142,13 @@ class OnnxDetector:
                 where=str(path),
                 cure=f"export it for one image of {self._input_size[1]}x{self._input_size[0]}",
             ) from error
+
+
+def _check_numbers(outputs: Sequence[Float32Array], where: str) -> None:
+    """Raise `DetectorError` for outputs that are no pixels, scores or coefficients."""
+    if not all((np.abs(output) < _LARGEST_OUTPUT).all() for output in outputs):
+        cure = "export it in float32, not in half precision, or choose another model"
+        raise DetectorError("the model's outputs hold NaN or infinity, or numbers as large", where=where, cure=cure)
 
 
 def _shapes(outputs: Sequence[Float32Array]) -> list[tuple[int, ...]]:
@@ -170,8 +180,21 @@ def _open_session(path: Path, threads: int) -> Any:
     settings.log_severity_level = 4
     available = onnxruntime.get_available_providers()
     providers = [provider for provider in _PROVIDERS if provider in available]
-    try:
+    with _loading(path):
         return onnxruntime.InferenceSession(str(path), settings, providers=providers)
+
+
+def _described(session: Any, path: Path) -> tuple[Mapping[str, str], Sequence[Any]]:
+    """A model's metadata and its inputs."""
+    with _loading(path):
+        return session.get_modelmeta().custom_metadata_map, session.get_inputs()
+
+
+@contextmanager
+def _loading(path: Path) -> Iterator[None]:
+    """Turns whatever a damaged model raises into `DetectorError`."""
+    try:
+        yield
     except Exception as error:  # onnxruntime's errors share no base class
         raise DetectorError(
             f"the model cannot be loaded: {_first_line(error)}",
@@ -180,14 +203,13 @@ def _open_session(path: Path, threads: int) -> Any:
         ) from error
 
 
-def _image_input(session: Any, path: Path) -> tuple[str, type[np.floating[Any]], tuple[int, int]]:
+def _image_input(inputs: Sequence[Any], path: Path) -> tuple[str, type[np.floating[Any]], tuple[int, int]]:
     """The input's name, type and (height, width); sizes that the model leaves open become 640."""
-    inputs: Sequence[Any] = session.get_inputs()
     types: dict[str, type[np.floating[Any]]] = {"tensor(float)": np.float32, "tensor(float16)": np.float16}
-    image = inputs[0]
-    shape = image.shape
+    image = inputs[0] if inputs else None
+    shape: Sequence[Any] = [] if image is None else image.shape
     one_image = len(inputs) == 1 and len(shape) == 4 and (shape[1] == 3 or not isinstance(shape[1], int))
-    if not one_image or image.type not in types:
+    if image is None or not one_image or image.type not in types:
         described = ", ".join(f"{tensor.name} {tensor.shape} {tensor.type}" for tensor in inputs)
         raise DetectorError(
             f"the model's input is not understood: {described}",

@@ -15,6 +15,8 @@ from supermap_cli.geometry.arrays import Float32Array, UInt8Array
 
 STRIDES = (8, 16, 32)
 """Pixels of the input between the cells of the three grids (YOLOX `demo_postprocess`, p6=False)."""
+_MOST_LOG_SIZE = 12.0
+"""Logarithm of a box's size in cells: e^12 cells are wider than any image, and no larger box is an infinite one."""
 _END_TO_END_COLUMNS = 6
 """x0, y0, x1, y1, score, class (Ultralytics' export with `nms=True`)."""
 
@@ -82,7 +84,11 @@ class Yolox:
         if not self.decoded:
             cells, strides = grid(self.input_size)
             box = np.concatenate(
-                [(box[:, :2] + cells[likely]) * strides[likely], np.exp(box[:, 2:]) * strides[likely]], axis=1
+                [
+                    (box[:, :2] + cells[likely]) * strides[likely],
+                    np.exp(box[:, 2:].clip(max=_MOST_LOG_SIZE)) * strides[likely],
+                ],
+                axis=1,
             )
         return Candidates(_to_xyxy(box), class_scores, *_no_masks(len(box)))
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from platformdirs import user_data_dir
 
 from supermap_cli.errors import DetectorError
+from supermap_cli.input_files import check_readable, read_class_names
 
 _MAX_NAMES_CHARS = 1_000_000
 """Characters of class names in a model's metadata; longer texts are refused, they are no names."""
@@ -22,6 +23,7 @@ def find_model(requested: Path | None) -> Path:
     """
     if requested is not None:
         path = requested.expanduser()
+        check_readable(path, DetectorError, what="an .onnx file with --option onnx.model=PATH")
         if not path.is_file():
             raise DetectorError("there is no model file", where=str(path), cure="check --option onnx.model=PATH")
         return path
@@ -50,7 +52,7 @@ def class_names(labels: Path | None, metadata: Mapping[str, str], classes: int |
     Raises `DetectorError` where there are none or their number is wrong.
     """
     if labels is not None:
-        names, source = _read_labels(labels), str(labels)
+        names, source = read_class_names(labels, DetectorError, option="onnx.labels"), str(labels)
     elif "names" in metadata:
         names, source = parse_names(metadata["names"], model), f"{model}, metadata 'names'"
     elif classes == len(_coco_names()):
@@ -87,21 +89,14 @@ def _names_of_literal(text: str) -> tuple[str, ...]:
         raise ValueError("too long")
     value = ast.literal_eval(text)
     if isinstance(value, dict):
-        by_index = {int(index): str(name) for index, name in value.items()}
-        return tuple(by_index[index] for index in range(len(by_index)))
-    if isinstance(value, list | tuple):
-        return tuple(str(name) for name in value)
-    raise ValueError("neither a list nor a mapping")
-
-
-def _read_labels(path: Path) -> tuple[str, ...]:
-    try:
-        lines = path.expanduser().read_text(encoding="utf-8").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise DetectorError(
-            f"the labels file cannot be read: {error}", where=str(path), cure="check --option onnx.labels=FILE"
-        ) from error
-    return tuple(line.strip() for line in lines if line.strip())
+        by_index = {int(index): name for index, name in value.items()}
+        value = [by_index[index] for index in range(len(by_index))]
+    if not isinstance(value, list | tuple):
+        raise TypeError("neither a list nor a mapping")
+    names = tuple(str(name).strip() for name in value)
+    if not all(names):
+        raise ValueError("a class without a name")
+    return names
 
 
 def _coco_names() -> tuple[str, ...]:

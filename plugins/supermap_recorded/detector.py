@@ -8,6 +8,7 @@ from pathlib import Path
 
 from supermap_cli.errors import DetectorError
 from supermap_cli.geometry.arrays import IntArray
+from supermap_cli.input_files import read_class_names
 from supermap_cli.protocols import Recording
 from supermap_cli.types.detections import Detections, Hypothesis
 from supermap_cli.types.sensing import CameraFrame
@@ -47,7 +48,7 @@ class RecordedDetector:
         self._recording = recording
         self._score_floor = score_floor
         self._labels = labels
-        self._names = () if labels is None else _read_names(labels)
+        self._names = () if labels is None else read_class_names(labels, DetectorError, option="recorded.labels")
         self._unnamed: set[str] = set()
         self._streams: dict[str, _RecordedStream] = {}
 
@@ -104,17 +105,3 @@ class RecordedDetector:
             stamps_ns = self._recording.detection_stamps_ns(camera_id)
             self._streams[camera_id] = _RecordedStream(stamps_ns, frozenset(stamps_ns.tolist()))
         return self._streams[camera_id]
-
-
-def _read_names(path: Path) -> tuple[str, ...]:
-    """The class names of a file, one a line. Raises `DetectorError`."""
-    try:
-        lines = path.expanduser().read_text(encoding="utf-8-sig").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise DetectorError(
-            f"the labels file cannot be read: {error}", where=str(path), cure="check --option recorded.labels=FILE"
-        ) from error
-    names = tuple(line.strip() for line in lines if line.strip())
-    if not names:
-        raise DetectorError("an empty labels file", where=str(path), cure="write the class names into it, one a line")
-    return names

@@ -38,8 +38,10 @@ from supermap_cli.commands.common import (
     interrupt_on_sigterm,
     out,
     print_json,
+    sane,
     waiting,
 )
+from supermap_cli.commands.failed_builds import remembered
 from supermap_cli.errors import BuildStoppedError, ConfigError
 
 if TYPE_CHECKING:
@@ -76,7 +78,9 @@ RecordingsArgument = Annotated[
 ]
 PerceptionRateOption = Annotated[
     float | None,
-    typer.Option(help="Images perceived a second, the others give depth. [default: all that are mapped]"),
+    typer.Option(
+        callback=sane, help="Images perceived a second, the others give depth. [default: all that are mapped]"
+    ),
 ]
 NameOption = Annotated[str | None, typer.Option(help="Name of the traversal. [default: the file's name]")]
 MinConfidenceOption = Annotated[
@@ -204,7 +208,6 @@ def build_all(
 ) -> Iterator[BuildSummary]:
     """Build one recording after the other into one database."""
     from supermap_cli.allocation import keep_freed_memory  # noqa: PLC0415 - heavy imports only when a build starts
-    from supermap_cli.drivers.traversal_build import TraversalBuild  # noqa: PLC0415
     from supermap_cli.memory.opening import open_store  # noqa: PLC0415
     from supermap_cli.plugin_manager import load_plugins  # noqa: PLC0415
 
@@ -215,21 +218,37 @@ def build_all(
         err().print(f"warning: plugin {broken.name} is left out: {broken.error}", markup=False)
     with open_store(url, create=True, waiting=waiting(follow.wait_s)) as store:
         for path in paths:
-            began = time.perf_counter()
-            recording = open_recording(path, wanted, plugins)
-            if follow.unfinished == "resume" and (known := _complete(store, recording)) is not None:
-                err().print(f"{path} is in the map already, as traversal {known!r}", markup=False)
-                continue
-            traversal = TraversalBuild(recording, plugins, config, store, began)
-            with progress_bar(path, recording) as progress, _told_what_is_kept(traversal):
-                summary = traversal.run(
-                    name=follow.name,
-                    align=follow.align,
-                    progress=progress,
-                    unfinished=follow.unfinished,
-                    again=follow.again,
-                )
-            yield summary
+            with remembered(path):
+                summary = _build_one(path, config, wanted, store, plugins, follow)
+            if summary is not None:
+                yield summary
+
+
+def _build_one(  # noqa: PLR0917 - what a build is made of
+    path: Path,
+    config: BuildConfig,
+    wanted: RecordingRequest,
+    store: MapStore,
+    plugins: Plugins,
+    follow: Follow,
+) -> BuildSummary | None:
+    """Build one recording; `None` where it is in the map already, and is to go on."""
+    from supermap_cli.drivers.traversal_build import TraversalBuild  # noqa: PLC0415 - heavy
+
+    began = time.perf_counter()
+    recording = open_recording(path, wanted, plugins)
+    if follow.unfinished == "resume" and (known := _complete(store, recording)) is not None:
+        err().print(f"{path} is in the map already, as traversal {known!r}", markup=False)
+        return None
+    traversal = TraversalBuild(recording, plugins, config, store, began)
+    with progress_bar(path, recording) as progress, _told_what_is_kept(traversal):
+        return traversal.run(
+            name=follow.name,
+            align=follow.align,
+            progress=progress,
+            unfinished=follow.unfinished,
+            again=follow.again,
+        )
 
 
 def _complete(store: MapStore, recording: Recording) -> str | None:
@@ -274,7 +293,7 @@ def open_recording(path: Path, wanted: RecordingRequest, plugins: Plugins) -> Re
     """Open a recording by a plugin that knows its format, else as a bag."""
     from supermap_cli.recordings import open_bag_recording  # noqa: PLC0415
 
-    opened: Recording | None = plugins.hook.open_recording(path=path, request=wanted)
+    opened = plugins.open_recording(path, wanted)
     return opened if opened is not None else open_bag_recording(path, wanted)
 
 

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from supermap_cli.config import load_user_config
+from supermap_cli.errors import ConfigError
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -24,6 +25,19 @@ if TYPE_CHECKING:
     from supermap_cli.memory.store import MapStore
 
 DEFAULT_DB = "supermap.db"
+
+MOST = 1e9
+"""No number on a command line is larger, of whatever unit: a billion seconds are 32 years."""
+
+
+def sane(parameter: typer.CallbackParam, value: float | None) -> float | None:
+    """The callback of every option that takes a real number: neither NaN nor infinite, and not absurdly large."""
+    if value is not None and not abs(value) <= MOST:
+        raise ConfigError(
+            f"{parameter.opts[0]} {value:g} is no number to work with", cure=f"give one between {-MOST:g} and {MOST:g}"
+        )
+    return value
+
 
 DbOption = Annotated[
     str | None,
@@ -66,12 +80,18 @@ RecordingLimitOption = Annotated[
 DetectionToleranceOption = Annotated[
     float | None,
     typer.Option(
-        metavar="SECONDS", help="Recorded detections belong to the nearest image in so many seconds. [default: 0.001]"
+        callback=sane,
+        metavar="SECONDS",
+        help="Recorded detections belong to the nearest image in so many seconds. [default: 0.001]",
     ),
 ]
 CameraOption = Annotated[str | None, typer.Option(help="Force a camera model: equirectangular.")]
-StartOption = Annotated[float | None, typer.Option(help="Start, in seconds from the recording's first message.")]
-EndOption = Annotated[float | None, typer.Option(help="End, in seconds from the recording's first message.")]
+StartOption = Annotated[
+    float | None, typer.Option(callback=sane, help="Start, in seconds from the recording's first message.")
+]
+EndOption = Annotated[
+    float | None, typer.Option(callback=sane, help="End, in seconds from the recording's first message.")
+]
 AtOption = Annotated[
     str | None,
     typer.Option(
@@ -84,7 +104,10 @@ LimitOption = Annotated[
     int, typer.Option(min=1, metavar="N", help="How many objects are listed, those seen last; counts are of all.")
 ]
 WaitOption = Annotated[
-    float, typer.Option(min=0, max=86400, metavar="SECONDS", help="How long to wait while another program writes.")
+    float,
+    typer.Option(
+        min=0, max=86400, callback=sane, metavar="SECONDS", help="How long to wait while another program writes."
+    ),
 ]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON by the published schema instead of a table.")]
 
@@ -166,7 +189,9 @@ TrackerOption = Annotated[str | None, typer.Option(help="The tracker plugin.")]
 BackendOption = Annotated[
     list[str] | None, typer.Option(metavar="BACKEND.NAME=VALUE", help="An option of a plugin; may be repeated.")
 ]
-RateOption = Annotated[float | None, typer.Option(help="Images of each camera mapped per second. [default: 3]")]
+RateOption = Annotated[
+    float | None, typer.Option(callback=sane, help="Images of each camera mapped per second. [default: 3]")
+]
 AlignOption = Annotated[
     str, typer.Option(metavar="auto|none|'X Y Z YAW'", help="How a further traversal is placed in the map.")
 ]

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from supermap_cli.commands.common import DbOption, JsonOption, database_url, err, out
+from supermap_cli.commands.common import DbOption, JsonOption, database_url, err, out, sane
 from supermap_cli.commands.from_plugins import add_sql_functions
 from supermap_cli.commands.tables import print_table
 
@@ -49,7 +49,8 @@ def sql(
         ),
     ] = None,
     timeout: Annotated[
-        float, typer.Option(min=0, max=86400, metavar="SECONDS", help="How long it may compute, 0 = any time.")
+        float,
+        typer.Option(min=0, max=86400, callback=sane, metavar="SECONDS", help="How long it may compute, 0 = any time."),
     ] = SQL_LIMIT_S,
     json: JsonOption = False,
 ) -> None:

@@ -86,10 +86,14 @@ def _failing_plugin(error: Exception) -> SupermapError | None:
         return None
     from supermap_cli.plugin_manager import packages_of_plugins  # noqa: PLC0415 - keeps start-up light
 
-    packages, blamed, at = packages_of_plugins(), None, error.__traceback__
-    while at is not None:
-        package = str(at.tb_frame.f_globals.get("__name__", "")).partition(".")[0]
-        blamed, at = packages.get(package, blamed), at.tb_next
+    packages, blamed = packages_of_plugins(), None
+    cause: BaseException | None = error
+    while cause is not None:  # a StopIteration of a plugin comes as a RuntimeError of whose generator it ended
+        at = cause.__traceback__
+        while at is not None:
+            package = str(at.tb_frame.f_globals.get("__name__", "")).partition(".")[0]
+            blamed, at = packages.get(package, blamed), at.tb_next
+        cause = cause.__cause__
     if blamed is None:
         return None
     return PluginError(

@@ -24,6 +24,7 @@ from supermap_cli.commands.common import (
     out,
     print_json,
 )
+from supermap_cli.commands.failed_builds import last_failure
 from supermap_cli.commands.tables import print_table
 
 if TYPE_CHECKING:
@@ -96,6 +97,8 @@ def inspect(  # noqa: PLR0917 - a command line has many options
         _print(report)
     if write_config:
         _write_config(report)
+    if (failure := last_failure(recording)) is not None:
+        err().print(f"its last build failed: {failure}", markup=False, soft_wrap=True)
     for warning in report.warnings:
         err().print(f"warning: {warning}", markup=False)
     if not report.can_build:

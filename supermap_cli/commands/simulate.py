@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from supermap_cli.commands import common
-from supermap_cli.commands.common import JsonOption, err, interrupt_on_sigterm, print_json
+from supermap_cli.commands.common import JsonOption, err, interrupt_on_sigterm, print_json, sane
 from supermap_cli.commands.tables import print_table
 from supermap_cli.errors import ConfigError, SimulationError
 
@@ -59,7 +59,10 @@ def simulate(  # noqa: PLR0917 - a command line has many options
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Another seed is another world, another way, other noise.")] = 1,
     seconds: Annotated[
-        float | None, typer.Option(min=1, help="How long each recording lasts. [default: as the scenario says]")
+        float | None,
+        typer.Option(
+            min=1, max=86400, callback=sane, help="How long each recording lasts. [default: as the scenario says]"
+        ),
     ] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace files of an earlier simulation.")] = False,
     perfect: Annotated[bool, typer.Option("--perfect", help="A detector without errors.")] = False,

@@ -111,5 +111,5 @@ def _stages_run(summaries: list[BuildSummary], clock: StageClock) -> StagesRun:
 
 def _open_recordings(job: CostJob, plugins: Plugins, request: RecordingRequest) -> Iterator[Recording]:
     for path in job.recordings:
-        opened: Recording | None = plugins.hook.open_recording(path=path, request=request)
+        opened = plugins.open_recording(path, request)
         yield opened if opened is not None else open_bag_recording(path, request)

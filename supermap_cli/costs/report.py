@@ -13,6 +13,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from supermap_cli.costs.job import BuildRun, DecodeRun, StagesRun
 from supermap_cli.errors import EvaluationError
+from supermap_cli.input_files import read_text
 from supermap_cli.timing import StageTiming
 from supermap_cli.version import __version__
 
@@ -248,12 +249,9 @@ def _figures(bench: Bench) -> Iterator[tuple[str, float]]:
 
 def read_bench(path: Path) -> Bench:
     """An earlier document. Raises `EvaluationError` for a file that is none."""
+    text = read_text(path, EvaluationError, what="a document of `supermap bench --json`")
     try:
-        return TypeAdapter(Bench).validate_json(path.read_bytes())
-    except OSError as error:
-        raise EvaluationError(
-            f"it cannot be read: {error.strerror}", where=str(path), cure="name a document of `supermap bench --json`"
-        ) from error
+        return TypeAdapter(Bench).validate_json(text)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         entry = ".".join(str(part) for part in first["loc"])

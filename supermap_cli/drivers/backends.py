@@ -5,14 +5,17 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import TypeVar
 
 from supermap_cli.config import BuildConfig
 from supermap_cli.drivers.odometry import run_odometry
-from supermap_cli.errors import DetectorError
+from supermap_cli.errors import DetectorError, PluginError
 from supermap_cli.geometry.trajectory import Trajectory
-from supermap_cli.plugin_manager import Plugins
+from supermap_cli.plugin_manager import Plugins, Registry
 from supermap_cli.protocols import Detector, IdentifiedDetector, Odometry, Recording, Resumable, Segmenter, Tracker
 from supermap_cli.stages.session_state import SessionBackends
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -43,15 +46,14 @@ def session_backends(plugins: Plugins, config: BuildConfig | None = None) -> Ses
     plugins.check_options(chosen.options)
     tracker = chosen.tracker or plugins.trackers.choose(())
     segmenter = chosen.segmenter or plugins.segmenters.choose({"color", "depth"})
-    further = [predicate for group in plugins.hook.spatial_predicates() for predicate in group]
     odometry = None
     if chosen.odometry is not None:
-        odometry = plugins.odometry.make(chosen.odometry, chosen.options.get(chosen.odometry), None)
+        odometry = _made(plugins.odometry, chosen.odometry, chosen.options.get(chosen.odometry), None)
     return SessionBackends(
-        lambda: plugins.trackers.make(tracker, chosen.options.get(tracker), None),
-        plugins.segmenters.make(segmenter, chosen.options.get(segmenter), None),
+        lambda: _made(plugins.trackers, tracker, chosen.options.get(tracker), None),
+        _made(plugins.segmenters, segmenter, chosen.options.get(segmenter), None),
         odometry,
-        tuple(further),
+        plugins.spatial_predicates(),
     )
 
 
@@ -68,12 +70,12 @@ def choose_backends(recording: Recording, plugins: Plugins, config: BuildConfig)
         "segmenter": chosen.segmenter or plugins.segmenters.choose(recording.streams),
         "tracker": chosen.tracker or plugins.trackers.choose(recording.streams),
     }
-    odometry = plugins.odometry.make(names["odometry"], options.get(names["odometry"]), recording)
+    odometry = _made(plugins.odometry, names["odometry"], options.get(names["odometry"]), recording)
     detector = _make_detector(plugins, names["detector"], config, recording)
-    segmenter = plugins.segmenters.make(names["segmenter"], options.get(names["segmenter"]), recording)
+    segmenter = _made(plugins.segmenters, names["segmenter"], options.get(names["segmenter"]), recording)
 
     def make_tracker() -> Tracker:
-        return plugins.trackers.make(names["tracker"], options.get(names["tracker"]), recording)
+        return _made(plugins.trackers, names["tracker"], options.get(names["tracker"]), recording)
 
     return Backends(
         odometry,
@@ -87,10 +89,28 @@ def choose_backends(recording: Recording, plugins: Plugins, config: BuildConfig)
     )
 
 
+REQUIRED = {
+    "odometry": ("inputs", "warnings", "finish"),
+    "detector": ("image_stamps_ns", "detect"),
+    "segmenter": ("segment",),
+    "tracker": ("update",),
+}
+"""Kind of backend -> what one must at least have (`protocols`)."""
+
+
+def _made(registry: Registry[T], name: str, options: Mapping[str, object] | None, recording: Recording | None) -> T:
+    """A backend. Raises `PluginError` where what the plugin made is none."""
+    backend = registry.make(name, options, recording)
+    if missing := [attribute for attribute in REQUIRED[registry.kind] if not hasattr(backend, attribute)]:
+        what = f"what {registry.get(name).origin} made is no {registry.kind}: it has no {', '.join(missing)}"
+        raise PluginError(what, cure="tell its authors, or use another one (see `supermap plugins`)")
+    return backend
+
+
 def _make_detector(plugins: Plugins, name: str, config: BuildConfig, recording: Recording) -> Detector:
     """The detector; where none was named and none can be made, the error names recorded detections left unread."""
     try:
-        detector: Detector = plugins.detectors.make(name, config.backends.options.get(name), recording)
+        detector: Detector = _made(plugins.detectors, name, config.backends.options.get(name), recording)
     except DetectorError as error:
         unread = next((line for line in recording.warnings if "detection" in line.lower()), None)
         if config.backends.detector is not None or unread is None:

@@ -9,6 +9,7 @@ import numpy as np
 from supermap_cli.config import BuildConfig
 from supermap_cli.geometry.arrays import FloatArray, IntArray
 from supermap_cli.protocols import Detector, Recording
+from supermap_cli.stages.checked_answers import checked_stamps
 
 _SLACK_NS = 1e6
 
@@ -56,7 +57,7 @@ def choose_frames(recording: Recording, detector: Detector, config: BuildConfig)
     return {
         camera_id: choose_keyframes(
             recording.frame_stamps_ns(camera_id),
-            detector.image_stamps_ns(camera_id),
+            checked_stamps(detector.image_stamps_ns(camera_id), detector),
             rate_hz,
             config.perception.rate_hz,
         )

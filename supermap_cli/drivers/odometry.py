@@ -6,6 +6,7 @@ import heapq
 from collections.abc import Iterator
 
 from supermap_cli.protocols import Odometry, Recording, SensorMessage
+from supermap_cli.stages.checked_answers import checked_pose
 from supermap_cli.types.sensing import CameraFrame, ImuSample, StampedPose, Sweep
 
 
@@ -23,7 +24,7 @@ def run_odometry(odometry: Odometry, recording: Recording) -> Iterator[StampedPo
         streams.append(recording.sweeps())
     streams += [recording.frames(camera_id=camera_id) for camera_id in _cameras(odometry, recording)]
     for message in heapq.merge(*streams, key=lambda message: message.stamp_ns):
-        pose = _register(odometry, message)
+        pose = checked_pose(_register(odometry, message), odometry)
         if pose is not None:
             yield pose
     odometry.finish()

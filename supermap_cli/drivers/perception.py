@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 
 from supermap_cli.errors import DetectorError
 from supermap_cli.protocols import BatchDetector, DeferredDetector, Detector, Segmenter
+from supermap_cli.stages.checked_answers import checked_detections
 from supermap_cli.stages.localization import LocatedFrame
 from supermap_cli.stages.perception import generate_masks
 from supermap_cli.timing import StageClock
@@ -116,7 +117,8 @@ class Perception:
             )
         answers[_key(waiting[0].frame)] = None
 
-    def _with_masks(self, frame: CameraFrame, detections: Detections | None) -> Detections | None:
+    def _with_masks(self, frame: CameraFrame, answer: object) -> Detections | None:
+        detections = checked_detections(answer, self._detector, frame)
         if detections is None:
             return None
         with self._clock.stage("segment"):

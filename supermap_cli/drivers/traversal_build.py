@@ -249,7 +249,7 @@ class TraversalBuild:
     # -- session and observers
 
     def _open_session(self, traversal_id: int, state: SessionState) -> MappingSession:
-        further = tuple(predicate for group in self.plugins.hook.spatial_predicates() for predicate in group)
+        further = self.plugins.spatial_predicates()
         context = self._context(traversal_id, state)
         self.observers = Observers(self._made_observers(context))
         self.observers.started(context)

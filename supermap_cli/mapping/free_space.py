@@ -15,6 +15,7 @@ import numpy as np
 from supermap_cli.errors import MemoryStoreError
 from supermap_cli.geometry.arrays import Float32Array, FloatArray, UInt16Array
 from supermap_cli.geometry.cameras import Camera, camera_from_json
+from supermap_cli.geometry.pictures import decode_grey16
 from supermap_cli.geometry.se3 import inverse, transform_points
 from supermap_cli.mapping import visibility
 from supermap_cli.mapping.visibility import VisibilityParameters, tolerance_m
@@ -67,10 +68,10 @@ def _small_mm(keyframe: Keyframe, step_px: int) -> UInt16Array:
 
 def decode_small_depth(record: KeyframeRecord) -> Float32Array:
     """The depth (h / step, w / step) float32 metres of a stored keyframe, 0 = no return."""
-    mm: UInt16Array | None = cv2.imdecode(np.frombuffer(record.depth_png, np.uint8), cv2.IMREAD_UNCHANGED)  # type: ignore[assignment]
+    mm = decode_grey16(record.depth_png)
     if mm is None:
         raise MemoryStoreError(
-            "a keyframe's depth is no PNG", where=f"keyframe {record.stamp_ns}", cure="run supermap db check"
+            "a keyframe's depth is no 16-bit PNG", where=f"keyframe {record.stamp_ns}", cure="run supermap db check"
         )
     return (mm / 1000).astype(np.float32)
 

@@ -76,7 +76,9 @@ def mean_chroma(jpeg: bytes) -> FloatArray:
     """(2,) the mean a* and b* of the middle of a picture."""
     import cv2  # noqa: PLC0415 - only where a name differs is a picture looked at
 
-    image = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR)
+    from supermap_cli.geometry.pictures import decode_bgr  # noqa: PLC0415
+
+    image = decode_bgr(jpeg)
     if image is None:
         raise MemoryStoreError("a picture in the map is damaged", cure="run `supermap db check`")
     height, width = image.shape[:2]

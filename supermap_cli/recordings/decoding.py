@@ -11,6 +11,7 @@ import json
 import re
 import struct
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager
 from functools import lru_cache
 from types import SimpleNamespace
 from typing import Any, TypeVar
@@ -50,6 +51,13 @@ FAULTS = (
 """What decoders raise, and readers of messages whose fields are not what their type promises."""
 
 Value = TypeVar("Value")
+
+
+def any_numbers() -> AbstractContextManager[None]:
+    """Where numbers of any size come out of bytes: what is too large becomes infinite or NaN, which readers check for,
+    and numpy does not warn of it.
+    """
+    return np.errstate(over="ignore", invalid="ignore", divide="ignore")
 
 
 class MessageError(RecordingError):
@@ -100,7 +108,8 @@ class Decoder:
         """What `reader` makes of the decoded message and its log time. Raises `RecordingError`."""
         message = self.decode(raw)
         try:
-            return reader(message, raw.log_ns)
+            with any_numbers():
+                return reader(message, raw.log_ns)
         except FAULTS as error:
             raise self.fault(raw, error) from error
 

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from supermap_cli.errors import RecordingError
 from supermap_cli.geometry.arrays import Float32Array, UInt8Array, UInt16Array
-from supermap_cli.recordings.image_size import check_pixels, check_size, image_size
+from supermap_cli.geometry.image_header import image_size
+from supermap_cli.recordings.image_size import check_pixels, check_size
 from supermap_cli.recordings.limits import Limits
 from supermap_cli.recordings.messages import ImageMessage
 from supermap_cli.recordings.rvl import decode_rvl

@@ -26,6 +26,11 @@ Kind = Literal["image", "camera_info", "points", "imu", "pose", "transforms", "d
 _STAMPED_BYTES = 12
 """Bytes up to the end of a header's stamp: 4 before it in CDR (encapsulation) and in ROS 1 (`seq`), 8 of its own."""
 
+LARGEST_POSITION_M = 1e9
+"""Metres; no place on Earth has larger coordinates in any system (earth-centred ones reach 6.4e6), and their squares
+stay exact.
+"""
+
 _LONGEST_FRAME = 1 << 10
 """Characters of a frame's name; those of robots have some thirty."""
 
@@ -146,8 +151,8 @@ class PoseMessage:
         return replace(self, stamp_ns=self.stamp_ns + by_ns) if by_ns else self
 
     def transform(self) -> FloatArray | None:
-        """`T_frame_child`; `None` for a pose that is not finite or has a zero quaternion."""
-        if not np.isfinite(self.position).all():
+        """`T_frame_child`; `None` for a pose that is not finite, of no place, or has a zero quaternion."""
+        if not all((np.abs(values) < LARGEST_POSITION_M).all() for values in (self.position, self.orientation_xyzw)):
             return None
         try:
             return make_transform(rotation_from_quaternion_xyzw(self.orientation_xyzw), self.position)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from supermap_cli.geometry.arrays import FloatArray, IntArray
 from supermap_cli.geometry.se3 import transform_points
-from supermap_cli.recordings.decoding import FAULTS, Decoder
+from supermap_cli.recordings.decoding import FAULTS, Decoder, any_numbers
 from supermap_cli.recordings.limits import Limits
 from supermap_cli.recordings.messages import LARGEST_STAMP_NS, PoseMessage, bytes_of, header_of
 from supermap_cli.recordings.storage import RawMessage
@@ -66,7 +66,8 @@ def read_points(raw: RawMessage, decoder: Decoder) -> PointsMessage:
     """
     if raw.channel.msgtype.endswith("CustomMsg"):
         try:
-            return _read_livox(raw, decoder.limits)
+            with any_numbers():
+                return _read_livox(raw, decoder.limits)
         except FAULTS as error:
             raise decoder.fault(raw, error) from error
     return decoder.read_strictly(raw, partial(_read_cloud, limits=decoder.limits))

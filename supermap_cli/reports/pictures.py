@@ -27,7 +27,9 @@ def crop_around_box(image: Thumbnail, box: Box3D) -> bytes | None:
     """The part of a thumbnail that shows a box, with the box drawn on it, as a JPEG; `None` if it is not visible."""
     import cv2  # noqa: PLC0415 - only where a page with pictures is written
 
-    picture = cv2.imdecode(np.frombuffer(image.jpeg, np.uint8), cv2.IMREAD_COLOR)
+    from supermap_cli.geometry.pictures import decode_bgr  # noqa: PLC0415
+
+    picture = decode_bgr(image.jpeg)
     if picture is None:
         return None
     camera = camera_from_json(image.camera)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from supermap_cli.protocols import Odometry
+from supermap_cli.stages.checked_answers import checked_pose
 from supermap_cli.stages.localization import Localizer
 from supermap_cli.types.sensing import CameraFrame, ImuSample, StampedPose, Sweep
 
@@ -58,6 +59,7 @@ class SessionOdometry:
     def _wanting(self, stream: str) -> Odometry | None:
         return self._odometry if self._odometry is not None and stream in self._odometry.inputs else None
 
-    def _add_estimate(self, pose: StampedPose | None) -> None:
+    def _add_estimate(self, answer: object) -> None:
+        pose = checked_pose(answer, self._odometry)
         if pose is not None:
             self._localizer.add_pose(pose)

@@ -9,11 +9,11 @@ import pytest
 from mcap.writer import CompressionType, Writer
 
 from supermap_cli.errors import RecordingError
+from supermap_cli.geometry.image_header import image_size
 from supermap_cli.hookspecs import RecordingRequest
 from supermap_cli.recordings import open_bag_recording
 from supermap_cli.recordings.containers import open_storage
 from supermap_cli.recordings.decoding import Decoder, MessageError
-from supermap_cli.recordings.image_size import image_size
 from supermap_cli.recordings.images import decode_color, decode_depth
 from supermap_cli.recordings.messages import ImageMessage, header_of, peek_stamp_ns, read_transforms
 from supermap_cli.recordings.notes import Notes

@@ -10,7 +10,7 @@ message: `bag_writer.BagWriter`, which is `bags.BagWriter` too.
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -61,18 +61,19 @@ def write_recording(
     lidar: bool = False,
     label: str = "box",
     broken_poses: Collection[int] = (),
+    writer: Callable[..., BagWriter] = BagWriter,
     **options: Any,
 ) -> Path:
     """Write one small recording, 10 Hz. Returns `path`.
 
     `without` any of "color", "depth", "camera_info", "odom", "tf", "tf_static", "detections", "masks". `lidar` adds
-    /points, a grid on a wall with per-point times. `broken_poses` are frames whose pose is NaN. Further options:
-    `BagWriter`.
+    /points, a grid on a wall with per-point times. `broken_poses` are frames whose pose is NaN. `writer` makes another
+    writer than `BagWriter`, of its own options.
     """
     size, K = (WIDTH, HEIGHT), (FOCAL, FOCAL, (WIDTH - 1) / 2, (HEIGHT - 1) / 2)
     frame_id = "camera_optical_frame"
     wanted = {"color", "depth", "camera_info", "odom", "tf", "tf_static", "detections", "masks"} - set(without)
-    with BagWriter(path, **options) as bag:
+    with writer(path, **options) as bag:
         if "tf_static" in wanted:
             bag.transform(START_NS, "base_link", frame_id, T_BASE_OPTICAL, static=True)
             bag.transform(START_NS, "base_link", "lidar", make_transform(np.eye(3), [0, 0, 0.6]), static=True)
