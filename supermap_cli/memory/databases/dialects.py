@@ -129,7 +129,7 @@ class Sqlite:
         ),
         Invariant(
             "observation",
-            "has another label than its best hypothesis",
+            "has another label than its best hypothesis, or hypotheses that are no list",
             """SELECT id FROM observation WHERE CASE WHEN json_valid(hypotheses)
                THEN json_extract(hypotheses, '$[0][0]') IS NOT label END""",
         ),
@@ -194,7 +194,7 @@ class Postgresql:
     invariants: tuple[Invariant, ...] = (
         Invariant(
             "observation",
-            "has another label than its best hypothesis",
+            "has another label than its best hypothesis, or hypotheses that are no list",
             "SELECT id FROM observation WHERE (hypotheses::json -> 0 ->> 0) IS DISTINCT FROM label",
         ),
         *_images("decode('{}', 'hex')"),
