@@ -28,7 +28,13 @@ from supermap_cli.recordings.window import RecordedData, Window, find_window
 
 @dataclass(frozen=True)
 class Rig:
-    """What was found; see `OpenedRecording`."""
+    """What was found in a recording.
+
+    `robot` is the one that is meant, of several; `problems` stand in the way of any build, the gravest first;
+    `cameras`, the main one first, are those that can be used, and none where a problem concerns them. `shifts_ns` are
+    added to the stamps of topics whose clock is not the camera's; `origin` (3,) in metres is taken off recorded
+    positions. `not_motion` are topics of poses that are not the robot's, with the reason.
+    """
 
     robot: str | None
     topics: tuple[Topic, ...]
