@@ -166,6 +166,7 @@ def explicit_settings(opened: OpenedRecording) -> dict[str, object]:
         "topics": topics,
         "frames": frames,
         "mounts": mounts,
+        "fixed_joints": dict(request.fixed_joints),
         "clocks": clocks,
     }
     return {name: value for name, value in settings.items() if value not in ({}, None)}
