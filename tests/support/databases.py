@@ -172,6 +172,8 @@ class Server:
         return f"postgresql+psycopg://supermap@/{database}?host={self.folder}"
 
     def start(self) -> None:
+        if not server_processes(self.folder):  # a zombie's number in that file looks like a server that runs
+            (self.folder / "cluster" / "postmaster.pid").unlink(missing_ok=True)
         self._control("-o", self._options, "start")
 
     def stop(self) -> None:
@@ -189,7 +191,16 @@ def server_processes(folder: Path) -> tuple[int, ...]:
         children = Path(f"/proc/{first}/task/{first}/children").read_text().split()
     except (OSError, IndexError):
         return ()
-    return first, *map(int, children)
+    return (first, *map(int, children)) if is_running(first) else ()
+
+
+def is_running(process: int) -> bool:
+    """Whether a process is there and has not ended: one that nobody waited for is a zombie."""
+    try:
+        state = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0]
+    except OSError:
+        return False
+    return state not in {"Z", "X"}
 
 
 def _programs() -> Path:
