@@ -172,8 +172,9 @@ class Server:
         return f"postgresql+psycopg://supermap@/{database}?host={self.folder}"
 
     def start(self) -> None:
-        if not server_processes(self.folder):  # a zombie's number in that file looks like a server that runs
-            (self.folder / "cluster" / "postmaster.pid").unlink(missing_ok=True)
+        if not server_processes(self.folder):  # a zombie's number in these files looks like a server that runs
+            for name in ("cluster/postmaster.pid", ".s.PGSQL.5432.lock"):
+                (self.folder / name).unlink(missing_ok=True)
         self._control("-o", self._options, "start")
 
     def stop(self) -> None:
