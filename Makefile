@@ -6,6 +6,8 @@
 #   make zoo      the small recordings of every recorder, driver and robot, and their table in docs/recordings.md
 #   make fuzz     hostile recordings, messages, maps, models, plugins, settings and command lines: EXAMPLES=2000 of each
 #                 kind; says how many of each were tried, and SEED=7 tries the same again
+#   make kill-tests  KILLS=50 of building, resuming, merging, pruning, upgrading at random moments (KILL_SEED=1), and
+#                 KILLS_POSTGRESQL=20 with a PostgreSQL server that is killed, too: nothing may be lost
 #   make benchmark   simulate, build and score the tables of docs/benchmarks.md; SEEDS=11,12,13, WORLDS=folder
 #   make setup    only set up: .venv with SuperMap and its tools
 #   make lint     ruff, mypy --strict, import-linter       make format   let ruff format and fix
@@ -23,7 +25,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup demo benchmark test test-postgresql fuzz zoo lint format wheel clean
+.PHONY: help setup demo benchmark test test-postgresql kill-tests fuzz zoo lint format wheel clean
 
 help:
 	@sed -n 's/^#   //p' Makefile
@@ -67,6 +69,15 @@ ON_POSTGRESQL := $(addprefix tests/,memory query schema exporting \
 
 test-postgresql: $(INSTALLED)
 	@SUPERMAP_TEST_DATABASE=postgresql $(BIN)/python -m pytest -n $(WORKERS) -rs $(ON_POSTGRESQL)
+
+KILLS ?= 50
+KILLS_POSTGRESQL ?= 20
+KILL_SEED ?= 1
+KILLED := $(BIN)/python -m pytest -q -s -rs tests/drivers/test_killed_commands.py
+
+kill-tests: $(INSTALLED)
+	@SUPERMAP_KILL_SEED=$(KILL_SEED) SUPERMAP_KILLS=$(KILLS) $(KILLED)
+	@SUPERMAP_KILL_SEED=$(KILL_SEED) SUPERMAP_KILLS=$(KILLS_POSTGRESQL) SUPERMAP_TEST_DATABASE=postgresql $(KILLED)
 
 EXAMPLES ?= 2000
 SEED := $(or $(SEED),$(shell date +%s))

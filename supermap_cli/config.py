@@ -35,6 +35,10 @@ class RecordingConfig(Section):
     mounts: dict[str, str] = Field(
         default_factory=dict, description="sensor or frame -> '[parent] x y z roll pitch yaw' (m, rad)"
     )
+    fixed_joints: dict[str, str] = Field(
+        default_factory=dict,
+        description="link -> 'parent x y z roll pitch yaw' (m, rad), where TF lacks it: a URDF's (`--rig`)",
+    )
     clocks: dict[str, float] = Field(default_factory=dict, description="topic -> seconds added to its stamps")
     robot: str | None = Field(default=None, description="which of several robots in a recording: its namespace")
     camera: str | None = Field(default=None, description="force a camera model: 'equirectangular'")

@@ -47,9 +47,9 @@ class RecordingRequest(BaseModel):
     `topics` maps a role ("color", "depth", "camera_info", "depth_camera_info", "lidar", "imu", "odometry",
     "detections", "masks", and those of one camera as "color.front") to a topic; `frames` maps "base", "odom" or a
     sensor ("camera", "depth", "lidar", "imu") to a frame's name; `mounts` maps a sensor or a frame to "[parent] x y z
-    roll pitch yaw" (m, rad); `clocks` maps a topic to seconds that are added to its stamps; `robot` names one of
-    several; `camera` may force a camera model ("equirectangular"). `start_s` and `end_s` count from the recording's
-    first message; `limits` bound what is read into memory.
+    roll pitch yaw" (m, rad), and `fixed_joints` a link to the same, where TF lacks it; `clocks` maps a topic to seconds
+    that are added to its stamps; `robot` names one of several; `camera` may force a camera model ("equirectangular").
+    `start_s` and `end_s` count from the recording's first message; `limits` bound what is read into memory.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
@@ -57,6 +57,7 @@ class RecordingRequest(BaseModel):
     topics: Mapping[str, str] = {}
     frames: Mapping[str, str] = {}
     mounts: Mapping[str, str] = {}
+    fixed_joints: Mapping[str, str] = {}
     clocks: Mapping[str, float] = {}
     robot: str | None = None
     camera: str | None = None

@@ -22,6 +22,7 @@ from supermap_cli.commands import (
     inspect,
     plugins,
     query,
+    record_profile,
     show,
     simulate,
 )
@@ -86,6 +87,7 @@ def make_app() -> typer.Typer:
     for command in (
         build,
         inspect,
+        record_profile,
         query,
         show,
         history,

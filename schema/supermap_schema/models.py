@@ -370,3 +370,19 @@ class Checkpoint(Base):
     content: Mapped[bytes] = mapped_column(Blob)
 
     __table_args__ = (STRICT,)
+
+
+class Checksum(Base):
+    """The checksum of the immutable rows of one table that belong to a complete traversal.
+
+    What is covered, and how, is documented in `supermap_schema.checksums`; `digest` is 32 hexadecimal digits.
+    """
+
+    __tablename__ = "checksum"
+
+    traversal_id: Mapped[int] = mapped_column(Int64, ForeignKey("traversal.id"), primary_key=True)
+    table_name: Mapped[str] = mapped_column(Label, primary_key=True)
+    row_count: Mapped[int] = mapped_column(Int64)
+    digest: Mapped[str] = mapped_column(Label)
+
+    __table_args__ = (STRICT,)

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 from supermap_cli.errors import ConfigError
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from supermap_cli.config import BuildConfig
     from supermap_cli.hookspecs import RecordingRequest
 
@@ -14,6 +16,7 @@ if TYPE_CHECKING:
 def override(
     config: BuildConfig,
     *,
+    rig: Path | None = None,
     detector: str | None = None,
     odometry: str | None = None,
     segmenter: str | None = None,
@@ -39,6 +42,10 @@ def override(
     from supermap_cli.plugin_manager import parse_option_arguments  # noqa: PLC0415
 
     values = config.model_dump()
+    if rig is not None:
+        from supermap_cli.commands.rig_file import with_rig  # noqa: PLC0415
+
+        values["recording"] = with_rig(values["recording"], rig)
     named = {"detector": detector, "odometry": odometry, "segmenter": segmenter, "tracker": tracker}
     values["backends"].update({kind: given for kind, given in named.items() if given is not None})
     for backend, given in parse_option_arguments(options or []).items():
@@ -93,6 +100,7 @@ def request(config: BuildConfig, start_s: float | None, end_s: float | None) -> 
         topics=config.recording.topics,
         frames=config.recording.frames,
         mounts=config.recording.mounts,
+        fixed_joints=config.recording.fixed_joints,
         clocks=config.recording.clocks,
         robot=config.recording.robot,
         camera=config.recording.camera,

@@ -65,6 +65,13 @@ MountOption = Annotated[
         help="Where a camera (x forward), lidar, imu or frame sits on the base or on a frame, in metres and radians.",
     ),
 ]
+RigOption = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FILE",
+        help="The robot: a TOML file with frames, mounts, clocks, topics; or its URDF, for mountings that TF lacks.",
+    ),
+]
 ClockOption = Annotated[
     list[str] | None,
     typer.Option(metavar="TOPIC=SECONDS", help="Seconds added to a topic's stamps, 0 to leave them as they are."),

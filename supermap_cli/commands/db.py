@@ -90,6 +90,9 @@ def recover(
     from supermap_cli.query.views import to_document  # noqa: PLC0415
 
     found = save(database_url(db), out_path)
+    for done in found.repaired:
+        if done.startswith("checksum"):
+            err().print(f"repaired: {done}", markup=False)
     with open_store(str(out_path), read_only=True) as store, store.reader() as reader:
         problems = problems_of(reader)
     if json:

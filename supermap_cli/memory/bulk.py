@@ -12,6 +12,7 @@ from sqlalchemy.dialects import sqlite as sqlite_dialect
 from sqlalchemy.schema import CreateIndex
 
 from supermap_schema import models, sqlite
+from supermap_schema.checksums import store_all_sums
 
 LATE = models.Base.metadata.tables["observation"]
 """Its indices are created after all its rows."""
@@ -51,10 +52,14 @@ class BulkWriter:
         self._connection.executemany(f'INSERT INTO "{table}" ({names}) VALUES ({marks})', values)  # noqa: S608 - ours
 
     def finish(self) -> None:
-        """Create the indices, and set the pragmas that a build sets."""
+        """Create the indices, store the checksums, and set the pragmas that a build sets."""
         self._connection.execute("COMMIT")
         for index in sorted(LATE.indexes, key=lambda index: str(index.name)):
             self._connection.execute(str(CreateIndex(index).compile(dialect=sqlite_dialect.dialect())))
         for pragma in sqlite.WRITER_PRAGMAS:
             self._connection.execute(pragma)
         self._connection.close()
+        engine = create_engine(f"sqlite:///{self.path}")
+        with engine.begin() as connection:
+            store_all_sums(connection)
+        engine.dispose()

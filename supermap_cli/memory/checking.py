@@ -5,16 +5,18 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
-from sqlalchemy import Connection, select, text
+from sqlalchemy import Connection, func, select, text
 from sqlalchemy.exc import DatabaseError
 
 from supermap_cli.errors import STUMBLES, CalibrationError, MemoryStoreError
 from supermap_cli.geometry.cameras import camera_from_json
 from supermap_cli.memory import blobs
-from supermap_cli.memory.databases import Dialect, dialect_of
+from supermap_cli.memory.checksums import changed_rows, sums_without_rows
+from supermap_cli.memory.databases import Dialect, dialect_of, is_locked
 from supermap_cli.memory.depth_png import depth_shape
 from supermap_cli.memory.invariants import INVARIANTS
 from supermap_cli.memory.names import clean_text
@@ -23,6 +25,7 @@ from supermap_cli.memory.values import Invariant, Problem
 from supermap_cli.printable import printable
 from supermap_cli.types.engine_state import EngineState
 from supermap_schema import models
+from supermap_schema.checksums import IMMUTABLE
 from supermap_schema.views import VIEW_NAMES
 
 _TEXT_ID = re.compile(r"[^\W_]+(-[^\W_]+)*-[1-9][0-9]*")
@@ -50,6 +53,8 @@ def check(reader: MapReader) -> list[Problem]:
         ("observation", _observation_problems),
         ("instance", _instance_problems),
         ("transform", _transform_problems),
+        ("checksum", sums_without_rows),
+        *((name, partial(changed_rows, table=name)) for name in IMMUTABLE),
     )
     return problems + [problem for name, rows in checks for problem in _surviving(name, connection, rows)]
 
@@ -60,6 +65,8 @@ def _surviving(table: str, connection: Connection, check_rows: Check) -> Iterato
         with connection.begin_nested():
             yield from check_rows(connection)
     except (DatabaseError, *STUMBLES) as error:
+        if is_locked(error):
+            raise
         yield Problem(table, "?", f"cannot be read to its end: {getattr(error, 'orig', None) or error}")
 
 
@@ -91,6 +98,8 @@ def _violations(connection: Connection, invariant: Invariant) -> Iterator[Proble
             for (row,) in connection.execute(text(invariant.violations)):
                 yield Problem(invariant.table, str(row), invariant.rule)
     except DatabaseError as error:
+        if is_locked(error):
+            raise
         yield Problem(invariant.table, "?", f"cannot be checked ({error.orig}), whether any {invariant.rule}")
 
 
@@ -149,14 +158,11 @@ def _problems_of_keyframe(row: Any) -> Iterator[Problem]:
 
 
 def _observation_problems(connection: Connection) -> Iterator[Problem]:
-    """Observations whose label is no text, or whose hypotheses are no list."""
+    """Labels that are no text, each named at its first observation; the dialects' invariants look at the hypotheses."""
     observation = models.Observation
-    statement = select(observation.id, observation.label, observation.hypotheses).order_by(observation.id)
-    for row in connection.execute(statement.execution_options(yield_per=_ROWS)):
-        if clean_text(str(row.label)) != row.label:
-            yield from _text_problems("observation", row.id, label=row.label)
-        if not isinstance(_json(row.hypotheses), list):
-            yield Problem("observation", str(row.id), "has hypotheses that are no JSON list")
+    labels = select(func.min(observation.id).label("id"), observation.label).group_by(observation.label)
+    for row in connection.execute(labels.order_by(func.min(observation.id))):
+        yield from _text_problems("observation", row.id, label=row.label)
 
 
 def _instance_problems(connection: Connection) -> Iterator[Problem]:

@@ -21,6 +21,7 @@ from supermap_cli.memory.rows import to_json
 from supermap_cli.memory.stored_values import parsed_object, parsed_transform
 from supermap_cli.memory.writing import measure_moves, write_delta
 from supermap_cli.types.memory import MapDelta
+from supermap_schema.checksums import store_sums
 from supermap_schema.models import Base
 
 CHUNK = 200
@@ -62,6 +63,7 @@ def import_map(target: Connection, source: Connection, imported: MapImport) -> N
         measure_moves(target, traversal_ids[other_id])
         drop_before_images(target, traversal_ids[other_id])
     _copy_observations(target, source, imported, id_offset)
+    store_sums(target, tuple(traversal_ids.values()))
     dialect_of(target).align_row_ids(target)
 
 

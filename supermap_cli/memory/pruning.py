@@ -17,6 +17,7 @@ from typing import Any
 
 from sqlalchemy import Connection, Row, delete, func, select, update
 
+from supermap_cli.memory.checksums import take_off
 from supermap_cli.memory.databases import Database
 from supermap_cli.memory.numbers import BATCH, batches
 from supermap_cli.memory.reading import MapReader
@@ -115,6 +116,8 @@ def prune_thumbnails(
         select(func.count(), func.coalesce(func.sum(func.length(Keyframe.thumbnail_jpeg)), 0)).where(*old)
     ).one()
     if not dry_run:
+        for batch in batches(connection.execute(select(Keyframe.id).where(*old)).scalars().all()):
+            take_off(connection, "keyframe", batch, only_image=True)
         connection.execute(update(Keyframe).where(*old).values(thumbnail_jpeg=None))
     return PruneCounts(thumbnails=count, size_bytes=int(size))
 
@@ -223,12 +226,14 @@ def _delete(connection: Connection, plan: _PrunePlan) -> None:
     deleted: Counter[int] = Counter()
     for traversal_id, ids in plan.observations.items():
         for batch in batches(ids):
+            take_off(connection, "observation", batch)
             deleted[traversal_id] += connection.execute(delete(Observation).where(Observation.id.in_(batch))).rowcount
     for traversal_id, count in deleted.items():
         connection.execute(
             update(Traversal).where(Traversal.id == traversal_id).values(observations=Traversal.observations - count)
         )
     for batch in batches(plan.crops):
+        take_off(connection, "observation", batch, only_image=True)
         connection.execute(update(Observation).where(Observation.id.in_(batch)).values(crop_jpeg=None))
 
 

@@ -35,10 +35,14 @@ Row = dict[str, Any]
 
 @dataclass(frozen=True)
 class Recovered:
-    """By table: rows that were saved, and rows that could not be read or contradict the others."""
+    """By table: rows that were saved, and rows that could not be read or contradict the others.
+
+    `repaired` says in words what was made anew.
+    """
 
     saved: dict[str, int]
     lost: dict[str, int]
+    repaired: tuple[str, ...] = ()
 
 
 def recover(url: str, out: Path) -> Recovered:
@@ -94,13 +98,22 @@ def _rebuilt(copy: Path, made: SqliteFile) -> Recovered:
                 target.exec_driver_sql(f"DROP TRIGGER {name}")
             target.exec_driver_sql("PRAGMA defer_foreign_keys = ON")
             for table in models.Base.metadata.sorted_tables:
+                if table.name == "checksum" and not _has(source, table):  # a map of an earlier version
+                    continue
                 saved[table.name], lost[table.name] = _copy_table(source, target, table)
             _drop_contradictions(target, saved, lost)
-            repair(target)
+            repaired = repair(target)
             target.exec_driver_sql(f"PRAGMA user_version = {SCHEMA_VERSION}")
     finally:
         engine.dispose()  # the last connection moves all of the -wal into the file
-    return Recovered(saved, lost)
+    return Recovered(saved, lost, repaired)
+
+
+def _has(source: sqlite3.Connection, table: Table) -> bool:
+    try:
+        return bool(source.execute("SELECT 1 FROM sqlite_master WHERE name = ?", (table.name,)).fetchall())
+    except sqlite3.Error:
+        return True
 
 
 def _as_text(content: bytes) -> str:

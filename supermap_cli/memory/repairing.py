@@ -9,6 +9,7 @@ import re
 from sqlalchemy import Connection
 from sqlalchemy.exc import DatabaseError
 
+from supermap_cli.memory.checksums import renew_sums
 from supermap_cli.memory.databases import dialect_of
 from supermap_schema import models, sqlite
 
@@ -47,7 +48,7 @@ def repair(connection: Connection) -> tuple[str, ...]:
         done += _search_tables_and_views(connection)
     for statement in (*_COUNTS, _FEWER):
         connection.exec_driver_sql(statement)
-    return (*done, "rows counted again")
+    return (*done, "rows counted again", *renew_sums(connection))
 
 
 def _search_tables_and_views(connection: Connection) -> list[str]:

@@ -14,6 +14,7 @@ from supermap_schema.models import (
     Base,
     BeforeImage,
     Checkpoint,
+    Checksum,
     Instance,
     Keyframe,
     Observation,
@@ -60,7 +61,7 @@ def roll_back(connection: Connection, traversal_id: int) -> None:
     dialect_of(connection).defer_foreign_keys(connection)
     keyframes = select(Keyframe.id).where(Keyframe.traversal_id == traversal_id)
     connection.execute(delete(Observation).where(Observation.keyframe_id.in_(keyframes)))
-    for model in (Checkpoint, Keyframe, TemporalEdge, SpatialEdge, Visit, State, Instance):
+    for model in (Checkpoint, Checksum, Keyframe, TemporalEdge, SpatialEdge, Visit, State, Instance):
         connection.execute(delete(model).where(model.traversal_id == traversal_id))
     for table_name in _CHANGING:
         _restore(connection, traversal_id, Base.metadata.tables[table_name])

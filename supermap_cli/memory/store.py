@@ -32,6 +32,7 @@ from supermap_cli.memory.values import Checkpoint, StoredTraversal, TraversalSta
 from supermap_cli.memory.writing import measure_moves, write_checkpoint, write_delta
 from supermap_cli.types.memory import InstanceRecord, KeyframeRecord, MapDelta, SpatialEdge, StateRecord, Visit
 from supermap_schema import models
+from supermap_schema.checksums import store_sums
 
 if TYPE_CHECKING:
     from supermap_cli.geometry.arrays import FloatArray
@@ -164,7 +165,7 @@ class MapStore:
         end_ns: int | None = None,
         learnt: Mapping[str, object] | None = None,
     ) -> None:
-        """Mark the traversal as complete.
+        """Mark the traversal as complete; its immutable rows get their checksums.
 
         `timings` is seconds per stage; `warnings` are those of the recording, the odometry and the build; `end_ns`
         replaces the end of the span; `learnt` is added to its configuration: what the build found out of its detector.
@@ -185,6 +186,7 @@ class MapStore:
                 config = parsed_object(connection.execute(configured).scalar_one(), "the configuration of a traversal")
                 changes["config"] = rows.to_json({**config, **learnt})
             _update_traversal(connection, traversal_id, **changes)
+            store_sums(connection, (traversal_id,))
         self._database.release_free_pages()  # checkpoints are large
 
     def import_map(self, other: MapStore, imported: MapImport) -> None:

@@ -75,14 +75,14 @@ class BagRecording:
     """Fulfils `supermap_cli.protocols.Recording` for every container that `open_storage` can read."""
 
     def __init__(self, opened: OpenedRecording) -> None:
-        if opened.problems:
-            raise opened.problems[0]
-        if not opened.cameras:
+        if opened.rig.problems:
+            raise opened.rig.problems[0]
+        if not opened.rig.cameras:
             raise ValueError("a recording without problems has a camera")
         self._opened = opened
         times = ImageTimes(opened)
         self._stamps: dict[str, DetectionStamps] = {}
-        self._frames = {camera.camera_id: CameraFrames(opened, camera, times) for camera in opened.cameras}
+        self._frames = {camera.camera_id: CameraFrames(opened, camera, times) for camera in opened.rig.cameras}
 
     @property
     def path(self) -> Path:
@@ -104,7 +104,7 @@ class BagRecording:
         """The window and all its images. Its open sides are times of recording, which stamps lie before or beyond; what
         was added when all sensors were long silent (results, latched messages) is no part of it.
         """
-        window, stamps_ns = self._opened.window, [self.frame_stamps_ns(camera_id) for camera_id in self.cameras]
+        window, stamps_ns = self._opened.rig.window, [self.frame_stamps_ns(camera_id) for camera_id in self.cameras]
         first_ns, last_ns = min(int(stamps[0]) for stamps in stamps_ns), max(int(stamps[-1]) for stamps in stamps_ns)
         sensed_ns = self._sensed_ns()
         start_ns, end_ns = max(window.start_ns, sensed_ns[0]), min(window.end_ns, sensed_ns[1])
@@ -114,19 +114,21 @@ class BagRecording:
         """Between which sensor times images, clouds and IMU were recorded; open where that is about the whole."""
         opened = self._opened
         roles = ("color", "depth", "lidar", "imu")
-        topics = {choice.topic.name for role, choice in opened.plan.choices.items() if role.partition(".")[0] in roles}
+        topics = {
+            choice.topic.name for role, choice in opened.rig.plan.choices.items() if role.partition(".")[0] in roles
+        }
         first_ns, last_ns = opened.storage.start_ns, opened.storage.end_ns
         sensed_ns = [-(1 << 62), 1 << 62]
         if next(iter(opened.storage.messages(topics, None, first_ns + _SILENCE_NS)), None) is None:
-            sensed_ns[0] = min(time for _, time in opened.storage.log_times(topics)) + opened.window.offset_ns
+            sensed_ns[0] = min(time for _, time in opened.storage.log_times(topics)) + opened.rig.window.offset_ns
         if next(iter(opened.storage.messages(topics, last_ns - _SILENCE_NS, None)), None) is None:
-            sensed_ns[1] = max(time for _, time in opened.storage.log_times(topics)) + opened.window.offset_ns
+            sensed_ns[1] = max(time for _, time in opened.storage.log_times(topics)) + opened.rig.window.offset_ns
         return sensed_ns[0], sensed_ns[1]
 
     @cached_property
     def _cameras(self) -> tuple[OpenedCamera, ...]:
         """The cameras, without those that were found by themselves and turn out to have no usable frame (noted)."""
-        given = self._opened.cameras
+        given = self._opened.rig.cameras
         if len(given) == 1:
             return given
         usable: list[OpenedCamera] = []
@@ -147,10 +149,10 @@ class BagRecording:
     @property
     def streams(self) -> frozenset[str]:
         """Which of "color", "depth", "lidar", "imu", "poses", "detections", "masks" there are."""
-        roles = {"lidar"} & self._opened.plan.shared.keys()
+        roles = {"lidar"} & self._opened.rig.plan.shared.keys()
         for camera in self._cameras:
             roles |= {"color", "depth", "detections", "masks"} & camera.plan.choices.keys()
-        if self._opened.pose_source is not None:
+        if self._opened.rig.pose_source is not None:
             roles.add("poses")
         if self._imu_topic() is not None:
             roles.add("imu")
@@ -164,7 +166,7 @@ class BagRecording:
     @property
     def base_frame(self) -> str:
         """The frame that poses move, as named in the recording."""
-        return self._opened.base_frame
+        return self._opened.rig.base_frame
 
     @property
     def warnings(self) -> Sequence[str]:
@@ -199,13 +201,13 @@ class BagRecording:
 
     def poses(self) -> Iterator[StampedPose]:
         """The recorded odometry, `T_odom_base`. Raises `RecordingError` where there is none, or none that is finite."""
-        if self._opened.pose_source is None:
+        if self._opened.rig.pose_source is None:
             raise self._opened.motion_problem or no_poses(str(self.path))
-        return in_order(recorded_poses(self._opened, self._opened.pose_source), self._note_late("poses"))
+        return in_order(recorded_poses(self._opened, self._opened.rig.pose_source), self._note_late("poses"))
 
     def sweeps(self) -> Iterator[Sweep]:
         """LiDAR sweeps, points finite, in the LiDAR's frame; nothing where there is no LiDAR."""
-        lidar = self._opened.plan.topic("lidar")
+        lidar = self._opened.rig.plan.topic("lidar")
         return iter(()) if lidar is None else in_order(self._sweeps(lidar), self._note_late("sweeps"))
 
     def imu(self) -> Iterator[ImuSample]:
@@ -245,14 +247,14 @@ class BagRecording:
         return note
 
     def _messages(self, topics: Sequence[str], margin_ns: int) -> Iterator[RawMessage]:
-        return self._opened.storage.messages(topics, *self._opened.window.log_range(margin_ns))
+        return self._opened.storage.messages(topics, *self._opened.rig.window.log_range(margin_ns))
 
     def _sweeps(self, lidar: Topic) -> Iterator[Sweep]:
         opened = self._opened
-        transforms = opened.transforms(opened.base_frame, {lidar.frame_id})
+        transforms = opened.transforms(opened.rig.base_frame, {lidar.frame_id})
         left_out, broken, sound, shift_ns = 0, 0, 0, opened.shift_ns(lidar.name)
         for raw in self._messages([lidar.name], MARGIN_NS):
-            place = opened.place(lidar.name, raw.log_ns + opened.window.offset_ns)
+            place = opened.place(lidar.name, raw.log_ns + opened.rig.window.offset_ns)
             try:
                 read = read_points(raw, opened.decoder)
             except MessageError as error:
@@ -271,23 +273,23 @@ class BagRecording:
             if read.foreign_clock:
                 opened.notes.note("clock of points", f"{place}: point times are of another clock, taken as relative")
             stamp_ns = read.stamp_ns + shift_ns
-            T_base_lidar = transforms.lookup(opened.base_frame, lidar.frame_id, stamp_ns)
+            T_base_lidar = transforms.lookup(opened.rig.base_frame, lidar.frame_id, stamp_ns)
             if T_base_lidar is None:
                 left_out += 1
                 opened.notes.note(
                     "sweeps", f"{place}: TF does not place {lidar.frame_id!r}; {left_out} sweep(s) left out"
                 )
-            elif opened.window.holds(stamp_ns, MARGIN_NS):
+            elif opened.rig.window.holds(stamp_ns, MARGIN_NS):
                 point_stamps_ns = None if read.point_stamps_ns is None else read.point_stamps_ns + shift_ns
                 yield Sweep(stamp_ns, read.frame_id, read.points, point_stamps_ns, T_base_lidar)
 
     def _imu_topic(self) -> Topic | None:
         """The IMU, if TF says how it is turned against the base."""
-        topic = self._opened.plan.topic("imu")
+        topic = self._opened.rig.plan.topic("imu")
         if topic is None:
             return None
         try:
-            if self._opened.tree.connects(self._opened.base_frame, topic.frame_id):
+            if self._opened.tree.connects(self._opened.rig.base_frame, topic.frame_id):
                 return topic
         except CalibrationError:
             return None
@@ -299,12 +301,12 @@ class BagRecording:
 
     def _imu(self, topic: Topic) -> Iterator[ImuSample]:
         opened = self._opened
-        transforms = opened.transforms(opened.base_frame, {topic.frame_id})
+        transforms = opened.transforms(opened.rig.base_frame, {topic.frame_id})
         for _, sample in opened.decoder.each(self._messages([topic.name], MARGIN_NS), messages.read_imu):
             stamp_ns = sample.stamp_ns + opened.shift_ns(topic.name)
-            T_base_imu = transforms.lookup(opened.base_frame, topic.frame_id, stamp_ns)
+            T_base_imu = transforms.lookup(opened.rig.base_frame, topic.frame_id, stamp_ns)
             finite = np.isfinite(sample.angular_rate).all() and np.isfinite(sample.specific_force).all()
-            if T_base_imu is not None and finite and opened.window.holds(stamp_ns, MARGIN_NS):
+            if T_base_imu is not None and finite and opened.rig.window.holds(stamp_ns, MARGIN_NS):
                 yield ImuSample(stamp_ns, sample.angular_rate, sample.specific_force, T_base_imu)
 
     def _detection_stamps(self, camera: OpenedCamera) -> DetectionStamps:
@@ -340,7 +342,7 @@ class BagRecording:
         others = self._frames_of_other_cameras(camera)
         stamp_of = self._detection_stamps(camera).of
         for stamp_ns, raw in opened.decoder.stamped(self._messages(topics, _LATE_NS), stamp_of):
-            if not opened.window.holds(stamp_ns):
+            if not opened.rig.window.holds(stamp_ns):
                 continue
             if others and (header := opened.decoder.read(raw, messages.header_of)) and header[1] in others:
                 continue
@@ -355,7 +357,7 @@ class BagRecording:
         own = {topic.frame_id for role in roles if (topic := plan.topic(role)) is not None}
         frames = {other.plan.recorded_frame_id or other.plan.frame_id for other in self._cameras}
         if named is not None and not named.named and plan.frame_id:
-            frames |= {topic.frame_id for topic in self._opened.topics if shows_a_camera(topic)}
+            frames |= {topic.frame_id for topic in self._opened.rig.topics if shows_a_camera(topic)}
         return frozenset(frames - own - {plan.recorded_frame_id, plan.frame_id, ""})
 
     def _detection_arrivals(self, camera: OpenedCamera) -> Iterator[DetectionArrival]:
@@ -365,7 +367,7 @@ class BagRecording:
             return
         names = [arrays.name] if masks is None else [arrays.name, masks.name]
         for stamp_ns, raw in self._of_camera(camera, names):
-            arrived_ns = raw.log_ns + opened.window.offset_ns
+            arrived_ns = raw.log_ns + opened.rig.window.offset_ns
             if raw.channel.topic == arrays.name:
                 reader = partial(
                     _detections_of, stamp_ns=stamp_ns, camera_id=camera.camera_id, limits=opened.decoder.limits

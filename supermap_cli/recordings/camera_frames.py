@@ -55,13 +55,13 @@ class ImageTimes:
 
     def __init__(self, opened: OpenedRecording) -> None:
         self._opened = opened
-        topics = (topic for camera in opened.cameras for topic in (camera.color, camera.depth))
+        topics = (topic for camera in opened.rig.cameras for topic in (camera.color, camera.depth))
         self._topics = tuple(dict.fromkeys(topic for topic in topics if topic is not None))
 
     @cached_property
     def _times_ns(self) -> dict[str, IntArray]:
         times: dict[str, list[tuple[int, int]]] = {topic: [] for topic in self._topics}
-        raws = self._opened.storage.messages(self._topics, *self._opened.window.log_range(_MARGIN_NS))
+        raws = self._opened.storage.messages(self._topics, *self._opened.rig.window.log_range(_MARGIN_NS))
         for stamp_ns, raw in self._opened.stamped(raws):
             times[raw.channel.topic].append((stamp_ns, raw.log_ns))
         return {topic: np.array(pairs, np.int64).reshape(-1, 2) for topic, pairs in times.items()}
@@ -93,7 +93,7 @@ class CameraFrames:
         stamps = {topic: self._going_forward(topic, self._times.of_topic(topic)) for topic in topics}
         color_ns = np.unique(stamps[self._color])
         color_ns = (
-            color_ns[[self._opened.window.holds(int(stamp)) for stamp in color_ns]] if len(color_ns) else color_ns
+            color_ns[[self._opened.rig.window.holds(int(stamp)) for stamp in color_ns]] if len(color_ns) else color_ns
         )
         if not len(color_ns):
             raise RecordingError(
@@ -112,7 +112,7 @@ class CameraFrames:
         stamps_ns, log_ns = times_ns.T
         outlying = outliers(stamps_ns, log_ns)
         if outlying.any():
-            first = self._opened.place(topic, int(log_ns[outlying][0]) + self._opened.window.offset_ns)
+            first = self._opened.place(topic, int(log_ns[outlying][0]) + self._opened.rig.window.offset_ns)
             self._opened.notes.note(
                 f"stray stamps {topic}",
                 f"{first}: {outlying.sum()} of {len(outlying)} images have a stamp far off all others and are left out",
@@ -122,7 +122,7 @@ class CameraFrames:
         if back is not None:
             raise RecordingError(
                 f"its clock is set back by {back.by_ns / 1e9:.1f} s, at image {back.index + 1} of {len(stamps_ns)}",
-                where=self._opened.place(topic, int(log_ns[back.index]) + self._opened.window.offset_ns),
+                where=self._opened.place(topic, int(log_ns[back.index]) + self._opened.rig.window.offset_ns),
                 cure=_CUT,
             )
         ahead = step_forward(stamps_ns, log_ns)
@@ -133,7 +133,7 @@ class CameraFrames:
     def _set_forward(self, topic: str, ahead: StepForward, log_ns: IntArray) -> None:
         """Note that a clock was set forward. Raises `RecordingError` where that cannot be time that went by."""
         last_ns, next_ns = log_ns[ahead.index - 1 : ahead.index + 1].tolist()
-        where = self._opened.place(topic, last_ns + self._opened.window.offset_ns)
+        where = self._opened.place(topic, last_ns + self._opened.rig.window.offset_ns)
         what = f"its clock is set forward by {_length_text(ahead.by_ns)}, after image {ahead.index} of {len(log_ns)}"
         if not ahead.too_far:
             self._opened.notes.note(
@@ -225,7 +225,7 @@ class CameraFrames:
 
     def _messages(self) -> Iterator[RawMessage]:
         topics = [self._color] if self._depth is None else [self._color, self._depth]
-        return self._opened.storage.messages(topics, *self._opened.window.log_range(_MARGIN_NS))
+        return self._opened.storage.messages(topics, *self._opened.rig.window.log_range(_MARGIN_NS))
 
     def _place(self, topic: str) -> str:
         return f"{self._opened.path}, {topic}"

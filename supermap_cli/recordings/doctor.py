@@ -49,11 +49,11 @@ def verdicts(
 ) -> Iterator[RoleVerdict]:
     """A verdict for every role, of every camera. `gaps_s` are the longest pauses of the topics that pause."""
     judge = _Judge(opened, problems, warnings, gaps_s)
-    for camera in opened.plan.cameras:
+    for camera in opened.rig.plan.cameras:
         for role in ("color", "depth", "camera_info", "detections", "masks"):
             name = role_name(role, camera.camera_id)
             topic = camera.topic(role)
-            if topic is None and role == "depth" and (lidar := opened.plan.topic("lidar")) is not None:
+            if topic is None and role == "depth" and (lidar := opened.rig.plan.topic("lidar")) is not None:
                 yield judge.of_topic(name, lidar.name, "made from the LiDAR")
             elif topic is None:
                 yield judge.of_nothing(name, role)
@@ -61,7 +61,7 @@ def verdicts(
                 yield judge.of_topic(name, topic.name)
         yield judge.mounting(role_name("mounting", camera.camera_id))
     for role in ("lidar", "imu"):
-        topic = opened.plan.topic(role)
+        topic = opened.rig.plan.topic(role)
         if topic is not None:
             yield judge.of_topic(role, topic.name)
         elif role in _WITHOUT:
@@ -112,12 +112,12 @@ class _Judge:
         return RoleVerdict(name, "weak" if why else "good", None, why, cure if why else "")
 
     def motion(self) -> RoleVerdict:
-        source = self._opened.pose_source
+        source = self._opened.rig.pose_source
         if source is not None and source.topic is not None:
             return self.of_topic("motion", source.topic.name)
         if source is not None:
             return RoleVerdict("motion", "good", source.description, "", "")
-        lidar = self._opened.plan.topic("lidar")
+        lidar = self._opened.rig.plan.topic("lidar")
         if lidar is None:
             return self.of_nothing("motion", "motion")
         return RoleVerdict("motion", "weak", lidar.name, "estimated from the LiDAR", "--topic odometry=/...")
@@ -139,13 +139,13 @@ def _words(text: str) -> list[str]:
 
 def explicit_settings(opened: OpenedRecording) -> dict[str, object]:
     """The entries of `[build.recording]` that make every choice explicit: what a build would do by itself."""
-    request, plan = opened.request, opened.plan
+    request, plan = opened.request, opened.rig.plan
     topics = {name: choice.topic.name for name, choice in plan.choices.items() if choice.role != "odometry"}
-    source = opened.pose_source
+    source = opened.rig.pose_source
     if source is not None:
-        moving = [each.name for each in opened.topics if each.kind == "transforms" and not is_static(each.name)]
+        moving = [each.name for each in opened.rig.topics if each.kind == "transforms" and not is_static(each.name)]
         topics["odometry"] = source.topic.name if source.topic is not None else min(moving, default="/tf")
-    frames = {"base": opened.base_frame} if opened.base_frame else {}
+    frames = {"base": opened.rig.base_frame} if opened.rig.base_frame else {}
     mounts = dict(request.mounts)
     for camera in plan.cameras:
         name = role_name("camera", camera.camera_id)
@@ -157,15 +157,16 @@ def explicit_settings(opened: OpenedRecording) -> dict[str, object]:
         else:
             frames[name] = used
     frames.update({name: frame for name, frame in request.frames.items() if is_sensor(name) or name == "odom"})
-    clocks = {topic: shift_ns / 1e9 for topic, shift_ns in opened.shifts_ns.items()} | dict(request.clocks)
+    clocks = {topic: shift_ns / 1e9 for topic, shift_ns in opened.rig.shifts_ns.items()} | dict(request.clocks)
     settings: dict[str, object] = {
         "camera": request.camera,
-        "robot": opened.robot,
+        "robot": opened.rig.robot,
         "sync_tolerance_s": request.sync_tolerance_s,
         "fit_color": request.fit_color,
         "topics": topics,
         "frames": frames,
         "mounts": mounts,
+        "fixed_joints": dict(request.fixed_joints),
         "clocks": clocks,
     }
     return {name: value for name, value in settings.items() if value not in ({}, None)}

@@ -135,9 +135,9 @@ def inspect_recording(path: Path, request: RecordingRequest) -> Inspection:
     Raises `RecordingError` where nothing can be said (no recording at all), and for topics named that are not there.
     """
     opened = open_recording(path, request)
-    problems: list[RecordingError] = list(opened.problems)
+    problems: list[RecordingError] = list(opened.rig.problems)
     cameras: list[CameraReport] = []
-    start_ns, end_ns = opened.window.start_ns, opened.window.end_ns
+    start_ns, end_ns = opened.rig.window.start_ns, opened.rig.window.end_ns
     if not problems:
         recording = BagRecording(opened)
         cameras, problems = _try_streams(opened, recording)
@@ -145,8 +145,8 @@ def inspect_recording(path: Path, request: RecordingRequest) -> Inspection:
             start_ns, end_ns = recording.start_ns, recording.end_ns
     if opened.motion_problem is not None:
         problems.append(opened.motion_problem)
-    source = opened.pose_source
-    has_lidar = opened.plan.serves("lidar")
+    source = opened.rig.pose_source
+    has_lidar = opened.rig.plan.serves("lidar")
     reports = tuple(_topic_reports(opened))
     gaps_s = {report.topic: report.longest_gap_s for report in reports if report.has_gap and report.longest_gap_s}
     return Inspection(
@@ -156,9 +156,9 @@ def inspect_recording(path: Path, request: RecordingRequest) -> Inspection:
         topics=reports,
         roles=tuple(_role_reports(opened)),
         transforms=tuple(EdgeReport(edge.parent, edge.child, edge.static) for edge in opened.tree.edges),
-        base_frame=opened.base_frame,
+        base_frame=opened.rig.base_frame,
         poses=source.description if source else ("LiDAR odometry" if has_lidar else None),
-        camera=_model_text(opened.cameras[0]) if opened.cameras else None,
+        camera=_model_text(opened.rig.cameras[0]) if opened.rig.cameras else None,
         cameras=tuple(cameras),
         usable_frames=sum(camera.usable_frames for camera in cameras),
         problems=tuple(ProblemReport(problem.what, problem.where, problem.cure) for problem in problems),
@@ -178,7 +178,7 @@ def _try_streams(opened: OpenedRecording, recording: BagRecording) -> tuple[list
     except RecordingError as error:
         return [], [error]
     reports = []
-    for camera in opened.cameras:
+    for camera in opened.rig.cameras:
         if camera.camera_id not in camera_ids:
             continue
         usable = 0
@@ -209,11 +209,11 @@ def _try_streams(opened: OpenedRecording, recording: BagRecording) -> tuple[list
 
 def _topic_reports(opened: OpenedRecording) -> Iterator[TopicReport]:
     times: dict[str, list[int]] = {channel.topic: [] for channel in opened.storage.channels}
-    start_ns, end_ns = opened.window.log_range(0)
+    start_ns, end_ns = opened.rig.window.log_range(0)
     for topic, log_ns in opened.storage.log_times(times.keys(), start_ns, end_ns):
         times[topic].append(log_ns)
-    frames = {topic.name: topic.frame_id for topic in opened.topics}
-    roles = {choice.topic.name: role for role, choice in reversed(tuple(opened.plan.choices.items()))}
+    frames = {topic.name: topic.frame_id for topic in opened.rig.topics}
+    roles = {choice.topic.name: role for role, choice in reversed(tuple(opened.rig.plan.choices.items()))}
     by_type = _times_by_type(opened, start_ns, end_ns)
     for channel in opened.storage.channels:
         frame_id, role = frames.get(channel.topic, ""), roles.get(channel.topic, "")
@@ -260,15 +260,15 @@ def _topic_report(
 
 
 def _role_reports(opened: OpenedRecording) -> Iterator[RoleReport]:
-    plan = opened.plan
+    plan = opened.rig.plan
     several = len(plan.cameras) > 1
     for role in ROLES:
         if role in CAMERA_ROLES:
             for camera in plan.cameras:
                 camera_id = camera.camera_id if several else None
                 yield _role_report(role, camera.choices.get(role), camera_id)
-        elif role == "odometry" and role not in plan.shared and opened.pose_source is not None:
-            yield RoleReport(role, opened.pose_source.description, "no odometry topic")
+        elif role == "odometry" and role not in plan.shared and opened.rig.pose_source is not None:
+            yield RoleReport(role, opened.rig.pose_source.description, "no odometry topic")
         else:
             yield _role_report(role, plan.shared.get(role))
 

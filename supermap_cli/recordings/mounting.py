@@ -59,8 +59,19 @@ def is_sensor(name: str) -> bool:
     return is_camera(name) or name in SHARED_SENSORS
 
 
-def parse_mounts(given: Mapping[str, str]) -> tuple[Mount, ...]:
-    """`{"camera": "0.1 0 1.2 0 0.2 0"}`: [parent] x y z roll pitch yaw. Raises `ConfigError`."""
+def joint_messages(given: Mapping[str, str], tree: TransformTree) -> tuple[PoseMessage, ...]:
+    """The fixed joints of a URDF that TF lacks: of links that nothing in TF leads to. Raises `ConfigError`."""
+    joints = []
+    for joint in parse_mounts(given, "fixed_joints:"):
+        known = tree.parent_of(joint.name) is not None or tree.connects(joint.parent, joint.name)
+        if joint.parent and joint.parent != joint.name and not known:
+            quaternion = quaternion_xyzw_from_rotation(joint.T[:3, :3])
+            joints.append(PoseMessage(0, joint.parent, joint.name, joint.T[:3, 3].copy(), quaternion))
+    return tuple(joints)
+
+
+def parse_mounts(given: Mapping[str, str], option: str = "--mount") -> tuple[Mount, ...]:
+    """`{"camera": "0.1 0 1.2 0 0.2 0"}`: [parent] x y z roll pitch yaw. Raises `ConfigError`, naming the option."""
     mounts = []
     for name, text in given.items():
         parent, numbers = "", text.split()
@@ -72,12 +83,12 @@ def parse_mounts(given: Mapping[str, str]) -> tuple[Mount, ...]:
             values = np.zeros(0)
         if values.shape != (6,) or not np.isfinite(values).all():
             raise ConfigError(
-                f"--mount {name}={text!r} is not understood",
+                f"{option} {name}={text!r} is not understood",
                 cure=f"write metres and radians, x y z roll pitch yaw on the base or after a parent's name: {EXAMPLE}",
             )
         if np.abs(values[3:]).max() > _MOST_RAD:
             raise ConfigError(
-                f"--mount {name}={text!r} turns by more than a whole turn", cure="write the angles in radians"
+                f"{option} {name}={text!r} turns by more than a whole turn", cure="write the angles in radians"
             )
         mounts.append(Mount(name, parent, make_transform(_rotation(*values[3:].tolist()), values[:3])))
     return tuple(mounts)

@@ -3,27 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from supermap_cli.errors import ConfigError, RecordingError
-from supermap_cli.geometry.arrays import Float32Array, FloatArray
+from supermap_cli.geometry.arrays import Float32Array
 from supermap_cli.hookspecs import RecordingRequest
 from supermap_cli.recordings import messages
-from supermap_cli.recordings.camera_rigs import OpenedCamera, RigFrames
+from supermap_cli.recordings.camera_rigs import OpenedCamera
 from supermap_cli.recordings.containers import open_storage
 from supermap_cli.recordings.decoding import Decoder
 from supermap_cli.recordings.images import decode_depth
 from supermap_cli.recordings.messages import ImageMessage, PoseMessage
-from supermap_cli.recordings.motion import PoseSource
 from supermap_cli.recordings.notes import Notes
-from supermap_cli.recordings.rig_finding import find_rig
+from supermap_cli.recordings.rig_finding import Rig, find_rig
 from supermap_cli.recordings.storage import Channel, RawMessage, Storage
 from supermap_cli.recordings.survey import Topic, survey_topics
 from supermap_cli.recordings.tf_survey import is_static
-from supermap_cli.recordings.topic_plan import TopicPlan
 from supermap_cli.recordings.topics import MissingTopicError
 from supermap_cli.recordings.transforms import MovingTransforms, TransformTree
 from supermap_cli.recordings.window import MARGIN_NS, RecordedData, Window
@@ -35,10 +33,7 @@ __all__ = ["MARGIN_NS", "OpenedCamera", "OpenedRecording", "Window", "no_poses",
 class OpenedRecording:
     """What is known once a recording is open, before any stream is read.
 
-    `robot` is the one that is meant, of several; `problems` stand in the way of any build, the gravest first;
-    `cameras`, the main one first, are those that can be used, and none where a problem concerns them.
-    `motion_problem` says why there is no motion to be had from it. `shifts_ns` are added to the stamps of topics whose
-    clock is not the camera's; `origin` (3,) in metres is taken off recorded positions.
+    `motion_problem` says why there is no motion to be had from it.
     """
 
     path: Path
@@ -46,23 +41,13 @@ class OpenedRecording:
     storage: Storage
     decoder: Decoder
     notes: Notes
-    robot: str | None
-    topics: tuple[Topic, ...]
-    plan: TopicPlan
-    frames: RigFrames
-    pose_source: PoseSource | None
-    base_frame: str
-    cameras: tuple[OpenedCamera, ...]
-    window: Window
-    shifts_ns: dict[str, int]
-    origin: FloatArray
-    problems: tuple[RecordingError, ...]
+    rig: Rig
     motion_problem: RecordingError | None
 
     @property
     def tree(self) -> TransformTree:
         """The TF tree's structure, with what the user said of it."""
-        return self.frames.tree
+        return self.rig.frames.tree
 
     def stamp_ns(self, raw: RawMessage) -> int:
         """The stamp of a message, by the camera's clock."""
@@ -75,17 +60,17 @@ class OpenedRecording:
 
     def shift_ns(self, topic: str) -> int:
         """What is added to the stamps of a topic."""
-        return self.shifts_ns.get(topic, 0)
+        return self.rig.shifts_ns.get(topic, 0)
 
     def depth_m(self, image: ImageMessage, topic: str) -> Float32Array:
         """(h, w) metres of a depth image of a topic; see `images.decode_depth`."""
-        scale = next((each.depth_scale for each in self.topics if each.name == topic), 1.0)
+        scale = next((each.depth_scale for each in self.rig.topics if each.name == topic), 1.0)
         depth_m = decode_depth(image, self.decoder.limits)
         return depth_m if scale == 1.0 else depth_m * np.float32(scale)
 
     def place(self, topic: str, stamp_ns: int) -> str:
         """File, topic and time (seconds from the first message, as --start counts) for errors and warnings."""
-        seconds = (stamp_ns - self.window.offset_ns - self.storage.start_ns) / 1e9
+        seconds = (stamp_ns - self.rig.window.offset_ns - self.storage.start_ns) / 1e9
         return f"{self.path}, {topic} at {seconds:.3f} s"
 
     def transforms(self, base: str, sensors: Collection[str]) -> MovingTransforms:
@@ -97,24 +82,24 @@ class OpenedRecording:
         return MovingTransforms(
             self._static_transforms(),
             (lambda: iter(())) if rigid else (lambda: self.moving_transforms(MARGIN_NS)),
-            self.frames.links,
+            self.rig.frames.links,
         )
 
     def moving_transforms(self, margin_ns: int) -> Iterator[tuple[int, PoseMessage]]:
         """(sensor time of arrival, transform) of the moving transforms in the window, in the order of log time."""
-        names = [topic.name for topic in self.topics if topic.kind == "transforms" and not is_static(topic.name)]
-        start_ns, end_ns = self.window.log_range(margin_ns)
+        names = [topic.name for topic in self.rig.topics if topic.kind == "transforms" and not is_static(topic.name)]
+        start_ns, end_ns = self.rig.window.log_range(margin_ns)
         raws = self.storage.messages(names, start_ns, end_ns)
         for raw, transforms in self.decoder.each(raws, messages.read_transforms):
             shift_ns = self.shift_ns(raw.channel.topic)
             for transform in transforms:
-                yield raw.log_ns + self.window.offset_ns, transform.later(shift_ns)
+                yield raw.log_ns + self.rig.window.offset_ns, transform.later(shift_ns)
 
     def _static_transforms(self) -> Iterator[PoseMessage]:
-        names = [topic.name for topic in self.topics if topic.kind == "transforms" and is_static(topic.name)]
+        names = [topic.name for topic in self.rig.topics if topic.kind == "transforms" and is_static(topic.name)]
         for _, transforms in self.decoder.each(self.storage.messages(names), messages.read_transforms):
             yield from transforms
-        yield from self.frames.given
+        yield from self.rig.frames.given
 
 
 def open_recording(path: Path, request: RecordingRequest) -> OpenedRecording:
@@ -136,17 +121,7 @@ def open_recording(path: Path, request: RecordingRequest) -> OpenedRecording:
         storage=storage,
         decoder=decoder,
         notes=notes,
-        robot=rig.robot,
-        topics=rig.topics,
-        plan=rig.plan,
-        frames=rig.frames,
-        pose_source=rig.pose_source,
-        base_frame=rig.base_frame,
-        cameras=rig.cameras,
-        window=rig.window,
-        shifts_ns=rig.shifts_ns,
-        origin=rig.origin,
-        problems=tuple(_with_near(problem, storage) for problem in rig.problems),
+        rig=replace(rig, problems=tuple(_with_near(problem, storage) for problem in rig.problems)),
         motion_problem=None
         if rig.pose_source is not None or rig.plan.serves("lidar")
         else no_poses(where, rig.not_motion),

@@ -28,9 +28,9 @@ def recorded_poses(opened: OpenedRecording, source: PoseSource) -> Iterator[Stam
         poses = _from_topic(opened, source, source.topic, skipped)
     count = 0
     for pose in poses:
-        if opened.window.holds(pose.stamp_ns, MARGIN_NS):
+        if opened.rig.window.holds(pose.stamp_ns, MARGIN_NS):
             count += 1
-            yield replace(pose, T_odom_base=_from_origin(pose.T_odom_base, opened.origin))
+            yield replace(pose, T_odom_base=_from_origin(pose.T_odom_base, opened.rig.origin))
     if not count:
         raise RecordingError(
             f"no usable poses in the window{skipped.summary}",
@@ -64,10 +64,10 @@ class _SkippedPoses:
 def _from_topic(
     opened: OpenedRecording, source: PoseSource, topic: Topic, skipped: _SkippedPoses
 ) -> Iterator[StampedPose]:
-    moved = source.child_frame or opened.base_frame
-    transforms = opened.transforms(moved, {opened.base_frame})
+    moved = source.child_frame or opened.rig.base_frame
+    transforms = opened.transforms(moved, {opened.rig.base_frame})
     raws, shift_ns = (
-        opened.storage.messages([topic.name], *opened.window.log_range(MARGIN_NS)),
+        opened.storage.messages([topic.name], *opened.rig.window.log_range(MARGIN_NS)),
         opened.shift_ns(topic.name),
     )
     for _, read in opened.decoder.each(raws, messages.read_pose):
@@ -76,9 +76,9 @@ def _from_topic(
         if T_odom_moved is None:
             skipped.add("a pose that is not finite", message.stamp_ns)
             continue
-        T_moved_base = transforms.lookup(moved, opened.base_frame, message.stamp_ns)
+        T_moved_base = transforms.lookup(moved, opened.rig.base_frame, message.stamp_ns)
         if T_moved_base is None:
-            skipped.add(f"TF does not place {opened.base_frame!r} on {moved!r}", message.stamp_ns)
+            skipped.add(f"TF does not place {opened.rig.base_frame!r} on {moved!r}", message.stamp_ns)
             continue
         covariance = None
         if message.covariance is not None:
@@ -110,20 +110,20 @@ def carried_covariance(covariance: FloatArray, lever_arm: FloatArray) -> FloatAr
 
 def _from_tree(opened: OpenedRecording, source: PoseSource, skipped: _SkippedPoses) -> Iterator[StampedPose]:
     """The chain odom -> base at every stamp of its moving link next to odom."""
-    _, chain = opened.tree.path(source.odom_frame, opened.base_frame)
+    _, chain = opened.tree.path(source.odom_frame, opened.rig.base_frame)
     moving = [edge for edge in chain if not edge.static]
     if not moving:
         return
     leading = moving[-1].child
-    transforms = opened.transforms(source.odom_frame, {opened.base_frame})
+    transforms = opened.transforms(source.odom_frame, {opened.rig.base_frame})
     for _, message in opened.moving_transforms(MARGIN_NS):
         if message.child_frame_id != leading:
             continue
         if message.transform() is None:
             skipped.add(f"{leading!r} is at a place that is not finite", message.stamp_ns)
             continue
-        T_odom_base = transforms.lookup(source.odom_frame, opened.base_frame, message.stamp_ns)
+        T_odom_base = transforms.lookup(source.odom_frame, opened.rig.base_frame, message.stamp_ns)
         if T_odom_base is None:
-            skipped.add(f"TF does not connect {source.odom_frame!r} and {opened.base_frame!r}", message.stamp_ns)
+            skipped.add(f"TF does not connect {source.odom_frame!r} and {opened.rig.base_frame!r}", message.stamp_ns)
             continue
         yield StampedPose(message.stamp_ns, T_odom_base)

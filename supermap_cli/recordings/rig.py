@@ -140,4 +140,5 @@ def _mounting_cure(tree: TransformTree, base: str, sensor: str, role: str) -> st
         if optical and role != "lidar":
             cures.append(f"name the frame that is meant: --frame {role}={optical[0]} (TF has {', '.join(optical)})")
         cures.append(f'say where it sits on the base, in metres and radians: --mount {role}="X Y Z ROLL PITCH YAW"')
+    cures.append("or name the robot's URDF: --rig robot.urdf")
     return ", ".join([*cures, f"or record /tf_static with {base!r} -> {sensor or 'the sensor'!r}"])

@@ -13,7 +13,7 @@ from supermap_cli.recordings.camera_finding import CameraFinder, RecordedRobot, 
 from supermap_cli.recordings.camera_rigs import CameraRigs, OpenedCamera, RecordedMotion, RigFrames
 from supermap_cli.recordings.messages import PoseMessage
 from supermap_cli.recordings.motion import MotionFinder, PoseSource, find_base_frame
-from supermap_cli.recordings.mounting import check_frames, parse_mounts, same_frames, with_given_frames
+from supermap_cli.recordings.mounting import check_frames, joint_messages, parse_mounts, same_frames, with_given_frames
 from supermap_cli.recordings.notes import Notes
 from supermap_cli.recordings.robots import topics_of_robot
 from supermap_cli.recordings.roles import NamedTopics, parse_named_topics
@@ -28,7 +28,13 @@ from supermap_cli.recordings.window import RecordedData, Window, find_window
 
 @dataclass(frozen=True)
 class Rig:
-    """What was found; see `OpenedRecording`."""
+    """What was found in a recording.
+
+    `robot` is the one that is meant, of several; `problems` stand in the way of any build, the gravest first;
+    `cameras`, the main one first, are those that can be used, and none where a problem concerns them. `shifts_ns` are
+    added to the stamps of topics whose clock is not the camera's; `origin` (3,) in metres is taken off recorded
+    positions. `not_motion` are topics of poses that are not the robot's, with the reason.
+    """
 
     robot: str | None
     topics: tuple[Topic, ...]
@@ -90,6 +96,7 @@ class _RigFinder:
         window = find_window(self._data, _leading(plan), notes)
         try:
             frames = frames.with_given([mount.message("") for mount in self._mounts.values() if mount.parent])
+            frames = self._with_joints(frames, notes)
             length_s = (self._data.storage.end_ns - self._data.storage.start_ns) / 1e9
             motion = MotionFinder(self.topics, frames.tree, self._request.frames, length_s)
             source, not_motion = motion.find(plan, notes), motion.not_motion()
@@ -124,6 +131,15 @@ class _RigFinder:
             not_motion,
             notes,
         )
+
+    def _with_joints(self, frames: RigFrames, notes: Notes) -> RigFrames:
+        """With the URDF's fixed joints where TF has none."""
+        joints = joint_messages(self._request.fixed_joints, frames.tree)
+        if joints:
+            named = ", ".join(f"{joint.frame_id} -> {joint.child_frame_id}" for joint in joints[:3])
+            more = f" and {len(joints) - 3} more" if len(joints) > 3 else ""
+            notes.note("fixed joints", f"{self._where}: TF lacks {named}{more}: taken from the robot's URDF")
+        return frames.with_given(joints)
 
     def _base_frame(self, plan: TopicPlan, source: PoseSource | None, tree: TransformTree, notes: Notes) -> str:
         lidar = plan.topic("lidar")

@@ -1,16 +1,11 @@
 """A build that is killed, at whatever moment, leaves a sound memory, and goes on to that of an undisturbed build.
 
-``SUPERMAP_KILLS=500 pytest -s tests/drivers/test_killed_builds.py`` kills more often at random moments and says what
-came of it.
+`test_killed_commands` kills at random moments, and other commands, too.
 """
 
 from __future__ import annotations
 
-import os
-import random
 import signal
-import sys
-from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -20,9 +15,6 @@ from supermap_cli.memory import open_store
 from supermap_cli.memory.checking import check
 from support import stopping
 from support.stopping import Moment
-
-KILLS = int(os.environ.get("SUPERMAP_KILLS", "6"))
-"""Kills at random moments."""
 
 NO_MAP = None
 EMPTY_MAP: tuple[tuple[str, int], ...] = ()
@@ -88,42 +80,3 @@ def test_a_build_killed_in_every_part_of_it_goes_on_to_the_memory_of_an_undistur
     code, told = stopping.run(folder, *arguments)
     assert code == 0, told
     assert stopping.rows(folder / "map.db") == undisturbed
-
-
-def random_moment(chance: random.Random) -> Moment:
-    """At any time, at any statement, or within any commit of a build of 2 s, some 400 statements and 50 commits."""
-    kind = chance.choice(["time", "statement", "commit"])
-    if kind == "time":
-        return Moment(seconds=chance.uniform(0, 2))
-    if kind == "statement":
-        return Moment(statement="", nth=chance.randint(1, 400))
-    return Moment(statement="BEGIN", nth=chance.randint(1, 50), commit=True, seconds=chance.uniform(0, 0.004))
-
-
-def test_a_build_killed_at_random_moments_goes_on_to_the_memory_of_an_undisturbed_one(
-    recordings: tuple[Path, ...], undisturbed: stopping.Rows, folder: Path
-) -> None:
-    chance = random.Random(5)  # noqa: S311 - any moments will do
-    counts: Counter[str] = Counter()
-    while counts["kills"] < KILLS:
-        counts["memories"] += 1
-        db = folder / f"map-{counts['memories']}.db"
-        arguments = ("build", *recordings, "--db", db, "--resume")
-        while True:
-            last = counts["kills"] == KILLS
-            moment = Moment(seconds=3600) if last else random_moment(chance)
-            code, told = stopping.run(folder, *arguments, prepare=stopping.kill, given=moment)
-            if code == 0:
-                break
-            assert code == -signal.SIGKILL, told
-            counts["kills"] += 1
-            traversals = sound_traversals(db)
-            counts["sound"] += traversals is not NO_MAP
-            counts["in mid-build"] += "building" in dict(traversals or ())
-        assert stopping.rows(db) == undisturbed
-        counts["same"] += 1
-    sys.stderr.write(
-        f"\n{counts['kills']} kills, {counts['in mid-build']} of them with a traversal half written: "
-        f"{counts['sound']} databases sound (the others not made yet); "
-        f"{counts['same']} of {counts['memories']} memories the same as the undisturbed one in every row\n"
-    )

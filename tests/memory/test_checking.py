@@ -171,6 +171,7 @@ DAMAGES: tuple[tuple[str | tuple[str, str | None], str, str], ...] = (
     ),
     ("UPDATE state SET gone_ns = NULL WHERE instance_number = 4", "temporal_edge", "disappeared whose state goes on"),
     (off(*UNCHANGED, "UPDATE observation SET label = 'song'"), "observation", "than its best hypothesis"),
+    (off(*UNCHANGED, "UPDATE observation SET hypotheses = '{}'"), "observation", "hypotheses that are no list"),
     *(
         (infinite(table, column), table, "a number that is not finite")
         for table, column in (
@@ -288,6 +289,7 @@ def test_a_state_whose_observations_were_given_up_is_sound(sound: Path) -> None:
     given_up = f"UPDATE traversal SET observations = observations - 1, observations_kept_from_ns = {m.ns(3)}"
     script = f"{given_up} WHERE number = 1; DELETE FROM observation WHERE label = 'cup'"
     m.run_sql(sound, script)
+    m.renew_checksums(sound)
     assert problems(sound) == []
     kept = f"UPDATE traversal SET observations_kept_from_ns = {m.ns(1)}"
     m.run_sql(sound, kept)

@@ -314,8 +314,8 @@ def test_whatever_is_given_up_the_map_is_sound_and_every_state_has_its_evidence(
 KILLED = """
 import sys
 from supermap_cli.main import main
-from supermap_cli.memory import retention
-retention.BATCH = 10
+from supermap_cli.memory import pruning
+pruning.BATCH = 10
 sys.argv = ["supermap", "db", "vacuum", "--db", sys.argv[1], "--keep", "observations=1s", "--keep", "crops=none",
             "--keep", "thumbnails=none"]
 main()

@@ -89,7 +89,7 @@ def use_postgresql() -> None:
     from supermap_cli.memory.databases.postgresql import PostgresqlSchema
     from supermap_cli.memory.databases.sqlite import SqliteFile
 
-    pytest.MonkeyPatch().setattr(SqliteFile, "of", lambda path, _=None: PostgresqlSchema.of(place(path)))
+    pytest.MonkeyPatch().setattr(SqliteFile, "of", lambda path, waiting=None: PostgresqlSchema.of(place(path), waiting))
 
 
 def replay_migrations() -> None:
@@ -140,26 +140,68 @@ def start_server(config: pytest.Config) -> None:
 @contextmanager
 def server(folder: Path) -> Iterator[str]:
     """A server of its own on a socket in `folder`, which is empty; its URL, without a schema."""
-    import psycopg  # noqa: F401 - the reason for skipping is this or the next
-
-    programs = _programs()
-    user = _service_user()
-    if user is not None:
-        shutil.chown(folder, user)
-    as_user: dict[str, Any] = {"user": user, "group": user and _group(user), "extra_groups": user and []}
-    run = partial(
-        subprocess.run, check=True, cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, **as_user
-    )
-    cluster = folder / "cluster"
-    trusting = ["-U", "supermap", "-A", "trust", "-E", "UTF8", "--locale=C", "--no-sync"]
-    run([programs / "initdb", "-D", cluster, *trusting])
-    options = f"-k {folder} -c listen_addresses='' -c fsync=off -c synchronous_commit=off -c full_page_writes=off"
-    control = [programs / "pg_ctl", "-D", cluster, "-w", "-l", folder / "log"]
-    run([*control, "-o", options, "start"])
+    running = Server(folder, "-c synchronous_commit=off -c full_page_writes=off")
+    running.start()
     try:
-        yield f"postgresql+psycopg://supermap@/postgres?host={folder}"
+        yield running.url("postgres")
     finally:
-        run([*control, "-m", "immediate", "stop"])
+        running.stop()
+
+
+class Server:
+    """A PostgreSQL server on a socket in `folder`, which is empty before; it never syncs to the disk."""
+
+    def __init__(self, folder: Path, options: str = "") -> None:
+        import psycopg  # noqa: F401 - the reason for skipping is this or the next
+
+        self.folder = folder
+        self._options = f"-k {folder} -c listen_addresses='' -c fsync=off {options}"
+        self._programs = _programs()
+        user = _service_user()
+        if user is not None:
+            shutil.chown(folder, user)
+        as_user: dict[str, Any] = {"user": user, "group": user and _group(user), "extra_groups": user and []}
+        self._run = partial(
+            subprocess.run, check=True, cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, **as_user
+        )
+        trusting = ["-U", "supermap", "-A", "trust", "-E", "UTF8", "--locale=C", "--no-sync"]
+        self._run([self._programs / "initdb", "-D", folder / "cluster", *trusting])
+
+    def url(self, database: str) -> str:
+        """The URL of one of its databases, without a schema."""
+        return f"postgresql+psycopg://supermap@/{database}?host={self.folder}"
+
+    def start(self) -> None:
+        if not server_processes(self.folder):  # a zombie's number in these files looks like a server that runs
+            for name in ("cluster/postmaster.pid", ".s.PGSQL.5432.lock"):
+                (self.folder / name).unlink(missing_ok=True)
+        self._control("-o", self._options, "start")
+
+    def stop(self) -> None:
+        self._control("-m", "immediate", "stop")
+
+    def _control(self, *arguments: str) -> None:
+        control = [self._programs / "pg_ctl", "-D", self.folder / "cluster", "-w", "-l", self.folder / "log"]
+        self._run([*control, *arguments])
+
+
+def server_processes(folder: Path) -> tuple[int, ...]:
+    """The processes of the server in a folder, its first one first; none if it is not there."""
+    try:
+        first = int((folder / "cluster" / "postmaster.pid").read_text().split()[0])
+        children = Path(f"/proc/{first}/task/{first}/children").read_text().split()
+    except (OSError, IndexError):
+        return ()
+    return (first, *map(int, children)) if is_running(first) else ()
+
+
+def is_running(process: int) -> bool:
+    """Whether a process is there and has not ended: one that nobody waited for is a zombie."""
+    try:
+        state = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0]
+    except OSError:
+        return False
+    return state not in {"Z", "X"}
 
 
 def _programs() -> Path:

@@ -39,4 +39,5 @@ DROP TABLE copy;
 def grow(path: Path, instances: int) -> Path:
     """Add so many boxes, each a copy of the first instance with all that was seen of it."""
     m.run_sql(path, GROW.format(instances=instances, since_ns=m.ns(1)))
+    m.renew_checksums(path)
     return path

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import multiprocessing
 import os
 import resource
@@ -20,7 +21,7 @@ import numpy as np
 from sqlalchemy import Engine, event, select
 
 from supermap_cli.main import main
-from supermap_cli.memory import open_store
+from supermap_cli.memory import open_store, pruning
 from supermap_cli.simulation.detection.detector_errors import DetectorErrors
 from supermap_cli.simulation.recording.recorder import record
 from supermap_cli.simulation.rigs import DepthSensor, OdometryDrift
@@ -80,21 +81,56 @@ class Moment:
     commit: bool = False
 
 
-def _die(seconds: float) -> None:
-    def wait() -> None:
-        time.sleep(seconds)
-        os.kill(os.getpid(), signal.SIGKILL)
-
-    if seconds > 0:
-        threading.Thread(target=wait, daemon=True).start()
-    else:
-        os.kill(os.getpid(), signal.SIGKILL)
+def die() -> None:
+    """Kill this process."""
+    os.kill(os.getpid(), signal.SIGKILL)
 
 
 def kill(moment: Moment) -> None:
     """A `prepare`: the process is killed at the given moment."""
+    at(moment, die)
+
+
+def in_small_batches() -> None:
+    """A `prepare`: prune in many transactions."""
+    pruning.BATCH = 2
+
+
+def count_moments(path: str) -> None:
+    """A `prepare`: write down how long the command took, and how many statements and transactions it had."""
+    in_small_batches()
+    counts = {"statements": 0, "commits": 0}
+    began_s = time.monotonic()
+
+    def count(name: str) -> None:
+        counts[name] += 1
+
+    def write() -> None:
+        Path(path).write_text(json.dumps({**counts, "seconds": time.monotonic() - began_s}))
+
+    event.listen(Engine, "before_cursor_execute", lambda *_: count("statements"))
+    event.listen(Engine, "commit", lambda *_: (count("commits"), write()))
+
+
+def at(moment: Moment, action: Callable[[], None]) -> None:
+    """Do something once, at the given moment of this process."""
+    done = threading.Event()
+
+    def act() -> None:
+        if not done.is_set():
+            done.set()
+            action()
+
+    def later() -> None:
+        if moment.seconds > 0:
+            timer = threading.Timer(moment.seconds, act)
+            timer.daemon = True
+            timer.start()
+        else:
+            act()
+
     if moment.statement is None:
-        _die(moment.seconds)
+        later()
         return
     wanted, left = moment.statement, moment.nth
 
@@ -102,11 +138,11 @@ def kill(moment: Moment) -> None:
         nonlocal left
         left -= statement.lstrip().startswith(wanted)
         if left == 0 and not moment.commit:
-            _die(moment.seconds)
+            later()
 
     def before_commit(_connection: object) -> None:
         if left <= 0 and moment.commit:
-            _die(moment.seconds)
+            later()
 
     event.listen(Engine, "before_cursor_execute", before_statement)
     event.listen(Engine, "commit", before_commit)
@@ -143,7 +179,7 @@ def start(
     """Start `supermap ARGUMENTS` in a folder; `prepare(given)` is called there first; its stderr is `stderr.txt`."""
     told = [str(each) for each in arguments]
     if databases.on_postgresql():
-        after = {"--db": lambda path: databases.place(folder / path)}
+        after = {"--db": lambda path: path if "://" in path else databases.place(folder / path)}
         told = [after.get(option, str)(each) for option, each in pairwise(("", *told))]
     process = _CONTEXT.Process(target=_run, args=(told, str(folder), prepare, given))
     process.start()

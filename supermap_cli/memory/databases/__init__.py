@@ -11,9 +11,11 @@ from __future__ import annotations
 from supermap_cli.errors import MemoryStoreError
 from supermap_cli.memory.databases.dialects import Dialect, dialect_of
 from supermap_cli.memory.databases.interface import Database, Lock, SqlRows, SqlValue
+from supermap_cli.memory.databases.postgresql_errors import is_shut_out
+from supermap_cli.memory.databases.sqlite_errors import is_busy
 from supermap_cli.memory.databases.waiting import Waiting
 
-__all__ = ["Database", "Dialect", "Lock", "SqlRows", "SqlValue", "Waiting", "database_of", "dialect_of"]
+__all__ = ["Database", "Dialect", "Lock", "SqlRows", "SqlValue", "Waiting", "database_of", "dialect_of", "is_locked"]
 
 _SQLITE_PREFIX = "sqlite:///"
 
@@ -33,7 +35,13 @@ def database_of(url: str, waiting: Waiting | None = None) -> Database:
             )
         from supermap_cli.memory.databases.postgresql import PostgresqlSchema  # noqa: PLC0415 - only where it is used
 
-        return PostgresqlSchema.of(url)
+        return PostgresqlSchema.of(url, waiting)
     from supermap_cli.memory.databases.sqlite import SqliteFile  # noqa: PLC0415
 
     return SqliteFile.of(url.removeprefix(_SQLITE_PREFIX), waiting)
+
+
+def is_locked(error: BaseException) -> bool:
+    """Whether a statement failed only because another program holds a lock."""
+    cause = getattr(error, "orig", None)
+    return is_busy(cause) or is_shut_out(cause)

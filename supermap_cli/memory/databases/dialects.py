@@ -129,7 +129,7 @@ class Sqlite:
         ),
         Invariant(
             "observation",
-            "has another label than its best hypothesis",
+            "has another label than its best hypothesis, or hypotheses that are no list",
             """SELECT id FROM observation WHERE CASE WHEN json_valid(hypotheses)
                THEN json_extract(hypotheses, '$[0][0]') IS NOT label END""",
         ),
@@ -194,7 +194,7 @@ class Postgresql:
     invariants: tuple[Invariant, ...] = (
         Invariant(
             "observation",
-            "has another label than its best hypothesis",
+            "has another label than its best hypothesis, or hypotheses that are no list",
             "SELECT id FROM observation WHERE (hypotheses::json -> 0 ->> 0) IS DISTINCT FROM label",
         ),
         *_images("decode('{}', 'hex')"),
@@ -240,11 +240,11 @@ class Postgresql:
         """Objects of the schema without invalid indices and constraints and disabled triggers."""
         listed = """
             SELECT c.relname FROM pg_class c LEFT JOIN pg_index x ON x.indexrelid = c.oid
-            WHERE c.relnamespace = current_schema()::regnamespace AND x.indisvalid IS NOT FALSE
+            WHERE c.relnamespace = quote_ident(current_schema())::regnamespace AND x.indisvalid IS NOT FALSE
             UNION ALL SELECT conname FROM pg_constraint
-            WHERE connamespace = current_schema()::regnamespace AND convalidated
+            WHERE connamespace = quote_ident(current_schema())::regnamespace AND convalidated
             UNION ALL SELECT t.tgname FROM pg_trigger t JOIN pg_class c ON c.oid = t.tgrelid
-            WHERE c.relnamespace = current_schema()::regnamespace AND t.tgenabled IN ('O', 'A')"""
+            WHERE c.relnamespace = quote_ident(current_schema())::regnamespace AND t.tgenabled IN ('O', 'A')"""
         return set(connection.exec_driver_sql(listed).scalars())
 
     def altered(self, connection: Connection) -> set[str]:
@@ -253,9 +253,9 @@ class Postgresql:
         found = connection.exec_driver_sql("""
             SELECT t.tgname, pg_get_triggerdef(t.oid), current_schema() FROM pg_trigger t
             JOIN pg_class c ON c.oid = t.tgrelid
-            WHERE NOT t.tgisinternal AND c.relnamespace = current_schema()::regnamespace
+            WHERE NOT t.tgisinternal AND c.relnamespace = quote_ident(current_schema())::regnamespace
             UNION ALL SELECT proname, prosrc, current_schema() FROM pg_proc
-            WHERE pronamespace = current_schema()::regnamespace
+            WHERE pronamespace = quote_ident(current_schema())::regnamespace
             UNION ALL SELECT indexname, indexdef, schemaname FROM pg_indexes WHERE schemaname = current_schema()""")
         return {
             name

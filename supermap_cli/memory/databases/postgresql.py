@@ -7,10 +7,10 @@ import socket
 import sqlite3
 from collections.abc import Callable
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
-from sqlalchemy import URL, Connection, Engine, create_engine, make_url, text
+from sqlalchemy import URL, Connection, Engine, create_engine, event, make_url, text
 from sqlalchemy.exc import ArgumentError, DatabaseError
 from sqlalchemy.pool import NullPool
 
@@ -19,6 +19,8 @@ from supermap_cli.memory.databases.interface import SqlRows
 from supermap_cli.memory.databases.postgresql_errors import no_driver, postgresql_error
 from supermap_cli.memory.databases.postgresql_lock import AdvisoryLock
 from supermap_cli.memory.databases.postgresql_sql import read_rows
+from supermap_cli.memory.databases.postgresql_waiting import limit_waiting, wait_for_others
+from supermap_cli.memory.databases.waiting import Waiting
 from supermap_schema import models, postgresql
 
 _SECRETS = ("password", "passfile", "sslpassword")
@@ -28,7 +30,8 @@ _FIRST_SCHEMA = "SELECT btrim(split_part(current_setting('search_path'), ',', 1)
 """The name of the schema of a new map, which may not exist yet."""
 
 _OWN_RELATIONS = """
-    SELECT c.oid, c.relname, c.relkind FROM pg_class c WHERE c.relnamespace = current_schema()::regnamespace
+    SELECT c.oid, c.relname, c.relkind FROM pg_class c
+    WHERE c.relnamespace = quote_ident(current_schema())::regnamespace
     AND c.relkind IN ('r', 'p', 'v', 'm', 'f') AND NOT EXISTS (
       SELECT 1 FROM pg_depend d WHERE d.classid = 'pg_class'::regclass AND d.objid = c.oid AND d.deptype = 'e')
 """
@@ -36,7 +39,7 @@ _OWN_RELATIONS = """
 
 _MARK_FOUND = """
     SELECT obj_description(c.oid, 'pg_class') FROM pg_class c
-    WHERE c.relnamespace = current_schema()::regnamespace AND c.relname = 'traversal'
+    WHERE c.relnamespace = quote_ident(current_schema())::regnamespace AND c.relname = 'traversal'
 """
 
 
@@ -45,9 +48,10 @@ class PostgresqlSchema:
     """The schema that `url` selects, accessed with psycopg."""
 
     url: URL
+    waiting: Waiting = field(default_factory=Waiting)
 
     @classmethod
-    def of(cls, url: str) -> PostgresqlSchema:
+    def of(cls, url: str, waiting: Waiting | None = None) -> PostgresqlSchema:
         """The schema of a URL. Raises `MemoryStoreError` for a malformed one."""
         scheme, _, rest = url.partition("://")
         cure = "write postgresql+psycopg://USER@HOST/DATABASE"
@@ -59,7 +63,7 @@ class PostgresqlSchema:
             raise MemoryStoreError("the database's URL is not understood", where=scheme, cure=cure) from error
         if not parsed.database and "dbname" not in parsed.query:
             raise MemoryStoreError("the database's URL names no database", where=_without_secrets(parsed), cure=cure)
-        return cls(parsed)
+        return cls(parsed, waiting or Waiting())
 
     @property
     def where(self) -> str:
@@ -111,8 +115,15 @@ class PostgresqlSchema:
         return AdvisoryLock.taken(self._connected("AUTOCOMMIT"), self.where)
 
     def writer_engine(self) -> Engine:
-        """READ COMMITTED, because there is one writer."""
-        return self._engine()
+        """READ COMMITTED, because there is one writer; one that writes first waits for other programs that do."""
+        engine = self._engine()
+
+        def begin(connection: Connection) -> None:
+            if connection.get_execution_options().get("writes"):
+                wait_for_others(connection, self.waiting, self.where)
+
+        event.listen(engine, "begin", begin)
+        return engine
 
     def reader_engine(self) -> Engine:
         """REPEATABLE READ and read only."""
@@ -130,7 +141,7 @@ class PostgresqlSchema:
         """Drop everything that belongs to the map, and its schema if that was created for it."""
         with self._connected() as connection, connection.begin():
             made = connection.exec_driver_sql(
-                "SELECT obj_description(current_schema()::regnamespace, 'pg_namespace')"
+                "SELECT obj_description(quote_ident(current_schema())::regnamespace, 'pg_namespace')"
             ).scalar_one()
             if made == postgresql.MARK:
                 name = connection.exec_driver_sql("SELECT current_schema()").scalar_one()
@@ -169,9 +180,11 @@ class PostgresqlSchema:
 
     def _engine(self, **options: Any) -> Engine:
         try:
-            return create_engine(self.url, connect_args=self._connect_arguments(), **options)
+            engine = create_engine(self.url, connect_args=self._connect_arguments(), **options)
         except ImportError as error:
             raise no_driver(self.where) from error
+        event.listen(engine, "connect", lambda connection, _: limit_waiting(connection, self.waiting))
+        return engine
 
     def _connect_arguments(self) -> dict[str, Any]:
         """The application name is shown by the server, and to another build that waits for the lock."""

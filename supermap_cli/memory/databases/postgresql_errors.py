@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from supermap_cli.errors import MemoryStoreError
+from supermap_cli.memory.databases.waiting import another_program_writes
 
 _CURES = (
     ("does not exist", "database", "make it with `createdb`, or name another in the URL"),
@@ -23,6 +24,8 @@ _CURES = (
     ("read-only transaction", "", "name the server that takes writes"),
 )
 """Two parts of the message (both must be in it) and the cure."""
+_LOCK_NOT_AVAILABLE = "55P03"
+"""The state of a statement that `lock_timeout` ended (PostgreSQL's manual, appendix A)."""
 _LOST = ("server closed the connection", "connection is lost", "terminating connection", "connection is closed")
 
 
@@ -31,6 +34,11 @@ def no_driver(where: str) -> MemoryStoreError:
     return MemoryStoreError(
         "PostgreSQL needs the driver psycopg", where=where, cure="pip install 'supermap-cli[postgresql]'"
     )
+
+
+def is_shut_out(error: BaseException | None) -> bool:
+    """Whether a statement waited too long for another program's lock."""
+    return getattr(error, "sqlstate", None) == _LOCK_NOT_AVAILABLE
 
 
 def postgresql_error(error: Exception, where: str) -> MemoryStoreError:
@@ -42,6 +50,8 @@ def postgresql_error(error: Exception, where: str) -> MemoryStoreError:
             where=where,
             cure="when the server is there again, repeat the command: whatever was committed is kept",
         )
+    if is_shut_out(getattr(error, "orig", None) or error):
+        return another_program_writes(where)
     cures = (cure for first, second, cure in _CURES if first in message and second in message)
     return MemoryStoreError(f"PostgreSQL says: {message}", where=where, cure=next(cures, "see the server's log"))
 

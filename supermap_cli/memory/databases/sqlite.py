@@ -144,8 +144,7 @@ class SqliteFile:
             else:
                 return
             if not told:
-                limit = f"{self.waiting.limit_s:g} s"
-                self.waiting.tell(f"another program writes to {self.path}: waiting up to {limit} for it")
+                self.waiting.tell_about(self.where)
             told = True
 
     def reader_engine(self) -> Engine:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from supermap_cli.errors import MemoryStoreError
+from supermap_cli.memory.databases.waiting import another_program_writes
 
 _RECOVER = "see `supermap db check`; `supermap db recover --out NEW.db` saves what can be read"
 _CURES = {
@@ -30,11 +31,7 @@ def is_busy(error: BaseException | None) -> bool:
 def sqlite_error(error: BaseException, where: str) -> MemoryStoreError:
     """The error of a map in an SQLite file."""
     if is_busy(error):
-        return MemoryStoreError(
-            "another program writes to the map database",
-            where=where,
-            cure="end its change (a browser's, a backup's) and repeat the command; --wait SECONDS waits longer",
-        )
+        return another_program_writes(where)
     name = _name(error)
     cure = next((cure for code, cure in _CURES.items() if name.startswith(code)), _RECOVER)
     what = "cannot be read" if cure is _RECOVER else "failed"

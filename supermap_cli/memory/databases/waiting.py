@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from supermap_cli.errors import MemoryStoreError
+
 DEFAULT_WAIT_S = 30.0
 """Seconds; longer than a backup of a map takes, shorter than people wait for a sign of life. Chosen."""
 
@@ -22,3 +24,16 @@ class Waiting:
 
     limit_s: float = DEFAULT_WAIT_S
     tell: Callable[[str], None] = _nothing
+
+    def tell_about(self, where: str) -> None:
+        """Say that another program writes to a map, and how long that is waited for."""
+        self.tell(f"another program writes to {where}: waiting up to {self.limit_s:g} s for it")
+
+
+def another_program_writes(where: str) -> MemoryStoreError:
+    """The error when the waiting is over."""
+    return MemoryStoreError(
+        "another program writes to the map database",
+        where=where,
+        cure="end its change (a browser's, a backup's) and repeat the command; --wait SECONDS waits longer",
+    )
