@@ -184,6 +184,7 @@ class DiffBuilder:
         classification = self._with_readings(classification, instance, side_labels, observations)
         if classification.kind == "doubted":
             classification = self._with_recall(classification, instance)
+        parts = self._parts(comparison)
         before, after = classification.before, classification.after
         sides = (
             self._side_observations(self.times.before, observations, before),
@@ -198,7 +199,7 @@ class DiffBuilder:
             kind=classification.kind,
             id=instance.id,
             label=instance.label,
-            reason=classification.reason,
+            reason="; ".join([classification.reason, *parts]),
             confidence=round(classification.confidence, 4),
             not_before_ns=low_ns,
             not_after_ns=classification.not_after_ns,
@@ -280,6 +281,19 @@ class DiffBuilder:
         return {
             instance.number: [edge for number in instance.numbers for edge in edges[number]] for instance in instances
         }
+
+    def _parts(self, comparison: StateComparison) -> list[str]:
+        """What was taken for a thing of its own by one of the sides, and turned out later to be part of this one."""
+        parts = {
+            self.reader.text_ids[edge.from_number]: edge.not_after_ns
+            for edge in comparison.edges
+            if edge.kind == "merged"
+            and edge.from_number != comparison.instance.number
+            and (edge.not_before_ns or 0) <= self.times.after.at_ns
+            and edge.not_after_ns > self.times.before.at_ns
+        }
+        clock = clock_of(self.reader)
+        return [f"{part}, held apart until {clock.text(merged_ns)}, is part of it" for part, merged_ns in parts.items()]
 
     def _side_labels(
         self, observations: Sequence[LabelledObservation]

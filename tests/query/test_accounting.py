@@ -63,6 +63,23 @@ def test_every_object_of_two_sides_has_exactly_one_row(seed: int, names: list[st
 
 
 @settings(max_examples=examples(40), deadline=None)
+@given(seeds)
+def test_what_was_merged_between_two_sides_is_named_in_one_row(seed: int) -> None:
+    with random_map(seed) as reader:
+        found, clock = diff(reader, "monday", "tuesday"), clock_of(reader)
+        before, after = (parse_time_point(name, reader, clock) for name in ("monday", "tuesday"))
+        rows = {change.id for change in found.changes}
+        merged = [
+            (reader.text_ids[edge.from_number], reader.text_ids[reader.survivors[edge.to_number]])
+            for edge in reader.temporal_edges()
+            if edge.kind == "merged" and edge.not_after_ns > before.at_ns and (edge.not_before_ns or 0) <= after.at_ns
+        ]
+    for part, whole in merged:
+        named = [change.id for change in found.changes if f"{part}, held apart until" in change.reason]
+        assert named == ([whole] if whole in rows else [])
+
+
+@settings(max_examples=examples(40), deadline=None)
 @given(seeds, st.integers(0, 4))
 def test_show_lists_or_counts_every_object(seed: int, limit: int) -> None:
     with random_map(seed) as reader:
