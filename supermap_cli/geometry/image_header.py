@@ -21,7 +21,7 @@ def image_size(data: bytes | memoryview) -> tuple[int, int] | None:
     head = bytes(data[:32])
     try:
         if head.startswith(_PNG):
-            return struct.unpack_from(">II", head, 16)
+            return struct.unpack_from(">II", head, 16) if _png_is_whole(memoryview(data).cast("B")) else None
         if head.startswith(_JPEG):
             return _jpeg_size(memoryview(data).cast("B"))
         if head.startswith(_BMP):
@@ -32,6 +32,16 @@ def image_size(data: bytes | memoryview) -> tuple[int, int] | None:
     except struct.error:
         return None
     return None
+
+
+def _png_is_whole(data: memoryview) -> bool:
+    """Whether all chunks lie within the data up to the last: decoders take memory for as many bytes as one claims."""
+    position, kind = len(_PNG), b""
+    while kind != b"IEND" and position + 12 <= len(data):
+        (length,) = struct.unpack_from(">I", data, position)
+        kind = bytes(data[position + 4 : position + 8])
+        position += 12 + length
+    return position <= len(data)
 
 
 def _jpeg_size(data: memoryview) -> tuple[int, int] | None:
