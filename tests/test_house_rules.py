@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import ast
+import inspect
 from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+
+from supermap_cli import errors
 
 CHECKOUT = Path(__file__).resolve().parents[1]
 SOURCES = ("supermap_cli", "plugins", "schema")
@@ -149,3 +152,27 @@ def test_the_check_finds_what_is_set_in_other_methods_only() -> None:
     declared = declared_attributes(classes["Late"], classes)
     run = next(method for method in methods_of(classes["Late"]) if method.name == "run")
     assert {name for name, _ in assigned_to_self(run)} - declared == {"engine", "index"}
+
+
+WITHOUT_CURE = {
+    "supermap_cli/memory/depth_png.py",  # parts of what `db check` says
+    "supermap_cli/plugin_manager.py",  # why a plugin was left out: for its authors
+    "supermap_cli/memory/store.py",  # calls in a wrong order, of Python programs
+}
+"""Files whose errors may say what is wrong and no more."""
+
+
+def _raised_without_cure(path: Path) -> Iterator[int]:
+    names = {name for name, value in vars(errors).items() if inspect.isclass(value)} | {"error_type"}
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Raise) and isinstance(node.exc, ast.Call) and isinstance(node.exc.func, ast.Name):
+            given = {keyword.arg for keyword in node.exc.keywords}
+            if node.exc.func.id in names and "cure" not in given:
+                yield node.lineno
+
+
+def test_every_error_that_a_user_meets_says_how_to_mend_it() -> None:
+    paths = [path for folder in SOURCES for path in (CHECKOUT / folder).rglob("*.py")]
+    found = {str(path.relative_to(CHECKOUT)): list(_raised_without_cure(path)) for path in paths}
+    assert {path: lines for path, lines in found.items() if lines and path not in WITHOUT_CURE} == {}
+    assert all(found[path] for path in WITHOUT_CURE)

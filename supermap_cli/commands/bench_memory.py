@@ -40,7 +40,7 @@ def memory(
         str, typer.Option(metavar="SMALL,LARGE", help="How many objects the two memories hold.")
     ] = "1000,100000",
     traversals: Annotated[int, typer.Option(min=4, help="How many traversals each of them has.")] = 100,
-    seed: Annotated[int, typer.Option(help="What is made up follows from it.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="What is made up follows from it.")] = 0,
     folder: Annotated[
         Path | None,
         typer.Option(help="Where the memories are kept, and taken from if they are there. [default: a temporary one]"),

@@ -19,6 +19,9 @@ from numpy.polynomial import Polynomial
 from supermap_cli.errors import CalibrationError
 from supermap_cli.geometry.arrays import BoolArray, Float32Array, FloatArray
 
+_CURE = "publish the calibration that the camera's driver gives, or name another camera_info topic"
+_STORED_CURE = "run `supermap db check`"
+
 _MIN_DEPTH_M = 1e-6
 """Metres: points nearer than this, or behind the camera, are not projected."""
 _NEWTON_STEPS, _NEWTON_TOLERANCE = 20, 1e-10
@@ -166,7 +169,8 @@ class PinholeCamera(_PixelRays):
     def __post_init__(self) -> None:
         _check_intrinsics(self.width, self.height, (self.fx, self.fy, self.cx, self.cy, *self.distortion))
         if len(self.distortion) not in {0, 4, 5, 8}:
-            raise CalibrationError(f"a pinhole camera has 0, 4, 5 or 8 distortion values, not {len(self.distortion)}")
+            what = f"a pinhole camera has 0, 4, 5 or 8 distortion values, not {len(self.distortion)}"
+            raise CalibrationError(what, cure=_CURE)
 
     @cached_property
     def _coefficients(self) -> tuple[float, ...] | None:
@@ -265,7 +269,8 @@ class FisheyeCamera(_PixelRays):
     def __post_init__(self) -> None:
         _check_intrinsics(self.width, self.height, (self.fx, self.fy, self.cx, self.cy, *self.distortion))
         if len(self.distortion) not in {0, 4}:
-            raise CalibrationError(f"an equidistant camera has 0 or 4 distortion values, not {len(self.distortion)}")
+            what = f"an equidistant camera has 0 or 4 distortion values, not {len(self.distortion)}"
+            raise CalibrationError(what, cure=_CURE)
 
     @cached_property
     def _largest_theta(self) -> float:
@@ -370,7 +375,7 @@ class EquirectangularCamera(_PixelRays):
 
 def _check_intrinsics(width: int, height: int, values: tuple[float, ...]) -> None:
     if width <= 0 or height <= 0:
-        raise CalibrationError(f"a camera needs a positive image size, not {width} x {height}")
+        raise CalibrationError(f"a camera needs a positive image size, not {width} x {height}", cure=_CURE)
     if not np.isfinite(values).all() or values[0] <= 0 or values[1] <= 0:
         raise CalibrationError(
             f"camera intrinsics make no sense: {list(values)}", cure="calibrate the camera, fx and fy must be positive"
@@ -400,9 +405,9 @@ def camera_from_json(text: str) -> Camera:
         model = _MODELS[values.pop("model")]
         known = {attribute.name for attribute in fields(model)}
         if not known >= values.keys():
-            raise CalibrationError(f"unknown camera parameters: {sorted(values.keys() - known)}")
+            raise CalibrationError(f"unknown camera parameters: {sorted(values.keys() - known)}", cure=_STORED_CURE)
         if "distortion" in values:
             values["distortion"] = tuple(map(float, values["distortion"]))
         return model(**values)
     except (json.JSONDecodeError, KeyError, TypeError, ValueError, AttributeError) as error:
-        raise CalibrationError(f"not a camera's JSON form: {error}") from error
+        raise CalibrationError(f"not a camera's JSON form: {error}", cure=_STORED_CURE) from error

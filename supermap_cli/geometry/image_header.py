@@ -31,7 +31,7 @@ def image_size(data: bytes | memoryview) -> tuple[int, int] | None:
 def _size(head: bytes, data: memoryview) -> tuple[int, int] | None:
     size: tuple[int, int] | None = None
     if head.startswith(_PNG):
-        size = struct.unpack_from(">II", head, 16)
+        size = struct.unpack_from(">II", head, 16) if _png_is_whole(data) else None
     elif head.startswith(_JPEG):
         size = _jpeg_size(data)
     elif head[:4] in _TIFF:
@@ -42,6 +42,16 @@ def _size(head: bytes, data: memoryview) -> tuple[int, int] | None:
     elif head.startswith(_RIFF) and head[8:12] == _WEBP:
         size = _webp_size(head)
     return size
+
+
+def _png_is_whole(data: memoryview) -> bool:
+    """Whether all chunks lie within the data up to the last: decoders take memory for as many bytes as one claims."""
+    position, kind = len(_PNG), b""
+    while kind != b"IEND" and position + 12 <= len(data):
+        (length,) = struct.unpack_from(">I", data, position)
+        kind = bytes(data[position + 4 : position + 8])
+        position += 12 + length
+    return position <= len(data)
 
 
 def _jpeg_size(data: memoryview) -> tuple[int, int] | None:

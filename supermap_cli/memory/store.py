@@ -204,7 +204,8 @@ class MapStore:
                 select(models.Traversal.status).where(models.Traversal.id == traversal_id)
             ).scalar_one_or_none()
             if status not in {None, "building"}:
-                raise MemoryStoreError(f"traversal {traversal_id} is {status} and stays", where=self.where)
+                what = f"traversal {traversal_id} is {status} and stays"
+                raise MemoryStoreError(what, where=self.where, cure="only a stopped build is taken back")
             roll_back(connection, traversal_id)
         self._database.release_free_pages()
 

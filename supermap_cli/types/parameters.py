@@ -149,9 +149,8 @@ def _number(where: str, value: object, like: float, about: Description) -> bool 
     """A number of the type of another one; a whole number passes for any."""
     if isinstance(like, bool) or isinstance(value, bool):
         if not (isinstance(like, bool) and isinstance(value, bool)):
-            raise ConfigError(
-                f"not {'true or false' if isinstance(like, bool) else 'a number'}: {value!r}", where=where
-            )
+            what = f"not {'true or false' if isinstance(like, bool) else 'a number'}: {value!r}"
+            raise ConfigError(what, where=where, cure=_CURE)
         return value
     if isinstance(like, int):
         if not isinstance(value, int):

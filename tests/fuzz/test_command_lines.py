@@ -227,6 +227,18 @@ def test_no_number_that_is_not_finite_is_taken(place: Path, path: tuple[str, ...
     assert tried(place, [*complete(path), f"{parameter.opts[0]}={number}"]) in {1, 2}
 
 
+WHOLE = [(path, parameter) for path, parameter in ALL_OPTIONS if "<class 'int'>" in str(vars(parameter))]
+
+
+@pytest.mark.parametrize(
+    ("path", "parameter"), WHOLE, ids=lambda part: " ".join(part) if type(part) is tuple else part.name
+)
+def test_no_count_or_seed_is_negative(place: Path, path: tuple[str, ...], parameter: Any) -> None:
+    for number in ("-1", "nan", "1.5", "9" * 5000):
+        expected = {0, 1, 2} if number.isdigit() else {1, 2}
+        assert tried(place, [*complete(path), f"{parameter.opts[0]}={number}"]) in expected, number
+
+
 PATH_ARGUMENTS = [
     (path, name) for path, name in ALL_ARGUMENTS if SOUND.get(name, "").endswith((".mcap", ".db", ".json"))
 ]

@@ -259,3 +259,25 @@ def test_outputs_that_turn_into_something_else_are_named(tmp_path: Path, later: 
     detector._run = lambda _: [later]  # type: ignore[method-assign]
     with pytest.raises(DetectorError, match=message):
         detector.detect(frame())
+
+
+@pytest.mark.parametrize("number", [np.nan, np.inf, 3e38])
+def test_a_model_whose_first_outputs_are_no_numbers_is_named(tmp_path: Path, number: float) -> None:
+    tensor = ultralytics()
+    tensor[0, 2, 5] = number
+    with pytest.raises(DetectorError, match=r"NaN or infinity.*m\.onnx"):
+        OnnxDetector(options(write_constant_model(tmp_path / "m.onnx", [tensor], SIZE, NAMES)))
+
+
+def test_metadata_that_is_no_text_is_a_damaged_model(tmp_path: Path) -> None:
+    model = write_constant_model(tmp_path / "m.onnx", [ultralytics()], SIZE, NAMES)
+    model.write_bytes(model.read_bytes().replace(b"'cup'", b"'\xff\xff\xff'"))
+    with pytest.raises(DetectorError, match=r"the model cannot be loaded.*m\.onnx"):
+        OnnxDetector(options(model))
+
+
+def test_a_box_of_any_size_is_cut_to_the_image(tmp_path: Path) -> None:
+    tensor = yolox(20, (30, 16, 20, 10), 0.8, 1)
+    tensor[0, 20, 2:4] = 1000.0
+    found = OnnxDetector(options(write_constant_model(tmp_path / "m.onnx", [tensor], SIZE, NAMES))).detect(wide_frame())
+    np.testing.assert_allclose(found.boxes_xyxy, [[0, 0, 256, 128]])

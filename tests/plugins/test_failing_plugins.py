@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 import time
 from collections.abc import Iterator
@@ -13,7 +14,8 @@ import typer
 
 from supermap_cli import plugin_manager
 from supermap_cli.commands.from_plugins import CommandGroup
-from supermap_cli.errors import PluginError
+from supermap_cli.errors import PluginError, SupermapError
+from supermap_cli.hookspecs import hookimpl
 from supermap_cli.memory.opening import read_sql
 from support import kitchen
 from support.cli import supermap
@@ -81,3 +83,40 @@ def test_a_plugin_cannot_lift_that_nothing_is_written(tmp_path: Path) -> None:
     assert supermap("db", "check", "--db", tmp_path / "map.db").exit_code == 0
     assert (tmp_path / "map.db").read_bytes() == before
     assert "their_package" not in sys.modules
+
+
+@pytest.mark.parametrize(
+    ("answer", "said"),
+    [
+        (lambda: "x", "their_package.*answers with str, not with Detections"),
+        (lambda: next(iter(())), "plugin theirs of their-dist failed"),
+    ],
+    ids=["no detections", "StopIteration"],
+)
+def test_a_detector_that_answers_with_anything_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, answer, said: str
+) -> None:
+    from importlib import metadata
+
+    from support import bags
+
+    module = ModuleType("their_package")
+    module.__dict__["answer"] = answer
+    code = "def detect(self, frame): return answer()\ndef image_stamps_ns(self, camera_id): return None"
+    exec(code, module.__dict__)  # noqa: S102 - code of another package
+    body = {"detect": module.detect, "image_stamps_ns": module.image_stamps_ns, "__module__": "their_package"}
+    detector = type("Detector", (), body)
+
+    @hookimpl
+    def register_detectors(register) -> None:
+        register("theirs", lambda options, recording: detector())
+
+    module.__dict__["register_detectors"] = register_detectors
+    built_in = metadata.entry_points(group="supermap")
+    install(monkeypatch, lambda: module)
+    (theirs,) = plugin_manager.entry_points()
+    monkeypatch.setattr(plugin_manager, "entry_points", lambda **_: [*built_in, theirs])
+    recording = bags.write_recording(tmp_path / "run.mcap", frames=6)
+    failed = supermap("build", recording, "--db", tmp_path / "map.db", "--detector", "theirs")
+    assert isinstance(failed.exception, SupermapError), failed.exception
+    assert re.search(said, str(failed.exception))

@@ -45,6 +45,13 @@ def test_the_header_says_the_size_of_an_image(form):
         assert image_size(data[:length]) in {None, (53, 37)}
 
 
+def test_a_png_with_a_chunk_longer_than_itself_is_none():
+    data = cv2.imencode(".png", np.zeros((9, 9), np.uint16))[1].tobytes()
+    at = data.index(b"IDAT") - 4
+    assert image_size(data) == (9, 9)
+    assert image_size(data[:at] + b"\xee" * 4 + data[at + 4 :]) is None
+
+
 @pytest.mark.parametrize("decode", [decode_color, decode_depth])
 def test_an_image_of_too_many_pixels_is_not_unpacked(decode):
     bomb = ImageMessage(0, "camera", "png", png_of_zeros(30_000, 30_000), compressed=True)

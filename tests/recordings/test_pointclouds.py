@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from supermap_cli.recordings.containers import open_storage
-from supermap_cli.recordings.decoding import Decoder, MessageError
+from supermap_cli.recordings.decoding import Decoder, MessageError, any_numbers
 from supermap_cli.recordings.definitions import LIVOX_PACKAGES
 from supermap_cli.recordings.notes import Notes
 from supermap_cli.recordings.pointclouds import point_stamps, read_points
@@ -125,3 +125,12 @@ def test_livox_messages_under_all_their_names(tmp_path, package, name, frame):
     assert read.frame_id == frame
     assert read.points.tolist() == [[1, 2, 3], [4.5, 5, 6]]
     assert (read.point_stamps_ns - STAMP).tolist() == [0, 99_000_000]
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("times", [[3e38, -3e38], [np.nan, np.inf], [-(2**63), 2**63 - 1]])
+def test_times_of_no_clock_overflow_in_silence(times):
+    kind = np.int64 if isinstance(times[0], int) else np.float32
+    with any_numbers():
+        stamps_ns, _ = point_stamps(np.array(times, kind), 1_700_000_000_000_000_000)
+    assert stamps_ns.dtype == np.int64
