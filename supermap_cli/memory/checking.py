@@ -16,7 +16,7 @@ from supermap_cli.errors import STUMBLES, CalibrationError, MemoryStoreError
 from supermap_cli.geometry.cameras import camera_from_json
 from supermap_cli.memory import blobs
 from supermap_cli.memory.checksums import changed_rows, sums_without_rows
-from supermap_cli.memory.databases import Dialect, dialect_of, is_locked
+from supermap_cli.memory.databases import Dialect, dialect_of, is_no_damage
 from supermap_cli.memory.depth_png import depth_shape
 from supermap_cli.memory.invariants import INVARIANTS
 from supermap_cli.memory.names import clean_text
@@ -65,7 +65,7 @@ def _surviving(table: str, connection: Connection, check_rows: Check) -> Iterato
         with connection.begin_nested():
             yield from check_rows(connection)
     except (DatabaseError, *STUMBLES) as error:
-        if is_locked(error):
+        if is_no_damage(error):
             raise
         yield Problem(table, "?", f"cannot be read to its end: {getattr(error, 'orig', None) or error}")
 
@@ -98,7 +98,7 @@ def _violations(connection: Connection, invariant: Invariant) -> Iterator[Proble
             for (row,) in connection.execute(text(invariant.violations)):
                 yield Problem(invariant.table, str(row), invariant.rule)
     except DatabaseError as error:
-        if is_locked(error):
+        if is_no_damage(error):
             raise
         yield Problem(invariant.table, "?", f"cannot be checked ({error.orig}), whether any {invariant.rule}")
 

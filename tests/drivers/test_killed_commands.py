@@ -29,7 +29,7 @@ KILLS = int(os.environ.get("SUPERMAP_KILLS", len(COMMANDS)))
 """Kills in all; the commands share them."""
 SEED = int(os.environ.get("SUPERMAP_KILL_SEED", "1"))
 TO_VERSION_3 = ("DROP TABLE checksum", "UPDATE alembic_version SET version_num = '0003'")
-DONE = "in the map already"
+DONE = "the same recording is in both maps"
 """What a merge says that had been committed before it was killed."""
 GIVE_UP = ("--keep", "observations=1s", "--keep", "crops=none", "--keep", "thumbnails=none")
 

@@ -15,6 +15,7 @@ from sqlalchemy import make_url
 
 from supermap_cli.errors import MemoryStoreError
 from supermap_cli.memory import open_store
+from supermap_cli.memory.checking import check
 from supermap_cli.memory.databases import database_of, dialect_of
 from supermap_cli.memory.databases.postgresql import PostgresqlSchema
 from supermap_cli.memory.opening import upgrade_database
@@ -231,6 +232,19 @@ def test_a_lost_connection_is_one_line_and_what_was_committed_stays(url: str) ->
             store.commit(traversal, MapDelta(keyframes=(m.keyframe(2),)))
     with open_store(url) as store:
         assert len(list(store.keyframe_depths())) == 1
+
+
+def test_a_check_whose_connection_is_lost_does_not_call_that_damage(url: str) -> None:
+    with open_store(url, create=True) as store:
+        m.add_traversal(store, "monday", (0, 10), FRAME)
+
+    def check_without_connection() -> None:
+        with open_store(url, read_only=True) as store, store.reader() as reader:
+            end_others(url, "true")
+            check(reader)
+
+    with pytest.raises(MemoryStoreError, match="was lost"):
+        check_without_connection()
 
 
 def end_others(url: str, which: str) -> None:

@@ -15,7 +15,7 @@ from supermap_cli.memory.databases.postgresql_errors import is_shut_out
 from supermap_cli.memory.databases.sqlite_errors import is_busy
 from supermap_cli.memory.databases.waiting import Waiting
 
-__all__ = ["Database", "Dialect", "Lock", "SqlRows", "SqlValue", "Waiting", "database_of", "dialect_of", "is_locked"]
+__all__ = ["Database", "Dialect", "Lock", "SqlRows", "SqlValue", "Waiting", "database_of", "dialect_of", "is_no_damage"]
 
 _SQLITE_PREFIX = "sqlite:///"
 
@@ -41,7 +41,7 @@ def database_of(url: str, waiting: Waiting | None = None) -> Database:
     return SqliteFile.of(url.removeprefix(_SQLITE_PREFIX), waiting)
 
 
-def is_locked(error: BaseException) -> bool:
-    """Whether a statement failed only because another program holds a lock."""
+def is_no_damage(error: BaseException) -> bool:
+    """Whether a statement failed only because another program holds a lock, or the connection was lost."""
     cause = getattr(error, "orig", None)
-    return is_busy(cause) or is_shut_out(cause)
+    return is_busy(cause) or is_shut_out(cause) or bool(getattr(error, "connection_invalidated", False))
