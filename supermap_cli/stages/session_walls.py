@@ -33,10 +33,8 @@ class SessionWalls:
 
 def high_between(first: Box3D, second: Box3D, boxes: list[Box3D], walls: WallMap) -> list[Box3D]:
     """Those of some boxes that are high enough to be taken for a wall, and lie between two others."""
-    middle_x, middle_y = (
-        (a + b) / 2 for a, b in zip(first.center[:2].tolist(), second.center[:2].tolist(), strict=True)
-    )
-    reach_m = math.dist(first.center[:2].tolist(), second.center[:2].tolist()) / 2
+    (ax, ay), (bx, by) = first.center[:2].tolist(), second.center[:2].tolist()
+    middle_x, middle_y, reach_m = (ax + bx) / 2, (ay + by) / 2, math.hypot(ax - bx, ay - by) / 2
     least_m = walls.parameters.least_height_m - 2 * walls.parameters.bin_m
     return [
         box
