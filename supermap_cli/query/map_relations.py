@@ -31,7 +31,7 @@ class StoredThing(GraphNode):
             object.__setattr__(self, name, value)
 
     @cached_property
-    def points(self) -> FloatArray:  # type: ignore[override] - a field of the base, here read on demand
+    def points(self) -> FloatArray:  # type: ignore[override]  # a field of the base, here read on demand
         """(n, 3) the centres of its solid voxels in the map frame; none where they are not known."""
         found: FloatArray = self.__dict__["_read_points"]()
         return found

@@ -12,8 +12,8 @@ more than the graph's own hysteresis of 1.3; a question that depends on anything
   of B's surface there.
 - Under(A, B): half of B's surface over A is above A's top; or B is on A, or above it.
 - Inside(A, B): B's box holds 60 % of A's, and B is no table, seat or the like.
-- Near(A, B): the gap between the boxes is at most 0.5 m and 0.6 of the larger one's side (which counts up to 1.5 m), and
-  no wall of the building stands between them.
+- Near(A, B): the gap between the boxes is at most 0.5 m and 0.6 of the larger one's side (which counts up to 1.5 m),
+  and no wall of the building stands between them.
 
 So is a question that depends on things which the images do not determine (see `observed_truth`).
 """
