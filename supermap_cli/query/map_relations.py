@@ -23,6 +23,10 @@ SAME_SIZE = 0.3
 """Share by which the sizes of two boxes of a thing may differ for its shape to be taken from one to the other."""
 
 
+LEAST_WITHIN = 0.8
+"""Share of a thing's voxels that lie in its box, which leaves out 3 % along each axis (`mapping.object_shape`)."""
+
+
 class StoredThing(GraphNode):
     """A thing of a stored map: its voxels are read when a relation asks for its surface."""
 
@@ -31,7 +35,7 @@ class StoredThing(GraphNode):
             object.__setattr__(self, name, value)
 
     @cached_property
-    def points(self) -> FloatArray:  # type: ignore[override]  # a field of the base, here read on demand
+    def points(self) -> FloatArray:
         """(n, 3) the centres of its solid voxels in the map frame; none where they are not known."""
         found: FloatArray = self.__dict__["_read_points"]()
         return found
@@ -88,7 +92,17 @@ class MapRelations:
         from supermap_cli.mapping.voxel_map import voxel_map_from_cloud  # noqa: PLC0415
 
         cloud = self.reader.voxels(instance)
-        return measure_shape(voxel_map_from_cloud(cloud)).points if len(cloud) else np.zeros((0, 3))
+        points = measure_shape(voxel_map_from_cloud(cloud)).points if len(cloud) else np.zeros((0, 3))
+        return points if _fill(instance.states[-1].box, points, cloud.voxel_m) else np.zeros((0, 3))
+
+
+def _fill(box: Box3D, points: FloatArray, voxel_m: float) -> bool:
+    """Whether a box is that of these points (n, 3): those of a map that was written by hand need not be."""
+    if not len(points):
+        return False
+    c, s = np.cos(box.yaw), np.sin(box.yaw)
+    local = np.abs((points - box.center) @ np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]))
+    return bool((local <= box.size / 2 + 2 * voxel_m).all(axis=1).mean() >= LEAST_WITHIN)
 
 
 def moved_with(points: FloatArray, source: Box3D, target: Box3D) -> FloatArray:
