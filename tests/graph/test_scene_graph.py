@@ -133,8 +133,9 @@ def test_a_relation_of_things_that_moved_together_ends_and_begins_anew() -> None
 
 def test_a_relation_that_the_memory_kept_ends_when_its_end_is_found_elsewhere() -> None:
     graph = SceneGraph()
-    graph.resume([SpatialEdge(1, "on", 2, 5, None, 0.9)], scene(cup(), table()))
-    assert graph.update(scene(cup(), table()), [], 10) == ()
+    kept = scene(cup(), table())
+    graph.resume([SpatialEdge(1, "on", 2, 5, None, 0.9)], kept)
+    assert graph.update(kept, [], 10) == ()
     (ended,) = graph.update(scene(far_away(), table()), [], 20)
     assert (ended.since_ns, ended.until_ns) == (5, 20)
 
