@@ -21,6 +21,7 @@ from supermap_cli.query.candidates import (
 )
 from supermap_cli.query.clock import Clock, clock_of, is_time_of_day
 from supermap_cli.query.grammar import NounPhrase, Question, RelationPhrase, parse
+from supermap_cli.query.map_relations import MapRelations
 from supermap_cli.query.near_misses import MAX_NEAR_MISSES, maybe_labelled, nearest_pairs
 from supermap_cli.query.presence_at import PresenceAt, PresenceValue, describe_presence, presence_view
 from supermap_cli.query.relation_matching import Basis, RelationMatcher
@@ -150,6 +151,7 @@ class QuestionResolver:
         self.selector = selector
         self.clock = clock
         self.limit = limit
+        self.relations = MapRelations(reader)
         self.notes: list[str] = []
         self._instance_by_id = cache(self._find_id)
         self._labels = cache(self._find_labels)
@@ -339,7 +341,11 @@ class QuestionResolver:
 
     def _matcher(self, related: RelationPhrase) -> RelationMatcher:
         return RelationMatcher(
-            self.reader, self.selector, related.name, self._candidate_source(related.reference, as_reference=True)
+            self.reader,
+            self.selector,
+            related.name,
+            self._candidate_source(related.reference, as_reference=True),
+            self.relations,
         )
 
     def _count(self, source: LabelCandidates, matcher: RelationMatcher | None, *, counting: bool) -> MatchCount | None:
