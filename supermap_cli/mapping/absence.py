@@ -23,14 +23,11 @@ class AbsenceParameters:
     absent_views: int = parameter(
         3, "1", "moments at which it must have been so: images of one moment share the pose's error", TUNED, at_least=1
     )
-    settled_views: int = parameter(
-        20, "1", "keyframes of this visit that must have found it in its place for `settled_span_s` to hold", "chosen"
-    )
-    settled_span_s: float = parameter(
+    error_span_s: float = parameter(
         2.0,
         "s",
-        "time that emptiness must span of an object that was found in its place in this visit: an error of the pose or "
-        "between the clocks of colour and depth lasts for a turn of the camera",
+        "time that emptiness must span of an object that was found in its place less than that before: an error of the "
+        "pose or between the clocks of colour and depth lasts for a turn of the camera",
         "as belief.error_duration_s",
     )
     observable_share: float = parameter(

@@ -20,7 +20,7 @@ def update_absence(
     """Take in a view of an object's place that did not find it; since when it has been seen to be gone, if it is.
 
     Either views in a row went through it, or views of parts of it did that make up enough of the whole; for some time,
-    if it had been found there before: it would have gone before the robot's eyes.
+    if it had been found there just before: it would have gone before the robot's eyes.
     """
     evidence = obj.absence
     whole = view.observable_share >= parameters.observable_share
@@ -42,9 +42,9 @@ def update_absence(
 
 
 def _lasts(obj: MapObject, began_ns: int, stamp_ns: int, parameters: AbsenceParameters) -> bool:
-    """Whether emptiness has lasted for longer than an error would, where this visit has found the object there."""
-    settled = obj.visit.supported >= parameters.settled_views
-    return not settled or stamp_ns - began_ns >= parameters.settled_span_s * 1e9
+    """Whether emptiness has lasted for longer than an error would, where the object has just been found there."""
+    span_ns = parameters.error_span_s * 1e9
+    return began_ns - obj.last_seen_ns >= span_ns or stamp_ns - began_ns >= span_ns
 
 
 def negate_by_geometry(

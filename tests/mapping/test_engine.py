@@ -95,7 +95,8 @@ def test_how_often_the_changes_are_taken_makes_no_difference_to_them() -> None:
 def test_the_states_of_one_instance_never_overlap() -> None:
     run, states = s.Run(), {}
     for things in (FIRST, THEN, s.ROOM, FIRST, THEN, s.ROOM):
-        run.walk(things, 5)
+        run.walk(things, 10)
+        run.pause(5)
         states.update({(state.object_number, state.index): state for state in run.take().states})
     assert len(states) > 6
     for (number, index), state in states.items():
@@ -170,6 +171,7 @@ def test_what_is_not_tracked_or_gone_is_not_expected() -> None:
     run.walk(CHAIR_WORLD)
     assert priors_of(run, s.CHAIR) == {}
     run = tracked_chair(s.Run())
+    run.pause(5)
     run.walk(s.ROOM)
     assert priors_of(run, s.CHAIR) == {}
 

@@ -12,15 +12,19 @@ from supermap_cli.types.memory import TemporalEdge
 from support import scenes as s
 
 CHAIR_WORLD = (*s.ROOM, s.CHAIR)
+LOOKS, AWAY_S = 10, 5.0
+LAST_SEEN_S = (LOOKS - 1) / 3
+BACK_S = LOOKS / 3 + AWAY_S
 SCREEN = s.Thing("", (0.9, 0, 0.8), (0.05, 1.6, 1.8))
 
 
 @pytest.fixture
 def run() -> s.Run:
-    """A run that has just mapped a chair, and written that."""
+    """A run that has mapped a chair, written that, and looked away."""
     run = s.Run()
-    run.walk(CHAIR_WORLD)
+    run.walk(CHAIR_WORLD, LOOKS)
     run.take()
+    run.pause(AWAY_S)
     return run
 
 
@@ -30,7 +34,7 @@ def edge(edges: tuple[TemporalEdge, ...]) -> TemporalEdge:
 
 
 def test_a_thing_taken_away_becomes_absent_within_the_bounds_of_what_was_seen(run: s.Run) -> None:
-    last_seen_ns, empty_ns = s.ns(5 / 3), s.ns(2)
+    last_seen_ns, empty_ns = s.ns(LAST_SEEN_S), s.ns(BACK_S)
     run.walk(s.ROOM)
     delta = run.take()
     gone = edge(delta.temporal_edges)
@@ -55,7 +59,7 @@ def test_three_cameras_at_one_moment_are_one_view_for_they_share_the_error_of_th
         for camera, step_s in (("left", 0.0), ("front", 0.0), ("right", 1 / 3)):
             run.see(s.ROOM, (0.0, 0.2 * moment, 1.2), camera_id=camera, step_s=step_s)
     gone = edge(run.take().temporal_edges)
-    assert (gone.kind, gone.not_after_ns) == ("disappeared", s.ns(2))
+    assert (gone.kind, gone.not_after_ns) == ("disappeared", s.ns(BACK_S))
 
 
 def test_a_thing_that_is_hidden_stays(run: s.Run) -> None:
@@ -100,7 +104,7 @@ def through_slits(run: s.Run, world: tuple[s.Thing, ...], slits: Iterable[float]
 
 
 def test_looks_at_parts_of_an_empty_place_add_up(run: s.Run) -> None:
-    last_seen_ns, empty_ns = s.ns(5 / 3), s.ns(2)
+    last_seen_ns, empty_ns = s.ns(LAST_SEEN_S), s.ns(BACK_S)
     through_slits(run, s.ROOM, SLITS)
     gone = edge(run.take().temporal_edges)
     assert (gone.kind, gone.not_before_ns, gone.not_after_ns) == ("disappeared", last_seen_ns, empty_ns)
@@ -139,9 +143,14 @@ def test_a_thing_that_was_gone_and_stands_there_again_has_the_same_number(run: s
     delta = run.take()
     back = edge(delta.temporal_edges)
     assert (back.kind, back.from_number, back.from_state, back.to_number, back.to_state) == ("reappeared", 1, 0, 1, 1)
-    assert (back.not_before_ns, back.not_after_ns) == (s.ns(2), s.ns(4))
+    assert (back.not_before_ns, back.not_after_ns) == (s.ns(BACK_S), s.ns(BACK_S + 2))
     (state,) = delta.states
-    assert (state.index, state.first_seen_ns, state.empty_before_ns, state.gone_ns) == (1, s.ns(4), s.ns(2), None)
+    assert (state.index, state.first_seen_ns, state.empty_before_ns, state.gone_ns) == (
+        1,
+        s.ns(BACK_S + 2),
+        s.ns(BACK_S),
+        None,
+    )
     assert run.standing("chair")[0].number == 1
     assert len(run.map) == 1
 
@@ -157,7 +166,7 @@ def test_what_is_gone_is_not_missed_any_further(run: s.Run) -> None:
 def test_a_tentative_thing_that_goes_leaves_no_trace() -> None:
     run = s.Run()
     run.walk(CHAIR_WORLD, 2)
-    run.walk(s.ROOM, 4)
+    run.walk(s.ROOM, 8)
     assert len(run.engine.objects) == 0
     assert run.take().temporal_edges == ()
 

@@ -131,6 +131,7 @@ def test_what_was_believed_in_for_a_moment_and_stands_there_no_more_has_not_left
     run.walk(CHAIR_WORLD, 3)
     assert run.standing("chair")
     assert run.map[1].existence.log_odds < 4
+    run.pause(5)
     run.walk(s.ROOM, 6)
     assert [edge.kind for edge in run.take().temporal_edges] == []
     assert run.map[1].demoted

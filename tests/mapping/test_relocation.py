@@ -17,6 +17,7 @@ from support import scenes as s
 
 def arc(run: s.Run, *things: s.Thing, looks: int = 8, target: s.Point = (1.6, 0, 0.4)) -> MapDelta:
     """Look at the room with these things from a wide arc, so that two sides of each are seen."""
+    run.pause(5)
     for y in np.linspace(-1.2, 1.2, looks):
         run.see((*s.ROOM, *things), (-0.4, float(y), 1.3), target)
     return run.take()
@@ -143,12 +144,12 @@ def test_a_thing_that_looks_otherwise_is_another(other: s.Thing) -> None:
 def test_two_things_seen_in_one_image_are_two_though_one_goes_right_then() -> None:
     """The second comes into view in the very image that shows the first for the last time."""
     run = s.Run()
-    for y in (-0.4, -0.2, 0.0, 0.2):
-        run.see((*s.ROOM, s.CHAIR), (0, y, 1.2))
+    for y in np.linspace(-0.9, 0.2, 10):
+        run.see((*s.ROOM, s.CHAIR), (0, float(y), 1.2))
     other = s.CHAIR.at(1.6, 0.9)
     run.see((*s.ROOM, s.CHAIR, other), (0, 0.3, 1.2))
-    for y in (0.4, 0.5, 0.6, 0.7, 0.8):
-        run.see((*s.ROOM, other), (0, y, 1.2))
+    for y in np.linspace(0.4, 0.8, 8):
+        run.see((*s.ROOM, other), (0, float(y), 1.2))
     delta = run.take()
     assert of_kind(delta, "moved") == []
     assert not run.map[1].present

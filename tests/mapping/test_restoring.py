@@ -44,7 +44,8 @@ def seen(run: s.Run) -> None:
 
 
 def gone(run: s.Run) -> None:
-    run.walk(CHAIR_WORLD)
+    run.walk(CHAIR_WORLD, 10)
+    run.pause(5)
     run.walk(s.ROOM)
 
 
