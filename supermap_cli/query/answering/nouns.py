@@ -1,0 +1,97 @@
+"""What a noun of a question stands for in this map: the labels that it names, or one instance."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass
+from typing import Protocol
+
+from supermap_cli.language.questions import Anything, Identified, Named, Noun, Usable
+from supermap_cli.types.labels import DYNAMIC_CLASSES
+
+
+class Words(Protocol):
+    """The part of the lexicon that answers are found with."""
+
+    def synonyms(self, name: str) -> frozenset[str]:
+        """Other names of the same thing."""
+        ...
+
+    def kinds(self, name: str) -> frozenset[str]:
+        """All names below a hypernym."""
+        ...
+
+    def near_kinds(self, name: str) -> frozenset[str]:
+        """What a coarse detector may call it."""
+        ...
+
+    def uses(self) -> Mapping[str, frozenset[str]]:
+        """The names of things by what they serve for."""
+        ...
+
+
+@dataclass(frozen=True)
+class LabelMatch:
+    """The labels that a noun names in a map. `note` tells where it was taken loosely; `dynamic` is set for people and
+    animals, which move by themselves.
+    """
+
+    labels: frozenset[str]
+    note: str | None = None
+    dynamic: bool = False
+
+
+def match_labels(noun: Named | Usable, labels: Collection[str], words: Words) -> LabelMatch:
+    """The labels of a map that a noun names; none if there are none.
+
+    Tried in order: its names, their kinds, and labels that end in one of its names ("table": "picnic table"); then what
+    a coarse detector may call it, which the note says.
+    """
+    names = _names(noun, words)
+    wanted = names | {kind for name in names for kind in words.kinds(name)}
+    plain = {label: _plain(label) for label in labels}
+    found = frozenset(label for label, name in plain.items() if _is_one_of(name, wanted, words) or _ends_in(name, names))
+    if found:
+        return LabelMatch(found, dynamic=found <= DYNAMIC_CLASSES)
+    if isinstance(noun, Usable):
+        return LabelMatch(frozenset())
+    near = {other for name in names for other in words.near_kinds(name)}
+    loosely = frozenset(label for label, name in plain.items() if _is_one_of(name, near, words))
+    if not loosely:
+        return LabelMatch(frozenset(), dynamic=bool(wanted & DYNAMIC_CLASSES))
+    taken = ", ".join(f"'{label}'" for label in sorted(loosely))
+    return LabelMatch(loosely, f"'{noun.written}' was taken as {taken}")
+
+
+def noun_text(noun: Noun, anything: str = "thing") -> str:
+    """A noun in words, in the singular where it has one."""
+    match noun:
+        case Anything():
+            return anything
+        case Named():
+            return noun.name
+        case Identified():
+            return noun.id
+        case Usable():
+            return f"thing to {noun.use}"
+
+
+def _names(noun: Named | Usable, words: Words) -> frozenset[str]:
+    if isinstance(noun, Usable):
+        return frozenset(words.uses().get(noun.use, ()))
+    written = _plain(noun.written)
+    return frozenset({noun.name, written}) | words.synonyms(noun.name)
+
+
+def _is_one_of(name: str, wanted: Collection[str], words: Words) -> bool:
+    return name in wanted or not words.synonyms(name).isdisjoint(wanted)
+
+
+def _ends_in(name: str, names: Iterable[str]) -> bool:
+    """Whether a label of several words is a kind of one of the names by its last word."""
+    return any(name.endswith(f" {other}") for other in names if " " not in other)
+
+
+def _plain(label: str) -> str:
+    """A label or noun in lower case with single spaces between its words."""
+    return " ".join(label.casefold().replace("_", " ").replace("-", " ").split())
