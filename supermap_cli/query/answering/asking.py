@@ -6,12 +6,22 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 from supermap_cli.geometry.arrays import FloatArray
-from supermap_cli.language.questions import Anything, Identified, Named, Noun, Usable
+from supermap_cli.language.questions import Anything, Identified, Named, Noun, Robot, Union, Usable
 from supermap_cli.memory.reading import MapReader
 from supermap_cli.memory.values import StoredInstance
 from supermap_cli.query.answering.nouns import LabelMatch, Words, match_labels
+from supermap_cli.query.answering.times import QuestionTimes
 from supermap_cli.query.clock import Clock
 from supermap_cli.types.labels import DYNAMIC_CLASSES
+
+@dataclass(frozen=True)
+class Value:
+    """What a measure gives of a thing: the value with its unit, and the other thing where it is a distance."""
+
+    value: float
+    unit: str
+    other: str | None = None
+
 
 MAX_TRACED = 200
 """Candidates that an explanation lists."""
@@ -48,7 +58,9 @@ class Asking:
     words: Words
     limit: int
     trace: Trace | None = None
+    times: QuestionTimes = field(init=False)
     notes: list[str] = field(default_factory=list)
+    measures: dict[str, Value] = field(default_factory=dict)
     _instances: dict[str, StoredInstance | None] = field(default_factory=dict)
     _labels: dict[Noun, LabelMatch] = field(default_factory=dict)
 
@@ -87,8 +99,10 @@ class Asking:
     def is_known(self, noun: Noun) -> bool:
         """Whether something in the map is, or was, what a noun names."""
         match noun:
-            case Anything():
+            case Anything() | Robot():
                 return True
+            case Union(members):
+                return any(self.is_known(member.noun) for member in members)
             case Identified(text_id):
                 return self.instance(text_id) is not None
             case _:
@@ -99,13 +113,17 @@ class Asking:
         if isinstance(noun, Identified):
             instance = self.instance(noun.id)
             return instance is not None and instance.label in DYNAMIC_CLASSES
-        return not isinstance(noun, Anything) and self.labels(noun).dynamic
+        return isinstance(noun, Named | Usable) and self.labels(noun).dynamic
 
     @cached_property
+    def robot_pose(self) -> FloatArray | None:
+        """The robot's last pose, (4, 4) `T_map_base`; `None` without a keyframe."""
+        return self.reader.last_pose()
+
+    @property
     def robot_position(self) -> FloatArray | None:
         """Where the robot was last, (3,) metres in the map; `None` without a keyframe."""
-        pose = self.reader.last_pose()
-        return None if pose is None else pose[:3, 3]
+        return None if self.robot_pose is None else self.robot_pose[:3, 3]
 
     @cached_property
     def _map_labels(self) -> frozenset[str]:

@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
-from supermap_cli.language.questions import Anything, Identified, Named, Noun, Usable
+from supermap_cli.language.questions import Anything, Identified, Named, Noun, Robot, Union, Usable
 from supermap_cli.types.labels import DYNAMIC_CLASSES
 
 
@@ -74,6 +74,10 @@ def noun_text(noun: Noun, anything: str = "thing") -> str:
             return noun.id
         case Usable():
             return f"thing to {noun.use}"
+        case Robot():
+            return "the robot"
+        case Union():
+            return " or ".join(noun_text(member.noun) for member in noun.members)
 
 
 def _names(noun: Named | Usable, words: Words) -> frozenset[str]:

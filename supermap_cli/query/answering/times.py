@@ -11,7 +11,8 @@ from dataclasses import dataclass
 from datetime import UTC, date, datetime, time, timedelta
 
 from supermap_cli.errors import QueryError
-from supermap_cli.language.questions import (
+from supermap_cli.language.times import (
+    Ago,
     AtClock,
     AtEvent,
     Before,
@@ -90,7 +91,7 @@ class QuestionTimes:
             case Before(moment):
                 span = self.moment(moment)
                 return TimeSelector("earlier", f"before {span.text}", high_ns=span.low_ns, note=span.note)
-            case AtClock():
+            case AtClock() | Ago():
                 point = self.moment(asked)
                 return TimeSelector("at", f"at {point.text}", point.low_ns, point.low_ns, note=point.note)
             case _:
@@ -140,6 +141,10 @@ class QuestionTimes:
                 return self._day(moment)
             case AtEvent():
                 return self.event_span(moment)
+            case Ago(seconds):
+                at_ns = self.end_ns - round(min(seconds, 1e9) * SECOND_NS)
+                note = f"counted back from the map's end, {self.clock.text(self.end_ns)}"
+                return MomentSpan(self.clock.text(at_ns), at_ns, at_ns, note=note)
             case First():
                 return _span_of(self._traversal("first"))
             case Last():
