@@ -278,6 +278,13 @@ class MapReader:
             found |= {(row.not_after_ns, row.id): row for row in self.connection.execute(touching)}
         return tuple(rows.temporal_edge(row) for _, row in sorted(found.items()))
 
+    def temporal_edges_within(self, low_ns: int, high_ns: int) -> tuple[TemporalEdge, ...]:
+        """The temporal edges whose later bound lies in [low_ns, high_ns], or whose bounds hold it, in the order of time."""
+        edge = models.TemporalEdge
+        began = or_(edge.not_before_ns.is_(None), edge.not_before_ns <= low_ns, edge.not_after_ns <= high_ns)
+        statement = select(edge.__table__).where(edge.not_after_ns >= low_ns, began)
+        return tuple(map(rows.temporal_edge, self.connection.execute(statement.order_by(edge.not_after_ns, edge.id))))
+
     # Trajectories
 
     def trajectory(self, traversal_id: int) -> tuple[IntArray, FloatArray]:

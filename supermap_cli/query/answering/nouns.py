@@ -25,8 +25,13 @@ class Words(Protocol):
         """What a coarse detector may call it."""
         ...
 
+    @property
     def uses(self) -> Mapping[str, frozenset[str]]:
         """The names of things by what they serve for."""
+        ...
+
+    def normalise(self, label: str) -> str:
+        """A label as a name: in lower case and the singular."""
         ...
 
 
@@ -49,7 +54,7 @@ def match_labels(noun: Named | Usable, labels: Collection[str], words: Words) ->
     """
     names = _names(noun, words)
     wanted = names | {kind for name in names for kind in words.kinds(name)}
-    plain = {label: _plain(label) for label in labels}
+    plain = {label: words.normalise(label) for label in labels}
     found = frozenset(label for label, name in plain.items() if _is_one_of(name, wanted, words) or _ends_in(name, names))
     if found:
         return LabelMatch(found, dynamic=found <= DYNAMIC_CLASSES)
@@ -82,9 +87,8 @@ def noun_text(noun: Noun, anything: str = "thing") -> str:
 
 def _names(noun: Named | Usable, words: Words) -> frozenset[str]:
     if isinstance(noun, Usable):
-        return frozenset(words.uses().get(noun.use, ()))
-    written = _plain(noun.written)
-    return frozenset({noun.name, written}) | words.synonyms(noun.name)
+        return frozenset(words.uses.get(noun.use, ()))
+    return frozenset({noun.name, words.normalise(noun.written)}) | words.synonyms(noun.name)
 
 
 def _is_one_of(name: str, wanted: Collection[str], words: Words) -> bool:
@@ -95,7 +99,3 @@ def _ends_in(name: str, names: Iterable[str]) -> bool:
     """Whether a label of several words is a kind of one of the names by its last word."""
     return any(name.endswith(f" {other}") for other in names if " " not in other)
 
-
-def _plain(label: str) -> str:
-    """A label or noun in lower case with single spaces between its words."""
-    return " ".join(label.casefold().replace("_", " ").replace("-", " ").split())
