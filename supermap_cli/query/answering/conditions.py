@@ -33,11 +33,15 @@ from supermap_cli.query.answering.sources import Candidates
 from supermap_cli.query.answering.viewpoints import between, in_direction, robot_distance_m
 from supermap_cli.query.candidates import CandidateList, CandidateSource, InstanceCandidate
 from supermap_cli.query.relation_matching import BASES, Basis, RelationMatcher
-from supermap_cli.query.relations import NEAR_MAX_M, box_distance_m
+from supermap_cli.query.relations import REACH, box_distance_m
 from supermap_cli.query.views import RelationView
+from supermap_cli.relations.registry import DEFAULT
 
 if TYPE_CHECKING:
     from supermap_cli.query.answering.things import ThingsFinder
+
+FAR_M = DEFAULT.far_gap_m
+"""What is far from a thing is so from all that its noun names: a distance, not a relation to any one of them."""
 
 MAX_REFERENCES = 100
 """References of a direction or of "between", at most: with more, everything lies between some two."""
@@ -93,6 +97,8 @@ class ConditionJudge:
                 readings = self.finder.attributes.readings(batch, attribute, self.noun, self.everything)
                 judged = zip(batch, readings, strict=True)
                 return [Judgement(candidate, reading.verdict, reading.reason) for candidate, reading in judged]
+            case Related("far from", reference):
+                return self._distant(Distant(FAR_M, farther=True, reference=reference), batch)
             case Related():
                 return self._related(condition, batch)
             case Distant():
@@ -190,7 +196,7 @@ class ConditionJudge:
                 f"the map knows the robot's last place only, not what is {related.relation} it",
                 cure="ask what is near it, or how far something is from it",
             )
-        return self._distances(batch, NEAR_MAX_M, robot_distance_m(self.finder.asking), farther=False)
+        return self._distances(batch, REACH["near"].floor_m, robot_distance_m(self.finder.asking), farther=False)
 
     # -- distances
 

@@ -26,6 +26,7 @@ from supermap_cli.language.questions import (
 from supermap_cli.query.answering.asking import Asking
 from supermap_cli.query.answering.attributes import AttributeReader
 from supermap_cli.query.answering.conditions import ConditionJudge, Judgement
+from supermap_cli.query.answering.document import Measurement
 from supermap_cli.query.answering.ranking import ranked
 from supermap_cli.query.answering.sources import Candidates, DynamicSource, FilteredSource, UnionSource
 from supermap_cli.query.candidates import (
@@ -199,13 +200,23 @@ class ThingsFinder:
                 newest[candidate.instance.number] = candidate
         return [candidate for _, candidate in sorted(newest.items())]
 
+    def measurements(self) -> tuple[Measurement, ...]:
+        """What superlatives measured of the things that they chose."""
+        return tuple(
+            Measurement(text_id, "superlative", round(value.value, 4), value.unit, value.other)
+            for text_id, value in self.asking.measures.items()
+        )
+
     # -- parts
 
     def _driving_relation(self, conditions: tuple[Condition, ...]) -> tuple[Related | None, tuple[Condition, ...]]:
         """The first relation, by which candidates are found instead of judged, and the other conditions."""
         for at, condition in enumerate(conditions):
-            if isinstance(condition, Related) and not condition.inverse and not isinstance(
-                condition.reference.noun, Robot
+            if (
+                isinstance(condition, Related)
+                and not condition.inverse
+                and condition.relation != "far from"
+                and not isinstance(condition.reference.noun, Robot)
             ):
                 return condition, conditions[:at] + conditions[at + 1 :]
         return None, conditions

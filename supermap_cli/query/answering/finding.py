@@ -1,0 +1,279 @@
+"""Which things there are, where, how many, and whether there are any."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from supermap_cli.language.questions import Anything, Count, Exists, Find, Things
+from supermap_cli.query.answering.conditions import Judgement
+from supermap_cli.query.answering.document import NearMiss, Reply, Truth
+from supermap_cli.query.answering.listing import Lister
+from supermap_cli.query.answering.nouns import noun_text
+from supermap_cli.query.answering.phrases import (
+    capitalised,
+    condition_text,
+    counted,
+    head_text,
+    listing,
+    number_text,
+    plural,
+    superlative_text,
+    verb,
+)
+from supermap_cli.query.answering.places import places
+from supermap_cli.query.answering.ranking import value_text
+from supermap_cli.query.answering.things import Found, ThingsFinder, conditions_of
+from supermap_cli.query.views import InstanceView
+
+MAX_PLACED = 12
+"""Things whose places one sentence tells."""
+MAX_NAMED = 20
+"""Ids that one sentence lists."""
+
+
+def find(finder: ThingsFinder, question: Find, when: str) -> Reply:
+    """Which things, and where."""
+    things, lister = question.things, Lister(finder)
+    found = finder.find(things)
+    instances = lister.views(found.candidates)
+    uncertain = lister.uncertain(things, instances, counting=False)
+    lister.note_uncertain(uncertain)
+    nearest = () if instances else lister.nearest(things)
+    sentence = (
+        _found_sentence(finder, things, instances, found, when, place=question.place)
+        if instances
+        else missing_sentence(finder, things, nearest, when)
+    )
+    return Reply(
+        "find",
+        sentence + unsure_text(found.unsure),
+        instances,
+        nearest,
+        lister.asked_relation(things),
+        more=found.more,
+        measures=finder.measurements(),
+    )
+
+
+def count(finder: ThingsFinder, question: Count, when: str) -> Reply:
+    """How many."""
+    things, lister = question.things, Lister(finder)
+    found = finder.find(things, counting=True)
+    instances = lister.views(found.candidates)
+    uncertain = lister.uncertain(things, instances, counting=True)
+    lister.note_uncertain(uncertain)
+    nearest = () if instances else lister.nearest(things)
+    number = found.certain
+    at_most = len(instances) + (found.more or 0) + uncertain.unmatched + len(found.unsure)
+    return Reply(
+        "count",
+        (
+            _count_sentence(finder, things, instances, found, when)
+            if instances
+            else missing_sentence(finder, things, nearest, when)
+        )
+        + unsure_text(found.unsure),
+        instances,
+        nearest,
+        lister.asked_relation(things),
+        more=found.more,
+        count=number,
+        count_at_most=at_most if at_most > number else None,
+    )
+
+
+def exists(finder: ThingsFinder, question: Exists, when: str) -> Reply:
+    """Whether there are any, or as many as asked for."""
+    things, lister = question.things, Lister(finder)
+    wanted = things.number or 1
+    found = finder.find(things, counting=wanted > 1)
+    instances = lister.views(found.candidates)
+    uncertain = lister.uncertain(things, instances, counting=False)
+    lister.note_uncertain(uncertain)
+    nearest = () if instances else lister.nearest(things)
+    negated = things.quantity == "no"
+    verdict = _existence(finder, things, found, wanted, bool(uncertain.count), nearest)
+    if instances:
+        sentence = _found_sentence(finder, things, instances, found, when, place=False)
+    else:
+        sentence = missing_sentence(finder, things, nearest, when)
+    if negated and verdict != "unknown":
+        verdict = "no" if verdict == "yes" else "yes"
+    lead = {"yes": "Yes: ", "no": "No: ", "unknown": "Nobody can say: "}[verdict]
+    return Reply(
+        "exists",
+        lead + _lower(sentence) + unsure_text(found.unsure),
+        instances,
+        nearest,
+        lister.asked_relation(things),
+        more=found.more,
+        verdict=verdict,
+    )
+
+
+def _existence(
+    finder: ThingsFinder, things: Things, found: Found, wanted: int, uncertain: bool, nearest: Sequence[NearMiss]
+) -> Truth:
+    """Whether so many exist. What was lost without being seen to leave, or is doubted, may be there."""
+    if found.certain >= wanted:
+        return "yes"
+    if found.unsure or uncertain or len(found.candidates) > found.certain:
+        return "unknown"
+    if conditions_of(things):
+        return "no"
+    lost = finder.selector.kind == "now" and any(
+        miss.presence == "doubted" or (miss.presence == "absent" and "not seen since" in miss.reason)
+        for miss in nearest
+    )
+    return "unknown" if lost else "no"
+
+
+def missing_sentence(finder: ThingsFinder, things: Things, nearest: Sequence[NearMiss], when: str) -> str:
+    """The sentence for a phrase without a match: a noun that the map never held is denied, else this phrase now."""
+    unknown = Lister(finder).unknown_noun(things)
+    reasons = "; ".join(f"{miss.id}: {miss.reason}" for miss in nearest)
+    if unknown is not None:
+        sentence = f"there is no {noun_text(unknown)} in the map"
+    else:
+        noun = head_text(things)
+        subject = "nothing" if isinstance(things.noun, Anything) else f"no {noun}"
+        rest = "" if things.condition is None else f" {condition_text(things.condition)}"
+        if things.superlative is not None:
+            subject = f"no {superlative_text(things.superlative)} {noun}"
+        sentence = f"{subject} is known{rest}{_when_text(when)}"
+    return capitalised(sentence) + (f" ({reasons})." if reasons else ".")
+
+
+def unsure_text(unsure: Sequence[Judgement]) -> str:
+    """What may match, and why nobody can say."""
+    if not unsure:
+        return ""
+    told = "; ".join(f"{each.candidate.instance.id}: {each.reason}" for each in unsure[:MAX_PLACED])
+    more = f"; and {len(unsure) - MAX_PLACED} more" if len(unsure) > MAX_PLACED else ""
+    return f" Nobody can say of {told}{more}."
+
+
+def _found_sentence(
+    finder: ThingsFinder, things: Things, instances: tuple[InstanceView, ...], found: Found, when: str, *, place: bool
+) -> str:
+    past = finder.selector.kind not in {"now"}
+    if things.superlative is not None:
+        return _superlative_sentence(finder, things, instances, found, past=past)
+    if (place and things.condition is None) or not conditions_of(things):
+        placed = _placed_sentence(finder, things, found, when, past=past) if place or len(instances) == 1 else None
+        if placed is not None:
+            return placed
+    return _related_sentence(things, instances, found, when, past=past)
+
+
+def _placed_sentence(finder: ThingsFinder, things: Things, found: Found, when: str, *, past: bool) -> str | None:
+    """Each thing with its place: "cup-1 stands on desk-1"."""
+    newest = {candidate.instance.number: candidate for candidate in found.candidates}
+    if not 0 < len(newest) <= MAX_PLACED or found.more != 0:
+        return None
+    told = places(finder.asking, list(newest.values()))
+    parts = []
+    for number, candidate in sorted(newest.items()):
+        x, y, z = (float(value) for value in candidate.state.centroid_map)
+        at = f"at ({x:.2f}, {y:.2f}, {z:.2f}) m"
+        parts.append((candidate.instance.id, f"{told[number]}, {at}" if number in told else at))
+    if len(parts) == 1:
+        stand = verb("stand", 1, past=past)
+        return f"{parts[0][0]} {stand} {parts[0][1]}{_when_text(when)}."
+    lead = f"{counted(len(parts), head_text(things))} {verb('is', len(parts), past=past)} known{_when_text(when)}"
+    return capitalised(f"{lead}: {'; '.join(f'{text_id} {place}' for text_id, place in parts)}.")
+
+
+def _related_sentence(
+    things: Things, instances: tuple[InstanceView, ...], found: Found, when: str, *, past: bool
+) -> str:
+    """How many there are, with their condition and ids: "Two cups stand on desk-1: cup-1 and cup-2."."""
+    certain = [view for view in instances if view.presence != "unknown"]
+    number = len(certain) + (found.more or 0)
+    place = _shared_place(things, instances)
+    stand = verb("stand" if place else "is", max(number, 1), past=past)
+    condition = place or _condition_of(things)
+    if len(instances) == 1 and certain and found.more == 0:
+        rest = condition or "in the map"
+        return f"{instances[0].id} {stand} {rest}{_when_text(when)}{_basis_text(instances)}."
+    more = ", and more" if found.more is None else ""
+    noun = counted(number, head_text(things)) + ("" if found.more is not None else " and more")
+    lead = f"{noun} {stand} {condition or 'in the map'}{_when_text(when)}" if certain else "perhaps"
+    return capitalised(f"{lead}: {_ids(instances, found, more)}{_basis_text(instances)}.")
+
+
+def _count_sentence(
+    finder: ThingsFinder, things: Things, instances: tuple[InstanceView, ...], found: Found, when: str
+) -> str:
+    past = finder.selector.kind != "now"
+    noun = counted(found.certain, head_text(things))
+    place = _shared_place(things, instances)
+    stand = verb("stand" if place else "is", found.certain, past=past)
+    condition = place or _condition_of(things) or "in the map"
+    return capitalised(
+        f"{noun} {stand} {condition}{_when_text(when)}: {_ids(instances, found, '')}{_basis_text(instances)}."
+    )
+
+
+def _superlative_sentence(
+    finder: ThingsFinder, things: Things, instances: tuple[InstanceView, ...], found: Found, *, past: bool
+) -> str:
+    assert things.superlative is not None  # noqa: S101 - its caller has asked
+    rank, noun = superlative_text(things.superlative), head_text(things)
+    measures = finder.asking.measures
+    told = [f"{view.id} ({value_text(measures[view.id], finder)})" for view in instances if view.id in measures]
+    rest = "" if things.condition is None else f" {condition_text(things.condition)}"
+    is_or_are = verb("is", len(told), past=past)
+    if found.tied:
+        return capitalised(f"{listing(told)} tie: they {is_or_are} the {rank} {plural(noun)}{rest}, by what the map measures.")
+    return f"{told[0]} {is_or_are} the {rank} {noun}{rest}."
+
+
+def _shared_place(things: Things, instances: Sequence[InstanceView]) -> str | None:
+    """The relation with the id of its reference, where the phrase has one relation and all are in it to one thing."""
+    conditions = conditions_of(things)
+    relations = [relation for view in instances for relation in view.relations]
+    pairs = {(relation.name, relation.object) for relation in relations}
+    if len(conditions) - len(things.attributes) != 1 or len(pairs) != 1 or not all(view.relations for view in instances):
+        return None
+    name, other = next(iter(pairs))
+    if name not in {"on", "near", "beside", "under", "inside", "above", "attached to", "left of", "right of", "behind",
+                    "in front of", "between", "below", "at", "against", "around"}:  # fmt: skip
+        return None
+    return f"{'in' if name == 'inside' else name} {'the robot' if other == 'robot' else other}"
+
+
+def _condition_of(things: Things) -> str | None:
+    return None if things.condition is None else condition_text(things.condition)
+
+
+def _ids(instances: Sequence[InstanceView], found: Found, more: str) -> str:
+    certain = [view.id for view in instances if view.presence != "unknown"]
+    uncertain = [view.id for view in instances if view.presence == "unknown"]
+    shown = certain[:MAX_NAMED]
+    left = len(certain) - len(shown) + (found.more or 0)
+    text = f"{', '.join(shown)} and {left} more" if left else listing(shown)
+    if uncertain:
+        perhaps = f"perhaps {listing(uncertain[:MAX_NAMED])}"
+        text = f"{text}; {perhaps}" if text else perhaps
+    return text + more
+
+
+def _basis_text(instances: Sequence[InstanceView]) -> str:
+    """Says where no edge of the graph decided a relation that the graph stores."""
+    relations = [relation for view in instances for relation in view.relations]
+    stored = {"near", "beside", "on", "under", "inside", "above", "attached to"}
+    by_boxes = relations and all(relation.basis == "boxes" and relation.name in stored for relation in relations)
+    return " (judged by their boxes; no such relation is stored)" if by_boxes else ""
+
+
+def _when_text(when: str) -> str:
+    """The time of an answer as it follows its sentence; "now" is not said."""
+    return {"now": "", "last": " when last seen", "first": " when first seen"}.get(when, f" {when}")
+
+
+def _lower(sentence: str) -> str:
+    """A sentence that goes on after "Yes:"."""
+    words = {number_text(number).capitalize() for number in range(13)} | {"There", "Nothing", "Perhaps"}
+    first = sentence.split(" ", maxsplit=1)[0]
+    return sentence[:1].lower() + sentence[1:] if first in words else sentence
