@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 
-
 def _words(text: str) -> frozenset[str]:
     return frozenset(text.split())
 

@@ -280,7 +280,6 @@ def node_of(thing: GraphNode | Box3D, number: int) -> GraphNode:
 
 def possible(reach: Reach, first: Box3D, second: Box3D, slack: float, tolerance_m: float) -> bool:
     """Whether two boxes are close enough for a relation with this reach, widened by a factor and a tolerance."""
-
     height_m = max(first.z_min - second.z_max, second.z_min - first.z_max, 0.0)
     return height_m <= reach.height_m * slack + tolerance_m and (
         math.isinf(reach.floor_m) or footprint_gap_m(first, second) <= reach.floor_m * slack + tolerance_m
