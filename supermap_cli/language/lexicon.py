@@ -122,7 +122,7 @@ class Lexicon:
         if name in self._own_categories:
             return True
         fields = self._fields(name)
-        return bool(fields) and fields[0].isupper()
+        return fields is not None and fields[0].isupper()
 
     # --- Meanings ---
 
@@ -208,14 +208,25 @@ class Lexicon:
             return None
         return tuple(self._extract[at + len(name) + 2 : self._extract.index("\n", at + 1)].split("\t"))
 
+    @lru_cache(maxsize=4096)  # noqa: B019 - there is one lexicon of a language, for ever
     def _group(self, name: str) -> frozenset[str]:
-        """The name and its synonyms; those of the table win."""
-        if name in self._synonyms:
-            return self._synonyms[name]
+        """The name and its synonyms: those of the table, and those that the extract adds to them. Two groups of the table
+        are never joined.
+        """
+        own = self._synonyms.get(name)
+        if own is None:
+            others = self._extracted(name)
+            own = next((self._synonyms[other] for other in others if other in self._synonyms), None)
+            if own is None:
+                return frozenset({name, *others})
+        table = self._synonyms.keys() | self._kinds.keys()
+        added = {other for member in own for other in self._extracted(member)} - table
+        return own | added | {name}
+
+    def _extracted(self, name: str) -> tuple[str, ...]:
+        """The synonyms that the extract gives."""
         fields = self._fields(name)
-        others = fields[1].split(";") if fields and len(fields) > 1 and fields[0] != "=" else []
-        free = {other for other in others if other and other not in self._synonyms}
-        return frozenset({name, *free})
+        return tuple(fields[1].split(";")) if fields and len(fields) > 1 and fields[0] != "=" and fields[1] else ()
 
     def _parents(self, name: str) -> Iterable[str]:
         """The names of the classes that a name is said to belong to."""
