@@ -242,10 +242,11 @@ class Lexicon:
         for line in self._extract.split("\n"):
             fields = line.split("\t")
             if len(fields) > 3:
-                parents[fields[0]].update(fields[3].split(";"))
-        for parent, names in self._kinds.items():
-            for name in names:
-                parents[name].add(parent)
+                parents[fields[0]].update(parent for parent in fields[3].split(";") if parent not in self._kinds)
+        for section in (self._kinds, self._table["more_kinds"]):
+            for parent, names in section.items():
+                for name in names:
+                    parents[name].add(parent)
         for parent, names in self._table["not_kinds"].items():
             for name in names:
                 parents[name].discard(parent)
@@ -263,7 +264,8 @@ class Lexicon:
     def _own_categories(self) -> Mapping[str, Category]:
         """The names of the table and what they name."""
         own: dict[str, Category] = dict.fromkeys(self._synonyms, "thing")
-        own |= dict.fromkeys([*self._kinds, *(name for names in self._kinds.values() for name in names)], "thing")
+        for section in (self._kinds, self._table["more_kinds"]):
+            own |= dict.fromkeys([*section, *(name for names in section.values() for name in names)], "thing")
         own |= dict.fromkeys([*self._similar], "thing")
         own |= dict.fromkeys(self._synonyms["person"] | {"person", *self._kinds["person"]}, "person")
         own |= dict.fromkeys(self._table["not_held"]["places"], "place")
