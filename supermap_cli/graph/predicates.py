@@ -1,100 +1,10 @@
-"""Spatial predicates: how one thing stands to another, from their boxes and surfaces in the level map.
+"""The spatial relations that the scene graph keeps: those of the registry (`supermap_cli.relations`) that are stored.
 
-The class-dependent predicates of the paper's sec. IV-C. `on` departs from its definition: the lower side of A is
-compared with B's surface under it instead of B's top, and the overlap is a share of A's footprint instead of an IoU.
+The class-dependent predicates of the paper's sec. IV-C.
 """
 
 from __future__ import annotations
 
-import numpy as np
+from supermap_cli.relations.registry import RELATIONS
 
-from supermap_cli.types.relations import Pair, SpatialPredicate
-
-_BINS = frozenset({"basket", "bin", "bowl", "box", "bucket", "cart", "container", "pot", "suitcase", "trash can"})
-_FURNITURE = frozenset({"bookcase", "cabinet", "cupboard", "drawer", "shelf", "wardrobe"})
-_FIXTURES = frozenset(
-    {"bathtub", "dishwasher", "fridge", "microwave", "oven", "refrigerator", "sink", "toaster", "washer"}
-)
-CONTAINERS = _BINS | _FURNITURE | _FIXTURES
-UPRIGHT_SURFACES = frozenset(
-    {"wall", "door", "window", "whiteboard", "cabinet", "cupboard", "bookcase", "pillar", "column"}
-)
-
-
-def on(pair: Pair, slack: float) -> float:
-    """On(A, B): the lower side of A is near the surface of B beneath it, and A's footprint lies mostly within B's."""
-    parameters = pair.parameters
-    if pair.overlap_share < parameters.on_overlap / slack or not len(pair.surface_heights):
-        return 0.0
-    surface = float(np.percentile(pair.surface_heights, parameters.on_surface_percentile))
-    box = pair.subject.box
-    height_m = min(float(box.size[2]), parameters.on_reach_height_m)
-    reach = (parameters.contact_m + parameters.on_reach_share * height_m) * slack
-    higher = box.center[2] > surface - parameters.on_higher_m * slack
-    return pair.falling(abs(box.z_min - surface), reach) if higher else 0.0
-
-
-def under(pair: Pair, slack: float) -> float:
-    """Under(A, B): B has surface above A's top, over a good part of A."""
-    parameters = pair.parameters
-    if pair.overlap_share < parameters.under_overlap / slack or pair.subject.box.center[2] >= pair.other.box.center[2]:
-        return 0.0
-    if not len(pair.surface_heights) or on(pair.turned(), 1.0) > 0:
-        return 0.0
-    share = float((pair.surface_heights >= pair.subject.box.z_max - parameters.under_margin_m * slack).mean())
-    return share if share >= parameters.under_covered / slack else 0.0
-
-
-def inside(pair: Pair, slack: float) -> float:
-    """Inside(A, B): B is a container and its box holds most of A's."""
-    if pair.other.label not in CONTAINERS or pair.subject.box.volume >= pair.other.box.volume:
-        return 0.0
-    share = pair.overlap_share * max(0.0, pair.shared_height_m) / max(float(pair.subject.box.size[2]), 1e-6)
-    return min(share, 1.0) if share >= pair.parameters.inside_share / slack else 0.0
-
-
-def above(pair: Pair, slack: float) -> float:
-    """Above(A, B): clear of B's top and over its footprint, or the other way round for what is larger."""
-    if pair.subject.box.z_min - pair.other.box.z_max < pair.parameters.above_clearance_m / slack:
-        return 0.0
-    shared = pair.overlap_m2 / max(min(pair.subject.base_m2, pair.other.base_m2), 1e-6)
-    return min(shared, 1.0) if shared >= pair.parameters.above_overlap / slack else 0.0
-
-
-def beside(pair: Pair, slack: float) -> float:
-    """Beside(A, B): at about the same height, nothing but a small gap between their outlines."""
-    parameters = pair.parameters
-    lower = max(float(min(pair.subject.box.size[2], pair.other.box.size[2])), parameters.beside_min_height_m)
-    if pair.shared_height_m < parameters.beside_shared_height * lower / slack:
-        return 0.0
-    if pair.overlap_m2 > parameters.beside_max_overlap * slack * min(pair.subject.base_m2, pair.other.base_m2):
-        return 0.0
-    return pair.falling(pair.gap_m, (parameters.beside_gap_m + parameters.beside_gap_share * pair.scale_m) * slack)
-
-
-def near(pair: Pair, slack: float) -> float:
-    """Near(A, B): the gap between their boxes is small against their sizes."""
-    gap = float(np.hypot(pair.gap_m, max(-pair.shared_height_m, 0.0)))
-    parameters = pair.parameters
-    return pair.falling(gap, (parameters.near_gap_m + parameters.near_gap_share * pair.scale_m) * slack)
-
-
-def attached_to(pair: Pair, slack: float) -> float:
-    """Attached(A, B): clear of the floor and touching an upright surface."""
-    parameters = pair.parameters
-    if pair.other.label not in UPRIGHT_SURFACES or pair.subject.box.z_min < parameters.attached_clearance_m / slack:
-        return 0.0
-    if pair.shared_height_m < parameters.attached_shared_height * float(pair.subject.box.size[2]) / slack:
-        return 0.0
-    return pair.falling(pair.gap_m, parameters.attached_gap_m * slack)
-
-
-PREDICATES = (
-    SpatialPredicate("on", on),
-    SpatialPredicate("under", under),
-    SpatialPredicate("inside", inside),
-    SpatialPredicate("above", above),
-    SpatialPredicate("beside", beside),
-    SpatialPredicate("near", near),
-    SpatialPredicate("attached to", attached_to),
-)
+PREDICATES = RELATIONS.stored

@@ -11,6 +11,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from supermap_cli.language.times import Event, Time
+
 # --- Nouns ------------------------------------------------------------------------------------------------------------
 
 
@@ -46,7 +48,19 @@ class Usable:
     use: str
 
 
-Noun = Anything | Named | Identified | Usable
+@dataclass(frozen=True)
+class Robot:
+    """The robot at its last pose: "you", "me", "here"."""
+
+
+@dataclass(frozen=True)
+class Union:
+    """What any of several noun phrases names: "chairs and tables", "a cup or a bottle"."""
+
+    members: tuple[Things, ...]
+
+
+Noun = Anything | Named | Identified | Usable | Robot | Union
 
 # --- Attributes -------------------------------------------------------------------------------------------------------
 
@@ -115,11 +129,6 @@ class Things:
 
 
 @dataclass(frozen=True)
-class Robot:
-    """The robot at its last pose."""
-
-
-@dataclass(frozen=True)
 class SeenFrom:
     """A place to look from: "seen from the door"."""
 
@@ -132,10 +141,21 @@ Direction = Literal["left of", "right of", "in front of", "behind"]
 
 @dataclass(frozen=True)
 class Related:
-    """A pairwise relation by its name in the registry of relations ("on", "near"), to a reference."""
+    """A pairwise relation by its name in the registry of relations ("on", "near"), to a reference.
+
+    `inverse`: the reference stands in the relation to the things ("desks with a mug on them": a mug is on the desk).
+    """
 
     relation: str
     reference: Things
+    inverse: bool = False
+
+
+@dataclass(frozen=True)
+class Having:
+    """With an attribute, where it is said as a condition: "chairs that are not red", "is the table big"."""
+
+    attribute: Attribute
 
 
 @dataclass(frozen=True)
@@ -200,99 +220,7 @@ class Or:
     conditions: tuple[Condition, ...]
 
 
-Condition = Related | Directed | Between | Distant | Happened | Not | Except | And | Or
-
-# --- Times ------------------------------------------------------------------------------------------------------------
-
-Event = Literal["appeared", "disappeared", "moved", "changed", "returned", "seen"]
-
-
-@dataclass(frozen=True)
-class Now:
-    """As of the end of the map."""
-
-
-@dataclass(frozen=True)
-class Earlier:
-    """Before the latest traversal; with one traversal, before its end."""
-
-
-@dataclass(frozen=True)
-class First:
-    """When a thing was first seen."""
-
-
-@dataclass(frozen=True)
-class Last:
-    """When a thing was last seen, whether or not it still stands there."""
-
-
-@dataclass(frozen=True)
-class InTraversal:
-    """A traversal by its name, its number, "first", "last" or "previous"."""
-
-    name: str
-
-
-@dataclass(frozen=True)
-class AtClock:
-    """A written time ("10:21", "2026-01-05T10:21:00Z", "12 s", "monday@10:21"), see `query.time_parsing`."""
-
-    written: str
-
-
-@dataclass(frozen=True)
-class OnDay:
-    """A day of the recordings' own clock: a weekday's name (the latest one), "today" (the day of the map's end),
-    "yesterday", or a date (ISO 8601); and a part of it.
-    """
-
-    day: str
-    part: Literal["morning", "afternoon", "evening", "night"] | None = None
-
-
-@dataclass(frozen=True)
-class AtEvent:
-    """When something happened to a thing: "since the plant went"."""
-
-    things: Things
-    event: Event
-
-
-Moment = InTraversal | AtClock | OnDay | AtEvent | Now | First | Last
-
-
-@dataclass(frozen=True)
-class Before:
-    """Before a moment: its beginning."""
-
-    moment: Moment
-
-
-@dataclass(frozen=True)
-class Since:
-    """After, or since, a moment: from its end ("since monday": from the end of monday's traversal) to now."""
-
-    moment: Moment
-
-
-@dataclass(frozen=True)
-class BetweenTimes:
-    """Between two moments."""
-
-    first: Moment
-    second: Moment
-
-
-@dataclass(frozen=True)
-class Within:
-    """In the last `seconds` before the map's end; in the first ones after its start if `from_start`."""
-
-    seconds: float
-    from_start: bool = False
-
-
-Time = Now | Earlier | First | Last | InTraversal | AtClock | OnDay | AtEvent | Before | Since | BetweenTimes | Within
+Condition = Related | Having | Directed | Between | Distant | Happened | Not | Except | And | Or
 
 # --- Questions --------------------------------------------------------------------------------------------------------
 

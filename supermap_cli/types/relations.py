@@ -1,15 +1,15 @@
-"""Spatial predicates of the scene graph and what they are computed from: a plugin adds predicates with these."""
+"""What a spatial relation is, and what it is computed from: a plugin adds relations with these."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 
 from supermap_cli.geometry.arrays import FloatArray
-from supermap_cli.geometry.boxes import Box3D, footprint_gap_m, footprint_overlap_m2
+from supermap_cli.geometry.boxes import Box3D, Reach, footprint_gap_m, footprint_overlap_m2
 from supermap_cli.types.parameters import parameter
 
 _DESIGN = "chosen by hand, held by the cases of tests/graph"
@@ -56,6 +56,8 @@ class PredicateParameters:
     )
     attached_shared_height: float = parameter(0.5, "1", "attached to: share of the height, at least", _DESIGN)
     attached_gap_m: float = parameter(0.12, "m", "attached to: gap to the upright surface, at most", "twice contact_m")
+    against_gap_m: float = parameter(0.12, "m", "against: gap between the outlines, at most", "twice contact_m")
+    far_gap_m: float = parameter(3.0, "m", "far from: gap between the boxes, at least", "twice near's greatest gap")
 
 
 DEFAULT = PredicateParameters()
@@ -63,7 +65,10 @@ DEFAULT = PredicateParameters()
 
 @dataclass(frozen=True)
 class GraphNode:
-    """An instance as the graph sees it: `points` (n, 3) are the centres of its solid voxels in the map frame."""
+    """A thing as relations see it: `points` (n, 3) are the centres of its solid voxels in the map frame.
+
+    Without points only its box is known, and its surface is taken to be the box's upper face.
+    """
 
     number: int
     label: str
@@ -82,6 +87,8 @@ class GraphNode:
 
     def heights_over(self, other: Box3D, margin_m: float = DEFAULT.footprint_margin_m) -> FloatArray:
         """(k,) heights of this node's points over another's footprint, and a margin: what is covered is not seen."""
+        if not len(self.points):
+            return np.full(int(footprint_gap_m(self.box, other) <= margin_m), self.box.z_max)
         c, s = np.cos(other.yaw), np.sin(other.yaw)
         local = (self.points[:, :2] - other.center[:2]) @ np.array([[c, -s], [s, c]])
         within = (np.abs(local) <= other.size[:2] / 2 + margin_m).all(axis=1)
@@ -124,6 +131,11 @@ class Pair:
         return min(a.z_max, b.z_max) - max(a.z_min, b.z_min)
 
     @property
+    def distance_m(self) -> float:
+        """Distance between the two boxes, 0 where they touch or overlap."""
+        return float(np.hypot(self.gap_m, max(-self.shared_height_m, 0.0)))
+
+    @property
     def scale_m(self) -> float:
         """The larger thing's size on the floor, within bounds: nearness is measured with the things themselves."""
         larger_m = max(float(self.subject.box.size[:2].max()), float(self.other.box.size[:2].max()))
@@ -141,11 +153,51 @@ class Pair:
 
 
 @dataclass(frozen=True)
-class SpatialPredicate:
-    """A named relation: `holds(pair, slack)` returns a confidence in (0, 1], or 0 where the relation does not hold.
+class EdgeForm:
+    """Another relation that a relation follows from; `turned` if it holds the other way round: a table is under the
+    cup that is on it.
+    """
 
-    `slack` is 1 for a new relation and greater for one that held before: hysteresis, so that edges do not flicker.
+    relation: str
+    turned: bool = False
+
+
+UNBOUNDED = Reach(np.inf, np.inf)
+"""The reach of a relation of which nothing is known."""
+
+
+@dataclass(frozen=True)
+class SpatialRelation:
+    """A relation of two things, defined once: the scene graph stores it, and questions are answered by it.
+
+    - `holds(pair, slack)` is its geometry: a confidence in (0, 1], or 0 where it does not hold. `slack` is 1 for a new
+      relation and greater for one that held before (hysteresis, so that edges do not flicker); more slack never makes
+      it fail.
+    - `words`: the phrases for it by language ("en"); without any it is asked by its name.
+    - `reach`: how far apart two boxes in it may be, with a slack of 1.
+    - `inverse`: the relation that holds the other way round; `symmetric`: it is its own.
+    - `follows_from`: it also holds where one of these does.
+    - `within`: it is a kind of this stored relation, whose edges answer it together with its own geometry; such a
+      relation is not stored itself. `stored`: the scene graph keeps edges of it.
+    - `clear_between`: it holds only where no wall stands between the two.
     """
 
     name: str
     holds: Callable[[Pair, float], float]
+    words: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    reach: Reach = UNBOUNDED
+    inverse: str | None = None
+    symmetric: bool = False
+    follows_from: tuple[EdgeForm, ...] = ()
+    within: str | None = None
+    stored: bool = True
+    clear_between: bool = False
+
+    def phrases(self, language: str = "en") -> tuple[str, ...]:
+        """The phrases for it in a language; in English at least its name."""
+        spoken = self.words.get(language, ())
+        return spoken or ((self.name,) if language == "en" else ())
+
+
+SpatialPredicate = SpatialRelation
+"""The name that plugins know it by."""

@@ -4,7 +4,7 @@ Words: a label means its own things and those of its kinds (an armchair is a cha
 what stands there when the last traversal ends; "earlier" what stood there in a traversal before the last (with one
 traversal: ever); "in NAME" what that traversal saw; the past tense what was ever seen.
 
-Relations are those of the scene graph (`graph.predicates`), on the true boxes and on the surfaces that were seen, whose
+Relations are those of the registry (`supermap_cli.relations`), on the true boxes and on the surfaces that were seen, whose
 measures `slack` widens. Here one holds if it does with `STRICT`, and does not if it fails even with `WIDE`, which is
 more than the graph's own hysteresis of 1.3; a question that depends on anything between is left out.
 
@@ -25,7 +25,8 @@ from itertools import islice
 
 import numpy as np
 
-from supermap_cli.graph.predicates import above, near, on, under
+from supermap_cli.relations.predicates import near, under
+from supermap_cli.relations.registry import RELATIONS
 from supermap_cli.simulation.recording.observed_truth import ObservedTruth, Undetermined
 from supermap_cli.types.relations import GraphNode, Pair
 from supermap_cli.types.truth import GroundTruth, TrueQuestion, TrueState
@@ -194,10 +195,10 @@ class _QuestionMaker:
 
     def _relates_now(self, preposition: str, k: int, other: int) -> bool | None:
         """Whether one object stands in a relation to another now; `None` in between."""
-        pair, holds = Pair(self._node(k), self._node(other)), _RELATIONS[preposition]
-        if holds(pair, STRICT):
+        pair, relation = Pair(self._node(k), self._node(other)), _RELATIONS[preposition]
+        if RELATIONS.measure(relation, pair, STRICT) > 0:
             return True
-        return None if holds(pair, WIDE) else False
+        return None if RELATIONS.measure(relation, pair, WIDE) > 0 else False
 
     def _is_telling(self, preposition: str, k: int, other: int) -> bool:
         """Whether people would put it so: a mug is on the desk rather than near it, a book in the shelf and not under
@@ -222,20 +223,5 @@ class _QuestionMaker:
         return GraphNode(k, thing.label, state.box, thing.surface_world(state))
 
 
-def _under(pair: Pair, slack: float) -> bool:
-    turned = pair.turned()
-    return under(pair, slack) > 0 or on(turned, slack) > 0 or above(turned, slack) > 0
-
-
-def _inside(pair: Pair, slack: float) -> bool:
-    height_m = max(float(pair.subject.box.size[2]), 1e-6)
-    share = pair.overlap_share * max(0.0, pair.shared_height_m) / height_m
-    return share >= 0.6 / slack and pair.subject.box.volume < pair.other.box.volume
-
-
-_RELATIONS: Mapping[str, Callable[[Pair, float], bool]] = {
-    "on": lambda pair, slack: on(pair, slack) > 0,
-    "under": _under,
-    "in": _inside,
-    "near": lambda pair, slack: near(pair, slack) > 0,
-}
+_RELATIONS: Mapping[str, str] = {"on": "on", "under": "under", "in": "inside", "near": "near"}
+"""The prepositions that are asked, and the relations that they mean."""

@@ -1,0 +1,328 @@
+"""Questions: the values of the grammars' rules for whole sentences."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any, cast, get_args
+
+from supermap_cli.language import questions as tree
+from supermap_cli.language import times
+from supermap_cli.language.build_things import (
+    ATTRIBUTES,
+    TIMES,
+    BuildThings,
+    Happening,
+    condition_of,
+    to_reference,
+    with_condition,
+)
+from supermap_cli.language.build_times import BuildTimes
+from supermap_cli.language.forest import NoReading, Word
+from supermap_cli.language.parts import Comparative, maybe, of_type, only, words
+from supermap_cli.language.refusals import RefusalKind
+
+BODIES = get_args(tree.Body)
+ANYTHING = tree.Things(tree.Anything())
+
+
+@dataclass(frozen=True)
+class Refused:
+    """A sentence that is understood, and cannot be answered from any map; `part` is the word that says so."""
+
+    kind: RefusalKind
+    part: str | None = None
+
+
+@dataclass(frozen=True)
+class Asked:
+    """The body of a question with its time."""
+
+    body: tree.Body
+    time: times.Time | None = None
+
+
+@dataclass(frozen=True)
+class Alternatives:
+    """ "chair-1 or chair-2" after a comparison."""
+
+    first: tree.Things
+    second: tree.Things
+
+
+class BuildQuestions(BuildThings, BuildTimes):
+    """Functions named like rules and aliases of the grammars; each takes the values of the rule's parts."""
+
+    # --- Sentences ---
+
+    def start(self, parts: list[Any]) -> Asked | Refused:
+        return cast("Asked | Refused", _only_value(parts))
+
+    def untimed(self, parts: list[Any]) -> Asked:
+        return self.timed(parts)
+
+    def timed(self, parts: list[Any]) -> Asked:
+        body = next(part for part in parts if isinstance(part, (*BODIES, Asked)))
+        found = [part for part in parts if isinstance(part, TIMES)]
+        if isinstance(body, Asked):
+            found = [body.time, *found] if body.time is not None else found
+            body = body.body
+        if len(found) > 1:
+            raise NoReading
+        return Asked(body, cast("times.Time | None", found[0] if found else None))
+
+    timed_front = timed
+
+    def no_question(self, _parts: list[Any]) -> Refused:
+        return Refused("no question about the place")
+
+    def unknowable(self, parts: list[Any]) -> Refused:
+        told = words(parts, "STATE", "UNKNOWABLE", "UNKNOWABLE_MEASURE", "UNKNOWABLE_ASPECT")
+        return Refused("unknowable", told[0].written if told else None)
+
+    # --- Finding, counting ---
+
+    def find_place(self, parts: list[Any]) -> tree.Find:
+        return tree.Find(only(parts, tree.Things), place=True)
+
+    def find_seen(self, parts: list[Any]) -> Asked:
+        sight = [part for part in parts if isinstance(part, (times.First, times.Last))]
+        return Asked(tree.Find(only(parts, tree.Things), place=True), sight[0] if sight else times.Last())
+
+    def which_sight(self, parts: list[Any]) -> times.First | times.Last:
+        return times.First() if only(parts, Word).kind == "FIRST_TIME" else times.Last()
+
+    def find_use(self, parts: list[Any]) -> tree.Find:
+        return tree.Find(_usable(parts), place=True)
+
+    def find_which_use(self, parts: list[Any]) -> tree.Find:
+        return tree.Find(_usable(parts))
+
+    def find_what(self, parts: list[Any]) -> tree.Find:
+        superlative = maybe(parts, tree.Superlative)
+        things = replace(ANYTHING, superlative=superlative)
+        return tree.Find(with_condition(things, condition_of(parts)))
+
+    def find_who(self, parts: list[Any]) -> tree.Find:
+        return tree.Find(with_condition(_person(), condition_of(parts)))
+
+    def find_support(self, parts: list[Any]) -> tree.Find:
+        return tree.Find(with_condition(ANYTHING, _carrying(parts, only(parts, tree.Things))))
+
+    find_support_front = find_support
+
+    def find_which_support(self, parts: list[Any]) -> tree.Find:
+        things, carried = of_type(parts, tree.Things)
+        return tree.Find(with_condition(things, _carrying(parts, carried)))
+
+    find_which_support_front = find_which_support
+
+    def find_which(self, parts: list[Any]) -> tree.Find:
+        things = only(parts, tree.Things)
+        superlative = maybe(parts, tree.Superlative)
+        if superlative is not None:
+            if things.superlative is not None:
+                raise NoReading
+            things = replace(things, superlative=superlative)
+        return tree.Find(with_condition(things, condition_of(parts)))
+
+    def find_things(self, parts: list[Any]) -> tree.Find:
+        return tree.Find(only(parts, tree.Things))
+
+    def find_fragment(self, parts: list[Any]) -> tree.Find | tree.Exists:
+        things = only(parts, tree.Things)
+        return tree.Exists(things) if things.quantity == "any" else tree.Find(things)
+
+    def find_identity(self, parts: list[Any]) -> tree.Find | tree.Describe:
+        things = only(parts, tree.Things)
+        if isinstance(things.noun, tree.Identified):
+            return tree.Describe(things, "all")
+        if things.superlative is None and things.condition is None:
+            raise NoReading
+        return tree.Find(things)
+
+    def count(self, parts: list[Any]) -> tree.Count:
+        return tree.Count(only(parts, tree.Things))
+
+    def count_so(self, parts: list[Any]) -> tree.Count:
+        return tree.Count(with_condition(only(parts, tree.Things), condition_of(parts)))
+
+    # --- Yes or no ---
+
+    def exists(self, parts: list[Any]) -> tree.Exists:
+        return tree.Exists(only(parts, tree.Things))
+
+    def exists_any(self, parts: list[Any]) -> tree.Exists:
+        return tree.Exists(replace(only(parts, tree.Things), quantity="any"))
+
+    def exists_so(self, parts: list[Any]) -> tree.Exists:
+        return tree.Exists(with_condition(only(parts, tree.Things), condition_of(parts)))
+
+    def exists_use(self, parts: list[Any]) -> tree.Exists:
+        return tree.Exists(_usable(parts))
+
+    def holds(self, parts: list[Any]) -> tree.Holds:
+        condition = condition_of(parts)
+        if condition is None:
+            raise NoReading
+        return tree.Holds(only(parts, tree.Things), condition)
+
+    def holds_still(self, parts: list[Any]) -> tree.Holds:
+        return tree.Holds(only(parts, tree.Things), still=True)
+
+    holds_still_ = holds_still
+
+    def holds_there(self, parts: list[Any]) -> tree.Exists:
+        return tree.Exists(only(parts, tree.Things))
+
+    # --- Comparing, measuring, describing ---
+
+    def most_of(self, parts: list[Any]) -> tree.MostOf:
+        things, counted = of_type(parts, tree.Things)
+        relation = words(parts, "RELATION")
+        return tree.MostOf(things, counted, str(relation[0].value) if relation else "on", bool(words(parts, "FEWEST")))
+
+    def most_of_front(self, parts: list[Any]) -> tree.MostOf:
+        return self.most_of(parts)
+
+    def compare_counts(self, parts: list[Any]) -> tree.CompareCounts:
+        first, second = self._two(parts)
+        return tree.CompareCounts(first, second, bool(words(parts, "LESS")))
+
+    def compare_measure(self, parts: list[Any]) -> tree.CompareMeasure:
+        first, second = self._two(parts)
+        return tree.CompareMeasure(_compared(parts), first, second)
+
+    compare_alternatives = compare_alternatives_last = compare_measure
+
+    def compare_measure_to(self, parts: list[Any]) -> tree.CompareMeasure:
+        first, reference, second = of_type(parts, tree.Things)
+        return tree.CompareMeasure(_compared(parts), first, second, to_reference(reference))
+
+    def compare_alternatives_to(self, parts: list[Any]) -> tree.CompareMeasure:
+        either = only(parts, Alternatives)
+        reference = to_reference(only(parts, tree.Things))
+        return tree.CompareMeasure(_compared(parts), either.first, either.second, reference)
+
+    def alternatives(self, parts: list[Any]) -> Alternatives:
+        return Alternatives(*of_type(parts, tree.Things))
+
+    def _two(self, parts: list[Any]) -> tuple[tree.Things, tree.Things]:
+        either = maybe(parts, Alternatives)
+        if either is not None:
+            return either.first, either.second
+        first, second = of_type(parts, tree.Things)
+        return first, second
+
+    def how_far(self, parts: list[Any]) -> tree.HowFar:
+        found = [to_reference(things) for things in of_type(parts, tree.Things)]
+        named = [things for things in found if things is not None]
+        if not named:
+            raise NoReading
+        return tree.HowFar(named[0], named[1] if len(named) > 1 else None)
+
+    def describe(self, parts: list[Any]) -> tree.Describe:
+        what = next(part for part in parts if isinstance(part, Aspect)).what
+        return tree.Describe(only(parts, tree.Things), cast("Any", what))
+
+    def describe_sure(self, parts: list[Any]) -> tree.Describe:
+        return tree.Describe(only(parts, tree.Things), "confidence")
+
+    def describe_all(self, parts: list[Any]) -> tree.Describe:
+        return tree.Describe(only(parts, tree.Things), "all")
+
+    def aspect(self, parts: list[Any]) -> Aspect:
+        names = {"COLOUR_": "colour", "SIZE_": "size", "HEIGHT_": "height", "WIDTH_": "width"}
+        return Aspect(names[only(parts, Word).kind])
+
+    def dimension(self, parts: list[Any]) -> Aspect:
+        return Aspect({"BIG": "size", "TALL": "height", "WIDE": "width"}[only(parts, Word).kind])
+
+    # --- When, changes ---
+
+    def when(self, parts: list[Any]) -> tree.When:
+        return tree.When(only(parts, tree.Things), only(parts, Happening).event)
+
+    def when_seen(self, parts: list[Any]) -> tree.When | Asked:
+        sight = [part for part in parts if isinstance(part, (times.First, times.Last))]
+        body = tree.When(only(parts, tree.Things), "seen")
+        return Asked(body, sight[0]) if sight else body
+
+    def when_so(self, parts: list[Any]) -> tree.When:
+        return tree.When(with_condition(only(parts, tree.Things), condition_of(parts)), "seen")
+
+    def since_when(self, parts: list[Any]) -> tree.When:
+        return replace(self.when_so(parts), what="since")
+
+    def how_long(self, parts: list[Any]) -> tree.When:
+        return replace(self.when_so(parts), what="how long")
+
+    def until_when(self, parts: list[Any]) -> tree.When:
+        return replace(self.when_so(parts), what="until")
+
+    def how_often(self, parts: list[Any]) -> tree.When:
+        return replace(self.when(parts), what="how often")
+
+    def how_often_seen(self, parts: list[Any]) -> tree.When:
+        return tree.When(only(parts, tree.Things), "seen", "how often")
+
+    def changes(self, parts: list[Any]) -> tree.Changes:
+        condition = condition_of(parts)
+        return tree.Changes(_events(parts), None if condition is None else with_condition(ANYTHING, condition))
+
+    def changes_things(self, parts: list[Any]) -> tree.Changes:
+        return tree.Changes(_events(parts), only(parts, tree.Things))
+
+    def changes_count(self, parts: list[Any]) -> tree.Changes:
+        return tree.Changes(_events(parts), only(parts, tree.Things), count=True)
+
+    def changes_exist(self, parts: list[Any]) -> tree.Changes:
+        things = maybe(parts, tree.Things)
+        if things is None:
+            condition = condition_of(parts)
+            things = None if condition is None else with_condition(ANYTHING, condition)
+        return tree.Changes(_events(parts), None if things == ANYTHING else things, exists=True)
+
+    changes_exist_fragment = changes_exist
+
+    def came_from(self, parts: list[Any]) -> tree.MovedWhere:
+        return tree.MovedWhere(only(parts, tree.Things), "from")
+
+    def went_to(self, parts: list[Any]) -> tree.MovedWhere:
+        return tree.MovedWhere(only(parts, tree.Things), "to")
+
+
+@dataclass(frozen=True)
+class Aspect:
+    """What is asked of a thing: its colour, its height, ..."""
+
+    what: str
+
+
+def _only_value(parts: list[Any]) -> Any:
+    values = [part for part in parts if isinstance(part, (Asked, Refused))]
+    if len(values) != 1:
+        raise NoReading
+    return values[0]
+
+
+def _person() -> tree.Things:
+    return tree.Things(tree.Named("person", "who", hypernym=True))
+
+
+def _usable(parts: list[Any]) -> tree.Things:
+    use = str(words(parts, "USE", "USE_VERB")[0].value)
+    return with_condition(tree.Things(tree.Usable(use)), condition_of(parts))
+
+
+def _carrying(parts: list[Any], carried: tree.Things) -> tree.Related:
+    return tree.Related(str(words(parts, "RELATION")[0].value), carried, inverse=True)
+
+
+def _compared(parts: list[Any]) -> tree.Measure:
+    return cast("tree.Measure", only(parts, Comparative).measure)
+
+
+def _events(parts: list[Any]) -> tuple[tree.Event, ...]:
+    """The events named; none for "changed", which is any of them."""
+    found = [part.event for part in parts if isinstance(part, Happening)]
+    return tuple(event for event in found if event != "changed")

@@ -1,0 +1,200 @@
+"""Words -> tokens for a grammar: each may be of several kinds, and words can be cut into tokens in several ways."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from heapq import heappop, heappush
+from itertools import count, islice
+
+from lark import Token
+
+from supermap_cli.language.known_names import KnownNames
+from supermap_cli.language.language_data import LanguageData
+from supermap_cli.language.lexicon import Lexicon
+from supermap_cli.language.questions import Identified, Named
+from supermap_cli.language.words import is_instance
+
+MOST_CUTS = 24
+"""Ways to cut a question into tokens that are tried; more than three were needed by none of the tests' questions."""
+
+LONGEST_PHRASE = 7
+"""Words of the longest phrase of a grammar that is looked for."""
+
+UNKNOWN_COST = 4
+"""What an unknown word costs a way to cut, in tokens."""
+
+ANY_WORD = "WORD"
+_CLOCK = re.compile(r"\d{1,2}:\d{2}(:\d{2}(\.\d+)?)?z?|\d{4}-\d{2}-\d{2}t[\d:.]+z?")
+_TWELVE_HOURS = re.compile(r"(\d{1,2})(?::(\d{2}))?\s?(am|pm)")
+_DATE = re.compile(r"\d{4}-\d{2}-\d{2}")
+_NUMBER = re.compile(r"\d{1,9}(?:[.,]\d{1,6})?")
+_TRAVERSAL_TIME = re.compile(r"([@+])(.+)")
+
+
+class Kinds(str):
+    """The kinds of a token, as a text that equals each of their names: a grammar's terminal matches any of them."""
+
+    __slots__ = ("names",)
+
+    names: frozenset[str]
+
+    def __new__(cls, names: frozenset[str]) -> Kinds:
+        made = super().__new__(cls, "|".join(sorted(names)))
+        made.names = names
+        return made
+
+    def __eq__(self, other: object) -> bool:
+        return other == ANY_WORD or other in self.names
+
+    def __ne__(self, other: object) -> bool:
+        return not self == other
+
+    __hash__ = str.__hash__
+
+
+@dataclass(frozen=True)
+class Piece:
+    """Some words that are one token: its kinds with the value of each, at words [start, end)."""
+
+    start: int
+    end: int
+    written: str
+    values: Mapping[str, object]
+
+    @property
+    def token(self) -> Token:
+        """The token for the parser; its kinds are those of the values, its value is the piece."""
+        token = Token(Kinds(frozenset(self.values)), self.written)
+        token.value = self
+        return token
+
+
+@dataclass
+class Tokeniser:
+    """Finds what the words of a question can be."""
+
+    language: LanguageData
+    phrases: Mapping[str, frozenset[str]]
+    lexicon: Lexicon
+    known: KnownNames
+    _longest: int = field(default=LONGEST_PHRASE, init=False)
+
+    @cached_property
+    def _relations(self) -> Mapping[str, str]:
+        return self.known.relations.get(self.language.code, {})
+
+    @cached_property
+    def _traversals(self) -> Mapping[str, str]:
+        return {" ".join(name.casefold().split()): name for name in self.known.traversals}
+
+    @cached_property
+    def _labels(self) -> frozenset[str]:
+        return frozenset(self.known.labels)
+
+    def cuts(self, words: Sequence[str]) -> Iterator[tuple[Piece, ...]]:
+        """The ways to cut words into pieces, those with long pieces first."""
+        pieces = [self._pieces_at(words, start) for start in range(len(words))]
+        yield from islice(_shortest_cuts(pieces), MOST_CUTS)
+
+    def unknown(self, words: Sequence[str]) -> tuple[str, ...]:
+        """The words that no piece explains."""
+        explained: set[int] = set()
+        for start in range(len(words)):
+            for piece in self._pieces_at(words, start):
+                if piece.values:
+                    explained.update(range(piece.start, piece.end))
+        return tuple(word for at, word in enumerate(words) if at not in explained)
+
+    def _pieces_at(self, words: Sequence[str], start: int) -> list[Piece]:
+        """What begins at `start`, the longest first; at least the word itself."""
+        found: dict[int, dict[str, object]] = {1: {}}
+        for length in range(1, min(self._longest, len(words) - start) + 1):
+            text = " ".join(words[start : start + length])
+            values = self._values(text)
+            if values:
+                found.setdefault(length, {}).update(values)
+        noun = self.lexicon.longest_noun(words, start, self._labels)
+        if noun is not None:
+            category = self.lexicon.category(noun.name)
+            kind = "PLACE" if category == "place" and noun.name not in self._labels else "NOUN"
+            found.setdefault(noun.length, {})[kind] = Named(noun.name, noun.written, noun.hypernym)
+            if noun.length > 1:
+                shorter = self.lexicon.longest_noun(words[: start + 1], start, self._labels)
+                if shorter is not None:
+                    found[1]["NOUN"] = Named(shorter.name, shorter.written, shorter.hypernym)
+        return [
+            Piece(start, start + length, " ".join(words[start : start + length]), values)
+            for length, values in sorted(found.items(), reverse=True)
+        ]
+
+    def _values(self, text: str) -> dict[str, object]:
+        values: dict[str, object] = dict.fromkeys(self.phrases.get(text, ()), text)
+        if (relation := self._relations.get(text)) is not None:
+            values["RELATION"] = relation
+        if (traversal := self._traversals.get(text)) is not None:
+            values["TRAVERSAL"] = traversal
+            values.pop("WEEKDAY", None)
+        if (use := self.lexicon.use_phrases.get(text)) is not None:
+            values["USE"] = use
+        if (use := self.language.use_verbs.get(text)) is not None:
+            values["USE_VERB"] = use
+        if (material := self.lexicon.material_words.get(text)) is not None:
+            values["MATERIAL"] = material
+        if (colour := self.lexicon.colour_words.get(text)) is not None:
+            values[colour.upper()] = text
+        if text in self.language.places:
+            values["PLACE"] = Named(text, text)
+        if text == ",":
+            values["_COMMA"] = text
+        if is_instance(text):
+            values["ID"] = Identified(text)
+        values.update(self._numbers(text))
+        return values
+
+    def _numbers(self, text: str) -> dict[str, object]:
+        if text in self.language.numbers:
+            return {"NUMBER": float(self.language.numbers[text])}
+        if text in self.language.ordinals:
+            return {"ORDINAL": self.language.ordinals[text]}
+        if _DATE.fullmatch(text):
+            return {"DATE": text}
+        if _CLOCK.fullmatch(text):
+            return {"CLOCK": text.upper()}
+        if _NUMBER.fullmatch(text):
+            return {"NUMBER": float(text.replace(",", "."))}
+        if (hours := _TWELVE_HOURS.fullmatch(text)) is not None and 1 <= int(hours[1]) <= 12:
+            return {"CLOCK": f"{int(hours[1]) % 12 + 12 * (hours[3] == 'pm'):02d}:{hours[2] or '00'}"}
+        return self._traversal_times(text)
+
+    def _traversal_times(self, text: str) -> dict[str, object]:
+        """ "monday@10:21", "monday+12s", "first+2.5s"."""
+        for name, written in (*self._traversals.items(), ("first", "first"), ("last", "last")):
+            rest = text.removeprefix(name)
+            if rest != text and _TRAVERSAL_TIME.fullmatch(rest):
+                return {"CLOCK": f"{written}{rest}"}
+        return {}
+
+
+def _shortest_cuts(pieces: Sequence[Sequence[Piece]]) -> Iterator[tuple[Piece, ...]]:
+    """All ways from the first to the last word, those of fewest pieces first (A*, with the exact rest as estimate)."""
+    rest = [0] * (len(pieces) + 1)
+    for start in range(len(pieces) - 1, -1, -1):
+        rest[start] = min(_cost(piece) + rest[piece.end] for piece in pieces[start])
+    order = count()
+    open_: list[tuple[int, int, int, int, tuple[Piece, ...]]] = [(rest[0], next(order), 0, 0, ())]
+    while open_:
+        _, _, cost, at, path = heappop(open_)
+        if at == len(pieces):
+            yield path
+            continue
+        for piece in pieces[at]:
+            spent = cost + _cost(piece)
+            heappush(open_, (spent + rest[piece.end], next(order), spent, piece.end, (*path, piece)))
+
+
+def _cost(piece: Piece) -> int:
+    """One for a piece; more for one that nothing is known of, which only a refusal can use."""
+    return 1 if piece.values else UNKNOWN_COST
