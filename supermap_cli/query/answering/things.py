@@ -23,6 +23,7 @@ from supermap_cli.language.questions import (
     Things,
     Union,
 )
+from supermap_cli.language.times import Time
 from supermap_cli.query.answering.asking import Asking
 from supermap_cli.query.answering.attributes import AttributeReader
 from supermap_cli.query.answering.conditions import ConditionJudge, Judgement
@@ -57,8 +58,9 @@ class Found:
 class ThingsFinder:
     """Finds things in the states that one time selector picks."""
 
-    def __init__(self, asking: Asking, selector: TimeSelector) -> None:
+    def __init__(self, asking: Asking, selector: TimeSelector, asked_time: Time | None = None) -> None:
         self.asking = asking
+        self.asked_time = asked_time
         self.reader = asking.reader
         self.selector = selector
         self.attributes = AttributeReader(asking)

@@ -15,6 +15,7 @@ from supermap_cli.errors import QueryError
 from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.geometry.boxes import Box3D
 from supermap_cli.language.questions import Directed, Direction, Robot, SeenFrom, Things
+from supermap_cli.language.refusals import RefusedQuestionError
 from supermap_cli.query.answering.asking import Asking
 from supermap_cli.query.answering.phrases import head_text, things_text
 from supermap_cli.query.candidates import InstanceCandidate
@@ -105,8 +106,10 @@ def _viewpoint(finder: ThingsFinder, asked: Directed) -> FloatArray:
     match asked.viewpoint:
         case None:
             reference = head_text(asked.reference)
-            raise QueryError(
+            raise RefusedQuestionError(
+                "viewpoint",
                 f"{asked.direction} the {reference}, seen from where?",
+                part=asked.direction,
                 cure=f"add a viewpoint: '... {asked.direction} the {reference} seen from the door', or 'seen by the robot'",
             )
         case Robot():
@@ -127,7 +130,9 @@ def _only(finder: ThingsFinder, things: Things) -> FloatArray:
     if not found:
         raise QueryError(f"there is no {name} in the map to look from", cure="name another viewpoint")
     ids = ", ".join(candidate.instance.id for candidate in found[:5])
-    raise QueryError(f"seen from which {name}? There are {ids}", cure=f"say 'seen from {found[0].instance.id}'")
+    raise RefusedQuestionError(
+        "viewpoint", f"seen from which {name}? There are {ids}", cure=f"say 'seen from {found[0].instance.id}'"
+    )
 
 
 def _point(position: FloatArray) -> Box3D:
