@@ -17,6 +17,7 @@ from supermap_cli.language.questions import (
     Describe,
     Exists,
     Find,
+    Happened,
     Holds,
     HowFar,
     MostOf,
@@ -36,7 +37,7 @@ from supermap_cli.query.answering.events import event_span
 from supermap_cli.query.answering.explaining import tree_text
 from supermap_cli.query.answering.finding import count, exists, find
 from supermap_cli.query.answering.holding import holds
-from supermap_cli.query.answering.things import ThingsFinder
+from supermap_cli.query.answering.things import ThingsFinder, conditions_of
 from supermap_cli.query.answering.times import QuestionTimes
 from supermap_cli.query.clock import clock_of, is_time_of_day
 from supermap_cli.query.relations import RELATION_WORDS
@@ -82,7 +83,9 @@ def answer_question(
     asking = Asking(reader, clock, load_lexicon(question.language), limit, Trace() if explain else None)
     asking.times = QuestionTimes(reader, clock, lambda asked: event_span(asking, asked))
     if at is not None and question.time is not None:
-        raise QueryError("the question names a time of its own", where=question.text, cure="leave out --at, or the words")
+        raise QueryError(
+            "the question names a time of its own", where=question.text, cure="leave out --at, or the words"
+        )
     selector = _selector(asking, question, at)
     finder = ThingsFinder(asking, selector, question.time)
     reply = _reply(finder, question, selector.text)
@@ -148,12 +151,19 @@ def _selector(asking: Asking, question: Question, at: str | None) -> TimeSelecto
         return TimeSelector("last", "last")
     if isinstance(question.body, When) and isinstance(question.time, None | First | Last | Now | Earlier):
         return TimeSelector("last", "last")
+    if question.time is None and _asks_what_happened(question.body):
+        return TimeSelector("last", "last")
     return asking.times.selector(question.time, past=question.past)
 
 
-def _add_time_notes(
-    asking: Asking, selector: TimeSelector, instances: Iterable[InstanceView], at: str | None
-) -> None:
+def _asks_what_happened(body: Body) -> bool:
+    """Whether things are asked for by what happened to them: some of them are gone."""
+    things = getattr(body, "things", None)
+    conditions = () if things is None else conditions_of(things)
+    return any(isinstance(condition, Happened) for condition in conditions)
+
+
+def _add_time_notes(asking: Asking, selector: TimeSelector, instances: Iterable[InstanceView], at: str | None) -> None:
     """Add notes on how the time was understood: its day, limits of the map, departures within a gap."""
     if selector.note is not None:
         asking.note(selector.note)

@@ -14,6 +14,7 @@ from supermap_cli.query.answering.times import QuestionTimes
 from supermap_cli.query.clock import Clock
 from supermap_cli.types.labels import DYNAMIC_CLASSES
 
+
 @dataclass(frozen=True)
 class Value:
     """What a measure gives of a thing: the value with its unit, and the other thing where it is a distance."""

@@ -19,7 +19,16 @@ from supermap_cli.query.answering.happenings import (
     window_of,
 )
 from supermap_cli.query.answering.listing import Lister
-from supermap_cli.query.answering.phrases import EVENT_VERBS, capitalised, counted, head_text, listing
+from supermap_cli.query.answering.phrases import (
+    EVENT_VERBS,
+    capitalised,
+    condition_text,
+    counted,
+    head_text,
+    listing,
+    lowered,
+    time_phrase,
+)
 from supermap_cli.query.answering.places import place_of
 from supermap_cli.query.answering.things import ThingsFinder, conditions_of
 from supermap_cli.query.change_classification import MIN_MOVE_M, state_distance_m
@@ -57,15 +66,17 @@ def changes(finder: ThingsFinder, question: Changes, asked: Time | None) -> Repl
     happened, undecided = of_event(changes_of(asking, window, numbers), question.events)
     views = _views(lister, happened)
     sentence = _sentence(happened, question, window)
-    unknown = _undecided_text(undecided, of_some=numbers is not None)
+    unknown = _undecided_text(undecided, window, of_some=numbers is not None)
     verdict: Truth | None = None
     lead = ""
     if question.exists:
         verdict = "yes" if happened else "unknown" if undecided and numbers is not None else "no"
         lead = {"yes": "Yes: ", "no": "No: ", "unknown": "Nobody can say: "}[verdict]
-        sentence = sentence[:1].lower() + sentence[1:] if sentence.startswith("Nothing") else sentence
+        sentence = lowered(sentence)
     if window.before is None and len(asking.reader.traversals) == 1:
-        asking.note("the map holds one traversal: there is no earlier visit to compare it with, only what it saw happen")
+        asking.note(
+            "the map holds one traversal: there is no earlier visit to compare it with, only what it saw happen"
+        )
     listed = happened + (undecided if numbers is not None else [])
     return Reply(
         "changes",
@@ -124,7 +135,7 @@ def _sentence(happened: list[Change], question: Changes, window: Window) -> str:
     if not happened:
         of = "" if question.things is None else f" of {_phrase(question.things)}"
         verbs = listing([EVENT_VERBS[event] for event in question.events], "or") or "changed"
-        return f"Nothing{of} is known to have {_participle(verbs)} {window.text}."
+        return f"Nothing{of} is known to have {_participle(verbs)} {time_phrase(window.text).strip()}."
     by_kind: dict[str, list[Change]] = defaultdict(list)
     for change in happened:
         by_kind[change.kind].append(change)
@@ -133,8 +144,10 @@ def _sentence(happened: list[Change], question: Changes, window: Window) -> str:
         ids = [_change_text(change) for change in of_kind[:MAX_TOLD]]
         more = f", and {len(of_kind) - MAX_TOLD} more" if len(of_kind) > MAX_TOLD else ""
         parts.append(f"{counted(len(of_kind), 'thing')} {_VERBS[kind]} ({', '.join(ids)}{more})")
-    return capitalised(f"{window.text}, {listing(parts)}.") if len(parts) > 1 else capitalised(
-        f"{parts[0]} {window.text}."
+    return (
+        capitalised(f"{time_phrase(window.text).strip()}, {listing(parts)}.")
+        if len(parts) > 1
+        else capitalised(f"{parts[0]} {time_phrase(window.text).strip()}.")
     )
 
 
@@ -146,8 +159,6 @@ def _phrase(things: Things) -> str:
     if isinstance(things.noun, Identified):
         return things.noun.id
     if isinstance(things.noun, Anything) and things.condition is not None:
-        from supermap_cli.query.answering.phrases import condition_text  # noqa: PLC0415
-
         return f"what is {condition_text(things.condition)}"
     return f"the {head_text(replace(things, condition=None))}s"
 
@@ -158,9 +169,13 @@ def _change_text(change: Change) -> str:
     return f"{change.id}{distance}{f', may be {candidates}' if candidates else ''}"
 
 
-def _undecided_text(undecided: list[Change], *, of_some: bool) -> str:
-    """What may have changed: each thing asked about; of all things, only those that may be new or gone."""
-    told = [change for change in undecided if of_some or change.kind != "not looked at"]
+def _undecided_text(undecided: list[Change], window: Window, *, of_some: bool) -> str:
+    """What may have changed: each thing asked about; of all things, those that may be new, and between two visits
+    those that may be gone.
+    """
+    visits = window.before is not None and window.before.traversal is not None
+    kinds = {"first observed", "not observed again"} if visits else {"first observed"}
+    told = [change for change in undecided if of_some or change.kind in kinds]
     if not told:
         return ""
     by_kind: dict[str, list[str]] = defaultdict(list)
@@ -218,7 +233,9 @@ def _went_to(finder: ThingsFinder, instance: StoredInstance) -> str:
         )
         return f"nobody saw where {instance.id} went: {left}{_candidates_text(finder, instance)}"
     if instance.label in DYNAMIC_CLASSES:
-        return f"{instance.id} was last seen {clock.text(state.last_seen_ns)}, {place_of(finder.asking, instance, state)}"
+        return (
+            f"{instance.id} was last seen {clock.text(state.last_seen_ns)}, {place_of(finder.asking, instance, state)}"
+        )
     place = place_of(finder.asking, instance, state)
     if moved is None:
         return f"{instance.id} is not known to have moved: it stands {place}"
@@ -241,5 +258,3 @@ def _candidates_text(finder: ThingsFinder, instance: StoredInstance) -> str:
     names = finder.reader.text_ids.of(probabilities)
     told = [f"{names[number]} ({share:.0%})" for number, share in sorted(probabilities.items())]
     return f"; it may be {listing(told, 'or')}" if told else ""
-
-

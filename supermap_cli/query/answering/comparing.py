@@ -81,7 +81,9 @@ def compare_counts(finder: ThingsFinder, question: CompareCounts, when: str) -> 
     lead = {"yes": "Yes: ", "no": "No: ", "unknown": "Nobody can say: "}[verdict]
     same = ", as many of both" if one == other else ""
     when_text = "" if when == "now" else f" {when}"
-    message = f"{lead}there {verb('is', one, past=finder.selector.kind != 'now')} {nouns[0]} and {nouns[1]}{same}{when_text}."
+    message = (
+        f"{lead}there {verb('is', one, past=finder.selector.kind != 'now')} {nouns[0]} and {nouns[1]}{same}{when_text}."
+    )
     measures = (
         Measurement(head_text(question.first), "count", float(one), "1"),
         Measurement(head_text(question.second), "count", float(other), "1"),
@@ -140,7 +142,9 @@ def how_far(finder: ThingsFinder, question: HowFar, when: str) -> Reply:
         measured = sorted(((distance_m(candidate), candidate) for candidate in candidates), key=_by_distance)
         told = listing([f"{each.instance.id} {gap:.2f} m" for gap, each in measured[:MAX_TOLD]])
         message = f"From the robot's last pose: {told}."
-        measures = tuple(Measurement(each.instance.id, "distance", round(gap, 4), "m", "robot") for gap, each in measured)
+        measures = tuple(
+            Measurement(each.instance.id, "distance", round(gap, 4), "m", "robot") for gap, each in measured
+        )
         return Reply("distance", message, lister.views(each for _, each in measured), measures=measures)
     others = finder.all_candidates(second)
     if not others:
@@ -168,8 +172,10 @@ def _between(
     gap_m, one, other = pairs[0]
     centres_m = float(((one.state.box.center - other.state.box.center) ** 2).sum() ** 0.5)
     touch = "touch" if gap_m < TIE_M else f"are {gap_m:.2f} m apart"
-    nearest = "the closest pair, " if len(pairs) > 1 else ""
-    message = f"{nearest}{one.instance.id} and {other.instance.id} {touch} ({centres_m:.2f} m from middle to middle)"
+    nearest = "closest are " if len(pairs) > 1 else ""
+    together = f"{one.instance.id} and {other.instance.id}"
+    touch = touch if not nearest else "which touch" if gap_m < TIE_M else f"{gap_m:.2f} m apart"
+    message = f"{nearest}{together}{',' if nearest else ''} {touch} ({centres_m:.2f} m from middle to middle)"
     further = [f"{each.instance.id} and {another.instance.id} {gap:.2f} m" for gap, each, another in pairs[1:MAX_TOLD]]
     more = f"; {', '.join(further)}" if further else ""
     measures = tuple(
@@ -187,5 +193,3 @@ def _missing(finder: ThingsFinder, intent: Intent, things: Things, when: str) ->
 
 def _by_distance(pair: tuple[float, InstanceCandidate]) -> tuple[float, tuple[int, int]]:
     return pair[0], pair[1].key
-
-

@@ -19,8 +19,8 @@ from supermap_cli.language.questions import (
     Except,
     Happened,
     Having,
-    Noun,
     Not,
+    Noun,
     Or,
     Related,
     Robot,
@@ -143,7 +143,9 @@ class ConditionJudge:
             self._excepted[things] = {candidate.instance.number for candidate in found}
         excepted = self._excepted[things]
         return [
-            Judgement(candidate, "no" if candidate.instance.number in excepted else "yes", condition_text(Except(things)))
+            Judgement(
+                candidate, "no" if candidate.instance.number in excepted else "yes", condition_text(Except(things))
+            )
             for candidate in batch
         ]
 
@@ -160,7 +162,9 @@ class ConditionJudge:
         reason = condition_text(related)
         return [
             Judgement(
-                replace(kept[candidate.key], relations=candidate.relations + kept[candidate.key].relations), "yes", reason
+                replace(kept[candidate.key], relations=candidate.relations + kept[candidate.key].relations),
+                "yes",
+                reason,
             )
             if candidate.key in kept
             else Judgement(candidate, "no", f"not {reason}")

@@ -52,9 +52,13 @@ def _told(finder: ThingsFinder, question: When, instance: StoredInstance) -> Tol
         case "at":
             return _at(finder, question.event, instance, first=isinstance(finder.asked_time, First))
         case "since":
-            return f"{instance.id} {_since_text(clock, instance, state)}", [_time(instance, "since", state.first_seen_ns)]
+            return f"{instance.id} {_since_text(clock, instance, state)}", [
+                _time(instance, "since", state.first_seen_ns)
+            ]
         case "until":
-            return f"{instance.id} {_until_text(clock, instance, state)}", [_time(instance, "until", state.last_seen_ns)]
+            return f"{instance.id} {_until_text(clock, instance, state)}", [
+                _time(instance, "until", state.last_seen_ns)
+            ]
         case "how long":
             return _how_long(finder, instance, state)
         case "how often":
@@ -163,7 +167,9 @@ def _how_long(finder: ThingsFinder, instance: StoredInstance, state: StateRecord
         most_s = (end_ns - came_ns) / SECOND_NS
         text += f" and at most {duration_text(most_s)}"
         measures.append(Measurement(instance.id, "at most", round(most_s, 3), "s"))
-    seen = f"seen from {finder.asking.clock.text(state.first_seen_ns)} to {finder.asking.clock.text(state.last_seen_ns)}"
+    seen = (
+        f"seen from {finder.asking.clock.text(state.first_seen_ns)} to {finder.asking.clock.text(state.last_seen_ns)}"
+    )
     return f"{text} ({seen})", measures
 
 

@@ -41,7 +41,9 @@ def event_span(asking: Asking, asked: AtEvent) -> MomentSpan:
             break
     if not found:
         verb = EVENT_VERBS[asked.event]
-        raise QueryError(f"it is not known that {name} {verb}, so nothing tells when that was", cure="name another time")
+        raise QueryError(
+            f"it is not known that {name} {verb}, so nothing tells when that was", cure="name another time"
+        )
     low_ns, high_ns, text_id = max(found, key=lambda event: event[1])
     verb = "was seen" if asked.event == "seen" else EVENT_VERBS[asked.event]
     note = f"{text_id} {verb} {asking.clock.between(low_ns, high_ns)}"

@@ -14,5 +14,3 @@ def tree_text(value: object) -> str:
     named = [(each.name, getattr(value, each.name), each.default) for each in fields(value)]
     said = [f"{name}={tree_text(content)}" for name, content, default in named if content != default]
     return f"{type(value).__name__}({', '.join(said)})"
-
-

@@ -4,7 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from supermap_cli.language.questions import Anything, Count, Exists, Find, Things
+from supermap_cli.language.questions import (
+    And,
+    Anything,
+    Between,
+    Condition,
+    Count,
+    Directed,
+    Except,
+    Exists,
+    Find,
+    Happened,
+    Having,
+    Not,
+    Or,
+    Related,
+    Things,
+)
 from supermap_cli.query.answering.conditions import Judgement
 from supermap_cli.query.answering.document import NearMiss, Reply, Truth
 from supermap_cli.query.answering.listing import Lister
@@ -15,9 +31,10 @@ from supermap_cli.query.answering.phrases import (
     counted,
     head_text,
     listing,
-    number_text,
+    lowered,
     plural,
     superlative_text,
+    time_phrase,
     verb,
 )
 from supermap_cli.query.answering.places import places
@@ -29,6 +46,8 @@ MAX_PLACED = 12
 """Things whose places one sentence tells."""
 MAX_NAMED = 20
 """Ids that one sentence lists."""
+MAX_GROUPS = 4
+"""References that one sentence tells apart."""
 
 
 def find(finder: ThingsFinder, question: Find, when: str) -> Reply:
@@ -38,7 +57,7 @@ def find(finder: ThingsFinder, question: Find, when: str) -> Reply:
     instances = lister.views(found.candidates)
     uncertain = lister.uncertain(things, instances, counting=False)
     lister.note_uncertain(uncertain)
-    nearest = () if instances else lister.nearest(things)
+    nearest = () if instances else lister.nearest(things, found.dropped)
     sentence = (
         _found_sentence(finder, things, instances, found, when, place=question.place)
         if instances
@@ -62,13 +81,15 @@ def count(finder: ThingsFinder, question: Count, when: str) -> Reply:
     instances = lister.views(found.candidates)
     uncertain = lister.uncertain(things, instances, counting=True)
     lister.note_uncertain(uncertain)
-    nearest = () if instances else lister.nearest(things)
+    nearest = () if instances else lister.nearest(things, found.dropped)
     number = found.certain
     at_most = len(instances) + (found.more or 0) + uncertain.unmatched + len(found.unsure)
     return Reply(
         "count",
         (
             _count_sentence(finder, things, instances, found, when)
+            if instances and not finder.asking.is_dynamic(things.noun)
+            else _dynamic_sentence(finder, found)
             if instances
             else missing_sentence(finder, things, nearest, when)
         )
@@ -90,7 +111,7 @@ def exists(finder: ThingsFinder, question: Exists, when: str) -> Reply:
     instances = lister.views(found.candidates)
     uncertain = lister.uncertain(things, instances, counting=False)
     lister.note_uncertain(uncertain)
-    nearest = () if instances else lister.nearest(things)
+    nearest = () if instances else lister.nearest(things, found.dropped)
     negated = things.quantity == "no"
     verdict = _existence(finder, things, found, wanted, bool(uncertain.count), nearest)
     if instances:
@@ -102,7 +123,7 @@ def exists(finder: ThingsFinder, question: Exists, when: str) -> Reply:
     lead = {"yes": "Yes: ", "no": "No: ", "unknown": "Nobody can say: "}[verdict]
     return Reply(
         "exists",
-        lead + _lower(sentence) + unsure_text(found.unsure),
+        lead + lowered(sentence) + unsure_text(found.unsure),
         instances,
         nearest,
         lister.asked_relation(things),
@@ -132,15 +153,17 @@ def missing_sentence(finder: ThingsFinder, things: Things, nearest: Sequence[Nea
     """The sentence for a phrase without a match: a noun that the map never held is denied, else this phrase now."""
     unknown = Lister(finder).unknown_noun(things)
     reasons = "; ".join(f"{miss.id}: {miss.reason}" for miss in nearest)
-    if unknown is not None:
+    if unknown is not None and any(miss.presence == "doubted" for miss in nearest):
+        sentence = f"the map believes in no {noun_text(unknown)} any more"
+    elif unknown is not None:
         sentence = f"there is no {noun_text(unknown)} in the map"
     else:
         noun = head_text(things)
         subject = "nothing" if isinstance(things.noun, Anything) else f"no {noun}"
-        rest = "" if things.condition is None else f" {condition_text(things.condition)}"
         if things.superlative is not None:
             subject = f"no {superlative_text(things.superlative)} {noun}"
-        sentence = f"{subject} is known{rest}{_when_text(when)}"
+        told = "is known" if things.condition is None else clause_text(things.condition, 1, past=False)
+        sentence = f"{subject} {told}{time_phrase(when)}"
     return capitalised(sentence) + (f" ({reasons})." if reasons else ".")
 
 
@@ -156,7 +179,9 @@ def unsure_text(unsure: Sequence[Judgement]) -> str:
 def _found_sentence(
     finder: ThingsFinder, things: Things, instances: tuple[InstanceView, ...], found: Found, when: str, *, place: bool
 ) -> str:
-    past = finder.selector.kind not in {"now"}
+    past = finder.selector.kind != "now"
+    if finder.asking.is_dynamic(things.noun):
+        return _dynamic_sentence(finder, found)
     if things.superlative is not None:
         return _superlative_sentence(finder, things, instances, found, past=past)
     if (place and things.condition is None) or not conditions_of(things):
@@ -179,9 +204,28 @@ def _placed_sentence(finder: ThingsFinder, things: Things, found: Found, when: s
         parts.append((candidate.instance.id, f"{told[number]}, {at}" if number in told else at))
     if len(parts) == 1:
         stand = verb("stand", 1, past=past)
-        return f"{parts[0][0]} {stand} {parts[0][1]}{_when_text(when)}."
-    lead = f"{counted(len(parts), head_text(things))} {verb('is', len(parts), past=past)} known{_when_text(when)}"
+        return f"{parts[0][0]} {stand} {parts[0][1]}{time_phrase(when)}."
+    lead = f"{counted(len(parts), head_text(things))} {verb('is', len(parts), past=past)} known{time_phrase(when)}"
     return capitalised(f"{lead}: {'; '.join(f'{text_id} {place}' for text_id, place in parts)}.")
+
+
+def _dynamic_sentence(finder: ThingsFinder, found: Found) -> str:
+    """People and animals: when and where each was seen; they are not said to be anywhere now."""
+    newest = {candidate.instance.number: candidate for candidate in found.candidates}
+    shown = list(newest.values())[:MAX_PLACED]
+    told, clock = places(finder.asking, shown), finder.asking.clock
+    parts = []
+    for candidate in shown:
+        state = candidate.state
+        place = told.get(candidate.instance.number)
+        times = f"{clock.text(state.first_seen_ns)} to {clock.text(state.last_seen_ns)}"
+        parts.append(f"{candidate.instance.id} from {times}{f', {place}' if place else ''}")
+    more = len(newest) - len(shown) + (found.more or 0)
+    labels = {candidate.instance.label for candidate in newest.values()}
+    noun = labels.pop() if len(labels) == 1 else "living being"
+    were = verb("is", len(newest), past=True)
+    lead = f"{counted(len(newest) + (found.more or 0), noun)} {were} seen"
+    return capitalised(f"{lead}: {'; '.join(parts)}{f'; and {more} more' if more else ''}.")
 
 
 def _related_sentence(
@@ -190,29 +234,75 @@ def _related_sentence(
     """How many there are, with their condition and ids: "Two cups stand on desk-1: cup-1 and cup-2."."""
     certain = [view for view in instances if view.presence != "unknown"]
     number = len(certain) + (found.more or 0)
-    place = _shared_place(things, instances)
-    stand = verb("stand" if place else "is", max(number, 1), past=past)
-    condition = place or _condition_of(things)
+    clause, ids = _clause(things, instances, found, max(number, 1), past=past)
+    rest = f"{time_phrase(when)}{_basis_text(instances)}"
     if len(instances) == 1 and certain and found.more == 0:
-        rest = condition or "in the map"
-        return f"{instances[0].id} {stand} {rest}{_when_text(when)}{_basis_text(instances)}."
-    more = ", and more" if found.more is None else ""
+        return f"{instances[0].id} {clause}{rest}."
     noun = counted(number, head_text(things)) + ("" if found.more is not None else " and more")
-    lead = f"{noun} {stand} {condition or 'in the map'}{_when_text(when)}" if certain else "perhaps"
-    return capitalised(f"{lead}: {_ids(instances, found, more)}{_basis_text(instances)}.")
+    lead = f"{noun} {clause}" if certain else "perhaps"
+    return capitalised(f"{lead}{rest}: {ids}.")
 
 
 def _count_sentence(
     finder: ThingsFinder, things: Things, instances: tuple[InstanceView, ...], found: Found, when: str
 ) -> str:
     past = finder.selector.kind != "now"
+    clause, ids = _clause(things, instances, found, found.certain, past=past)
     noun = counted(found.certain, head_text(things))
-    place = _shared_place(things, instances)
-    stand = verb("stand" if place else "is", found.certain, past=past)
-    condition = place or _condition_of(things) or "in the map"
-    return capitalised(
-        f"{noun} {stand} {condition}{_when_text(when)}: {_ids(instances, found, '')}{_basis_text(instances)}."
-    )
+    return capitalised(f"{noun} {clause}{time_phrase(when)}{_basis_text(instances)}: {ids}.")
+
+
+def _clause(
+    things: Things, instances: tuple[InstanceView, ...], found: Found, number: int, *, past: bool
+) -> tuple[str, str]:
+    """What is said of the things, and their ids, by the reference of each where they have different ones."""
+    pairs = _own_relations(things, instances)
+    more = ", and more" if found.more is None else ""
+    ids = _ids(instances, found, more)
+    if pairs is None:
+        if things.condition is None:
+            return f"{verb('is', number, past=past)} in the map", ids
+        return clause_text(things.condition, number, past=past), ids
+    by_place: dict[str, list[str]] = {}
+    for text_id, place in pairs.items():
+        by_place.setdefault(place, []).append(text_id)
+    stand = verb("stand", number, past=past)
+    if len(by_place) == 1:
+        return f"{stand} {next(iter(by_place))}", ids
+    related = next(each for each in conditions_of(things) if isinstance(each, Related | Directed | Between))
+    split = len(by_place) <= MAX_GROUPS and len(instances) <= MAX_NAMED and not found.more and found.more is not None
+    grouped = "; ".join(f"{listing(names)} {place}" for place, names in by_place.items())
+    return f"{stand} {condition_text(related)}", grouped if split else ids
+
+
+def clause_text(condition: Condition, number: int, *, past: bool) -> str:
+    """What a condition says of its subject: "is on a desk", "are known that moved"."""
+    is_or_are = verb("is", number, past=past)
+    match condition:
+        case Happened():
+            return f"{is_or_are} known {condition_text(condition)}"
+        case Not() | Except() | And() | Or() | Having():
+            return f"{is_or_are} known that {verb('is', number, past=past)} {condition_text(condition)}"
+        case Related(inverse=True):
+            return f"{is_or_are} known {condition_text(condition)}"
+        case _:
+            return f"{is_or_are} {condition_text(condition)}"
+
+
+def _own_relations(things: Things, instances: Sequence[InstanceView]) -> dict[str, str] | None:
+    """The place of each thing by its id: "on desk-1"; `None` where the phrase has not one relation that tells it."""
+    conditions = [each for each in conditions_of(things) if not isinstance(each, Having)]
+    if len(conditions) != 1 or not isinstance(conditions[0], Related | Directed | Between):
+        return None
+    told = {}
+    for view in instances:
+        own = list(dict.fromkeys((each.name, each.object) for each in view.relations if each.subject == view.id))
+        if not own or (len(own) > 1 and isinstance(conditions[0], Between)):
+            return None
+        name = "in" if own[0][0] == "inside" else own[0][0]
+        others = listing(["the robot" if other == "robot" else other for _, other in own[:MAX_GROUPS]])
+        told[view.id] = f"{name} {others}{' and more' if len(own) > MAX_GROUPS else ''}"
+    return told
 
 
 def _superlative_sentence(
@@ -225,26 +315,10 @@ def _superlative_sentence(
     rest = "" if things.condition is None else f" {condition_text(things.condition)}"
     is_or_are = verb("is", len(told), past=past)
     if found.tied:
-        return capitalised(f"{listing(told)} tie: they {is_or_are} the {rank} {plural(noun)}{rest}, by what the map measures.")
+        return capitalised(
+            f"{listing(told)} tie: they {is_or_are} the {rank} {plural(noun)}{rest}, by what the map measures."
+        )
     return f"{told[0]} {is_or_are} the {rank} {noun}{rest}."
-
-
-def _shared_place(things: Things, instances: Sequence[InstanceView]) -> str | None:
-    """The relation with the id of its reference, where the phrase has one relation and all are in it to one thing."""
-    conditions = conditions_of(things)
-    relations = [relation for view in instances for relation in view.relations]
-    pairs = {(relation.name, relation.object) for relation in relations}
-    if len(conditions) - len(things.attributes) != 1 or len(pairs) != 1 or not all(view.relations for view in instances):
-        return None
-    name, other = next(iter(pairs))
-    if name not in {"on", "near", "beside", "under", "inside", "above", "attached to", "left of", "right of", "behind",
-                    "in front of", "between", "below", "at", "against", "around"}:  # fmt: skip
-        return None
-    return f"{'in' if name == 'inside' else name} {'the robot' if other == 'robot' else other}"
-
-
-def _condition_of(things: Things) -> str | None:
-    return None if things.condition is None else condition_text(things.condition)
 
 
 def _ids(instances: Sequence[InstanceView], found: Found, more: str) -> str:
@@ -265,15 +339,3 @@ def _basis_text(instances: Sequence[InstanceView]) -> str:
     stored = {"near", "beside", "on", "under", "inside", "above", "attached to"}
     by_boxes = relations and all(relation.basis == "boxes" and relation.name in stored for relation in relations)
     return " (judged by their boxes; no such relation is stored)" if by_boxes else ""
-
-
-def _when_text(when: str) -> str:
-    """The time of an answer as it follows its sentence; "now" is not said."""
-    return {"now": "", "last": " when last seen", "first": " when first seen"}.get(when, f" {when}")
-
-
-def _lower(sentence: str) -> str:
-    """A sentence that goes on after "Yes:"."""
-    words = {number_text(number).capitalize() for number in range(13)} | {"There", "Nothing", "Perhaps"}
-    first = sentence.split(" ", maxsplit=1)[0]
-    return sentence[:1].lower() + sentence[1:] if first in words else sentence

@@ -28,6 +28,7 @@ from supermap_cli.language.times import (
 from supermap_cli.memory.numbers import batches
 from supermap_cli.memory.values import StoredInstance
 from supermap_cli.query.answering.attributes import Verdict
+from supermap_cli.query.answering.phrases import time_phrase
 from supermap_cli.query.candidates import InstanceCandidate
 from supermap_cli.query.change_classification import MIN_MOVE_M, compared_times, state_distance_m
 from supermap_cli.query.diff import DiffBuilder, IdentityCandidateView, ObjectChange, instances_to_compare
@@ -134,7 +135,9 @@ def changes_of(asking: Asking, window: Window, numbers: Collection[int] | None =
     """
     if window.before is None or window.after is None:
         return _events(asking, window, numbers)
-    times = compared_times(*sorted((window.before, window.after), key=lambda side: side.at_ns), asking.reader.traversals)
+    times = compared_times(
+        *sorted((window.before, window.after), key=lambda side: side.at_ns), asking.reader.traversals
+    )
     chosen = sorted(numbers) if numbers is not None else instances_to_compare(asking.reader, times)[0]
     builder = DiffBuilder(asking.reader, times)
     found = [change for batch in batches(chosen) for change in builder.changes(batch)]
@@ -193,7 +196,8 @@ def _since(asking: Asking, before: TimePoint, text: str, note: str | None) -> Wi
         one = len(asking.reader.traversals) == 1
         raise QueryError(
             f"the map ends with {after.text}: nobody has looked since",
-            cure=f"ask 'what changed in {after.text}'" + ("" if one else ", or since an earlier traversal"),
+            cure=f"ask 'what changed{time_phrase(f'in {after.text}')}'"
+            + ("" if one else ", or since an earlier traversal"),
         )
     return Window(f"since {text}", before, after, before.at_ns, after.at_ns, note)
 

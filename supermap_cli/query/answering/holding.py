@@ -11,7 +11,7 @@ from supermap_cli.query.answering.conditions import ConditionJudge, Judgement
 from supermap_cli.query.answering.document import Reply, Truth
 from supermap_cli.query.answering.finding import missing_sentence, unsure_text
 from supermap_cli.query.answering.listing import Lister
-from supermap_cli.query.answering.phrases import condition_text, counted, head_text, listing, verb
+from supermap_cli.query.answering.phrases import condition_text, listing, lowered, time_phrase, verb
 from supermap_cli.query.answering.places import place_of
 from supermap_cli.query.answering.sources import Candidates
 from supermap_cli.query.answering.things import ThingsFinder
@@ -41,7 +41,7 @@ def holds(finder: ThingsFinder, question: Holds, when: str) -> Reply:
             miss.presence == "absent" and "gone" not in miss.reason for miss in nearest
         )
         verdict: Truth = "unknown" if unknown else "no"
-        return Reply("holds", _LEADS[verdict] + missing, (), nearest, verdict=verdict)
+        return Reply("holds", _LEADS[verdict] + lowered(missing), (), nearest, verdict=verdict)
     related = replace(question.things, condition=question.condition)
     return _weighed(finder, question, judgements, lister, related, when)
 
@@ -76,13 +76,13 @@ def _weighed(
         parts.append(f"{ids} {verb('is', len(no), past=past)} not {condition}{reason}")
     nearest = () if yes else lister.nearest(related)
     reasons = "; ".join(f"{miss.id}: {miss.reason}" for miss in nearest if miss.distance_m is not None)
-    sentence = "; ".join(parts) or f"of {counted(len(unsure), head_text(question.things))}"
-    when_text = "" if when in {"now", "last"} else f", {when}"
-    message = f"{_LEADS[verdict]}{sentence}{when_text}{f' ({reasons})' if reasons else ''}."
+    when_text = "" if when in {"now", "last"} else f",{time_phrase(when)}"
+    sentence = f"{'; '.join(parts)}{when_text}{f' ({reasons})' if reasons else ''}." if parts else ""
+    message = f"{_LEADS[verdict].rstrip()} {sentence}".rstrip() if sentence else ""
     listed = yes or ([] if verdict == "no" else unsure)
     return Reply(
         "holds",
-        message + (unsure_text(unsure) if verdict == "unknown" else ""),
+        (message + (unsure_text(unsure) if verdict == "unknown" else "")).strip(),
         lister.views(each.candidate for each in listed),
         nearest,
         lister.asked_relation(related),
@@ -114,7 +114,13 @@ def _is_there(finder: ThingsFinder, things: Things, when: str) -> Reply:
         return Reply("holds", f"Yes: {listing([view.id for view in views[:MAX_TOLD]])}.", views, verdict="yes")
     nearest = lister.nearest(things)
     verdict: Truth = "unknown" if any("not seen since" in miss.reason for miss in nearest) else "no"
-    return Reply("holds", _LEADS[verdict] + missing_sentence(finder, things, nearest, when), (), nearest, verdict=verdict)
+    return Reply(
+        "holds",
+        _LEADS[verdict] + lowered(missing_sentence(finder, things, nearest, when)),
+        (),
+        nearest,
+        verdict=verdict,
+    )
 
 
 def _only(finder: ThingsFinder, question: Holds, when: str) -> Reply:
@@ -123,9 +129,7 @@ def _only(finder: ThingsFinder, question: Holds, when: str) -> Reply:
     lister = Lister(finder)
     named = replace(question.things, quantity=None)
     these = finder.find(replace(named, condition=question.condition))
-    others = finder.find(
-        Things(Anything(), condition=question.condition)
-    )
+    others = finder.find(Things(Anything(), condition=question.condition))
     own = {candidate.instance.number for candidate in finder.all_candidates(named)}
     strangers = [candidate for candidate in others.candidates if candidate.instance.number not in own]
     condition = condition_text(question.condition)
@@ -133,7 +137,7 @@ def _only(finder: ThingsFinder, question: Holds, when: str) -> Reply:
     if not views:
         nearest = lister.nearest(replace(named, condition=question.condition))
         missing = missing_sentence(finder, replace(named, condition=question.condition), nearest, when)
-        return Reply("holds", f"No: {missing}", (), nearest, verdict="no")
+        return Reply("holds", f"No: {lowered(missing)}", (), nearest, verdict="no")
     if strangers:
         ids = listing([candidate.instance.id for candidate in strangers[:MAX_TOLD]])
         also = "is" if len(strangers) == 1 else "are"
@@ -157,7 +161,7 @@ def _still(finder: ThingsFinder, question: Holds) -> Reply:
             return holds(finder, replace(question, still=False), "now")
         missing = missing_sentence(finder, things, nearest, "now")
         verdict: Truth = "no" if unknown is not None else "unknown"
-        return Reply("holds", _LEADS[verdict] + missing, (), nearest, verdict=verdict)
+        return Reply("holds", _LEADS[verdict] + lowered(missing), (), nearest, verdict=verdict)
     if question.condition is not None:
         return _still_so(finder, question, known, lister)
     told = [_still_there(finder, candidate.instance) for candidate in known]
@@ -229,5 +233,3 @@ def _overall(verdicts: Sequence[Truth], *, every: bool) -> Truth:
     if every:
         return "no" if "no" in verdicts else "unknown" if "unknown" in verdicts else "yes"
     return "yes" if "yes" in verdicts else "unknown" if "unknown" in verdicts else "no"
-
-

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from itertools import chain
 
 from supermap_cli.language.questions import Anything, Identified, Named, Noun, Related, Things, Union, Usable
 from supermap_cli.memory.values import StoredInstance
+from supermap_cli.query.answering.conditions import Judgement
 from supermap_cli.query.answering.document import AskedRelation, NearMiss
 from supermap_cli.query.answering.nouns import noun_text
 from supermap_cli.query.answering.sources import Candidates
@@ -14,6 +17,7 @@ from supermap_cli.query.answering.things import ThingsFinder, conditions_of
 from supermap_cli.query.candidates import InstanceCandidate, LabelCandidates, label_in_state, sorted_by_number
 from supermap_cli.query.near_misses import MAX_NEAR_MISSES, maybe_labelled, nearest_pairs
 from supermap_cli.query.presence_at import describe_presence, presence_view
+from supermap_cli.query.time_selector import TimeSelector
 from supermap_cli.query.uncertain_presence import MAX_NOTED, NO_UNCERTAIN, UncertainInstances, uncertain_instances
 from supermap_cli.query.views import (
     InstanceView,
@@ -49,9 +53,7 @@ class Lister:
 
     def instances(self, instances: Iterable[StoredInstance]) -> tuple[InstanceView, ...]:
         """Whole instances in their newest state."""
-        return self.views(
-            InstanceCandidate(instance, instance.states[-1]) for instance in instances if instance.states
-        )
+        return self.views(InstanceCandidate(instance, instance.states[-1]) for instance in instances if instance.states)
 
     def asked_relation(self, things: Things) -> AskedRelation | None:
         """The first relation of a phrase with its reference instances."""
@@ -71,10 +73,14 @@ class Lister:
 
     # -- what does not match
 
-    def nearest(self, things: Things) -> tuple[NearMiss, ...]:
-        """Near misses: out of the relation's reach, absent at the selected time, or possibly of that label."""
+    def nearest(self, things: Things, dropped: Sequence[Judgement] = ()) -> tuple[NearMiss, ...]:
+        """Near misses: out of the relation's reach, denied by a condition (`dropped`), absent at the selected time, or
+        possibly of that label.
+        """
         if (unknown := self.unknown_noun(things)) is not None:
             return self._possible(unknown)
+        if dropped:
+            return tuple(self.near_miss(each.candidate.instance, each.candidate.state, each.reason) for each in dropped)
         related = first_relation(things)
         if related is not None and (out_of_reach := self._out_of_reach(things, related)):
             return out_of_reach
@@ -112,7 +118,16 @@ class Lister:
         source = self.finder.named(things.noun, any_state=True)
         if conditions_of(things) or not isinstance(source, LabelCandidates):
             return NO_UNCERTAIN
+        if self.selector.kind in {"traversal", "earlier", "during"} and not source_is_everything(source):
+            source = replace(source, selector=self._at_end())
         return uncertain_instances(source, matches, counting=counting)
+
+    def _at_end(self) -> TimeSelector:
+        """The end of the selected time, as one time."""
+        selector = self.selector
+        at_ns = selector.high_ns - 1 if selector.kind == "earlier" else selector.high_ns
+        since_ns = None if selector.traversal is None else selector.traversal.start_ns
+        return TimeSelector("at", selector.text, at_ns, at_ns, selector.traversal, since_ns=since_ns)
 
     def note_uncertain(self, uncertain: UncertainInstances) -> None:
         """Add notes on what is known of instances whose presence is unknown."""
@@ -124,9 +139,11 @@ class Lister:
 
     def presence_text(self, instance: StoredInstance) -> str:
         """What is known of an instance's presence, in words; "gone" only after a contradiction."""
-        clock = self.asking.clock
-        if (presence := self.selector.presence(instance)) is not None:
-            return describe_presence(presence, int(self.selector.low_ns), clock)
+        clock, selector = self.asking.clock, self.selector
+        if selector.kind in {"traversal", "earlier", "during"} and math.isfinite(selector.high_ns):
+            selector = self._at_end()
+        if (presence := selector.presence(instance)) is not None and presence.cause != "stands":
+            return describe_presence(presence, int(selector.low_ns), clock)
         state = instance.states[-1]
         seen = f"last seen {clock.text(state.last_seen_ns)}"
         if instance.label in DYNAMIC_CLASSES:
@@ -148,6 +165,10 @@ class Lister:
                 if doubted is not None and doubted.states:
                     return (self.near_miss(doubted, doubted.states[-1], self.presence_text(doubted)),)
                 head = text_id.rsplit("-", 1)[0].replace("-", " ")
+                alike = self._first_named(Named(head, head))
+                if alike:
+                    told = ((each, each.states[-1], self.presence_text(each)) for each in alike)
+                    return tuple(self.near_miss(*each) for each in told)
                 return self._maybe(Named(head, head))
             case Named():
                 doubted_labels = self.asking.doubted_labels(noun)
@@ -219,13 +240,18 @@ class Lister:
             intervals=tuple(interval_view(state) for state in states),
             relations=tuple(view for candidate in candidates for view in candidate.relations),
             evidence=evidence_view(self.reader, instance, support_spans(states), of_traversal),
-            standing=None if presence is None else presence_view(presence, int(self.selector.low_ns), self.asking.clock),
+            standing=None
+            if presence is None
+            else presence_view(presence, int(self.selector.low_ns), self.asking.clock),
         )
+
+
+def source_is_everything(source: LabelCandidates) -> bool:
+    """Whether a source is all that the map holds."""
+    return source.labels is None and source.number is None
 
 
 def first_relation(things: Things) -> Related | None:
     """The first relation that a phrase is restricted by."""
     related = (condition for condition in conditions_of(things) if isinstance(condition, Related))
     return next((condition for condition in related if not condition.inverse), None)
-
-

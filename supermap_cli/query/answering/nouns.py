@@ -9,6 +9,9 @@ from typing import Protocol
 from supermap_cli.language.questions import Anything, Identified, Named, Noun, Robot, Union, Usable
 from supermap_cli.types.labels import DYNAMIC_CLASSES
 
+PRONOUNS = frozenset({"anybody", "anyone", "somebody", "someone", "nobody", "everybody", "everyone", "no one"})
+"""Words for people that are no names of them."""
+
 
 class Words(Protocol):
     """The part of the lexicon that answers are found with."""
@@ -55,7 +58,9 @@ def match_labels(noun: Named | Usable, labels: Collection[str], words: Words) ->
     names = _names(noun, words)
     wanted = names | {kind for name in names for kind in words.kinds(name)}
     plain = {label: words.normalise(label) for label in labels}
-    found = frozenset(label for label, name in plain.items() if _is_one_of(name, wanted, words) or _ends_in(name, names))
+    found = frozenset(
+        label for label, name in plain.items() if _is_one_of(name, wanted, words) or _ends_in(name, names)
+    )
     if found:
         return LabelMatch(found, dynamic=found <= DYNAMIC_CLASSES)
     if isinstance(noun, Usable):
@@ -74,7 +79,7 @@ def noun_text(noun: Noun, anything: str = "thing") -> str:
         case Anything():
             return anything
         case Named():
-            return noun.name
+            return "person" if noun.name in PRONOUNS else noun.name
         case Identified():
             return noun.id
         case Usable():
@@ -98,4 +103,3 @@ def _is_one_of(name: str, wanted: Collection[str], words: Words) -> bool:
 def _ends_in(name: str, names: Iterable[str]) -> bool:
     """Whether a label of several words is a kind of one of the names by its last word."""
     return any(name.endswith(f" {other}") for other in names if " " not in other)
-

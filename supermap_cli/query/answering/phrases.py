@@ -16,8 +16,8 @@ from supermap_cli.language.questions import (
     Having,
     Identified,
     Material,
-    Noun,
     Not,
+    Noun,
     Or,
     Related,
     Robot,
@@ -29,9 +29,7 @@ from supermap_cli.language.questions import (
 )
 from supermap_cli.query.answering.nouns import noun_text
 
-NUMBERS = (
-    *("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve"),
-)
+NUMBERS = (*("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve"),)
 _IRREGULAR = {
     "person": "people",
     "man": "men",
@@ -43,9 +41,16 @@ _IRREGULAR = {
     "bookshelf": "bookshelves",
     "scissors": "scissors",
     "stairs": "stairs",
-    "furniture": "furniture",
     "sheep": "sheep",
 }
+WEEKDAYS = ("monday", "tuesday", "wednesday", "thursday", "friday", "saturday", "sunday")
+MASS_NOUNS = frozenset(
+    {
+        *("furniture", "electronics", "luggage", "baggage", "cutlery", "crockery", "tableware", "clothing", "bedding"),
+        *("food", "equipment", "stationery", "glassware", "kitchenware", "cookware", "silverware", "footwear"),
+    }
+)
+"""Nouns of classes that are counted in pieces."""
 _PAST = {"is": "was", "are": "were", "stands": "stood", "stand": "stood"}
 _RANK_WORDS = {1: "", 2: "second ", 3: "third ", 4: "fourth ", 5: "fifth "}
 _SUPERLATIVES = {
@@ -88,6 +93,8 @@ def plural(noun: str) -> str:
 
 def counted(number: int, noun: str) -> str:
     """A number of things: "two cups", "one cup", "no cups"."""
+    if noun.rsplit(" ", 1)[-1] in MASS_NOUNS:
+        return f"{number_text(number)} {'piece' if number == 1 else 'pieces'} of {noun}"
     return f"{number_text(number)} {noun if number == 1 else plural(noun)}"
 
 
@@ -99,7 +106,7 @@ def listing(parts: Sequence[str], joint: str = "and") -> str:
 
 
 def verb(stem: str, number: int, *, past: bool) -> str:
-    """"is" or "stand" in number and tense."""
+    """ "is" or "stand" in number and tense."""
     form = {"is": "is" if number == 1 else "are", "stand": "stands" if number == 1 else "stand"}[stem]
     return _PAST[form] if past else form
 
@@ -110,8 +117,23 @@ def capitalised(sentence: str) -> str:
     return sentence if any(letter.isdigit() for letter in first) else sentence[:1].upper() + sentence[1:]
 
 
+def lowered(sentence: str) -> str:
+    """A sentence that goes on after "Yes:": without its capital letter."""
+    first = sentence.split(" ", maxsplit=1)[0]
+    return sentence if any(letter.isdigit() for letter in first) else sentence[:1].lower() + sentence[1:]
+
+
+def time_phrase(when: str) -> str:
+    """The time of an answer as it follows its sentence; "now" is not said."""
+    names_day = when.startswith("in ") and when[3:].casefold() in WEEKDAYS
+    told = {"now": "", "last": " when last seen", "first": " when first seen"}
+    return told.get(when, f" on {when[3:]}" if names_day else f" {when}")
+
+
 def with_article(noun: str) -> str:
     """A noun with its indefinite article."""
+    if noun.rsplit(" ", 1)[-1] in MASS_NOUNS:
+        return noun
     return f"{'an' if noun[:1] in 'aeiou' else 'a'} {noun}"
 
 
@@ -194,6 +216,8 @@ def _attribute_text(attribute: Colour | Size | Material) -> str:
 
 
 def _plural_word(word: str) -> str:
+    if word in MASS_NOUNS:
+        return word
     if word in _IRREGULAR:
         return _IRREGULAR[word]
     if word.endswith(("s", "x", "ch", "sh")):
@@ -201,5 +225,3 @@ def _plural_word(word: str) -> str:
     if word.endswith("y") and word[-2:-1] not in "aeiou":
         return f"{word[:-1]}ies"
     return f"{word}s"
-
-

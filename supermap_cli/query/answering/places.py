@@ -15,7 +15,14 @@ from supermap_cli.query.views import Vector
 from supermap_cli.types.labels import DYNAMIC_CLASSES
 from supermap_cli.types.memory import SpatialEdge, StateRecord
 
-_WORDS = {"on": "on", "inside": "in", "attached to": "attached to", "under": "under", "beside": "beside", "near": "near"}
+_WORDS = {
+    "on": "on",
+    "inside": "in",
+    "attached to": "attached to",
+    "under": "under",
+    "beside": "beside",
+    "near": "near",
+}
 """Relations that tell a place, the most telling first, as they are said."""
 SEARCH_M = (2.0, 8.0)
 """Distances (m) within which the nearest landmark is looked for where no relation is stored, one after the other."""
@@ -43,9 +50,7 @@ def position_text(position: Vector) -> str:
     return f"({x:.2f}, {y:.2f}, {z:.2f}) m"
 
 
-def _by_edges(
-    asking: Asking, states: dict[int, StateRecord], owners: dict[int, StoredInstance]
-) -> dict[int, str]:
+def _by_edges(asking: Asking, states: dict[int, StateRecord], owners: dict[int, StoredInstance]) -> dict[int, str]:
     edges = asking.reader.edges_of(list(states), set(_WORDS))
     ends = {number for edge in edges for number in (edge.subject, edge.object)}
     others = {instance.number: instance for instance in asking.reader.instances_of(ends, visits=False)}

@@ -74,9 +74,7 @@ def value_text(value: Value, finder: ThingsFinder) -> str:
     return f"{value.value:.2f} {value.unit}{other}"
 
 
-def _measure(
-    finder: ThingsFinder, measure: Measure, to: Things | None
-) -> Callable[[InstanceCandidate], Value | None]:
+def _measure(finder: ThingsFinder, measure: Measure, to: Things | None) -> Callable[[InstanceCandidate], Value | None]:
     match measure:
         case "near" | "far":
             return _distance_measure(finder, to)

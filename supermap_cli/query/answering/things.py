@@ -41,11 +41,16 @@ from supermap_cli.query.relation_matching import Basis, RelationMatcher
 from supermap_cli.query.time_selector import TimeSelector
 from supermap_cli.types.labels import DYNAMIC_CLASSES
 
+MAX_DROPPED = 3
+"""Things that the conditions deny, told where nothing matches."""
+
+
 @dataclass(frozen=True)
 class Found:
     """The listed candidates with all their relations, the number of further matches (`more`, `None`: not counted), how
     many of all matches are known to have been present (`certain`), and those of which the map cannot tell whether they
-    match (`unsure`, with the reason). `tied` are the ones between which a superlative could not choose.
+    match (`unsure`, with the reason). `tied` are the ones between which a superlative could not choose; `dropped` are a
+    few that the conditions deny, where nothing matches.
     """
 
     candidates: Candidates
@@ -53,6 +58,7 @@ class Found:
     certain: int
     unsure: tuple[Judgement, ...] = ()
     tied: tuple[str, ...] = ()
+    dropped: tuple[Judgement, ...] = ()
 
 
 class ThingsFinder:
@@ -159,11 +165,14 @@ class ThingsFinder:
         judge = ConditionJudge(self, source, noun)
         listed: dict[int, Candidates] = {}
         unsure: dict[int, Judgement] = {}
+        dropped: dict[int, Judgement] = {}
         numbers: set[int] = set()
         certain, complete = 0, True
         for batch in source.batches():
             for judgement in judge.all_of(conditions, batch):
                 candidate, number = judgement.candidate, judgement.candidate.instance.number
+                if judgement.verdict == "no" and len(dropped) < MAX_DROPPED:
+                    dropped[number] = judgement
                 if judgement.verdict == "unsure":
                     unsure.setdefault(number, judgement)
                 if judgement.verdict != "yes":
@@ -177,7 +186,8 @@ class ThingsFinder:
                 break
         candidates = [candidate for _, of_one in sorted(listed.items()) for candidate in of_one]
         kept = tuple(judgement for number, judgement in sorted(unsure.items()) if number not in numbers)
-        return Found(candidates, len(numbers) - len(listed) if complete else None, certain, kept)
+        denied = () if numbers else tuple(dropped.values())
+        return Found(candidates, len(numbers) - len(listed) if complete else None, certain, kept, dropped=denied)
 
     def _superlative(self, things: Things, source: CandidateSource, conditions: tuple[Condition, ...]) -> Found:
         """The one that a superlative chooses among those that fulfil the conditions; several where they tie."""
@@ -223,9 +233,7 @@ class ThingsFinder:
                 return condition, conditions[:at] + conditions[at + 1 :]
         return None, conditions
 
-    def _filtered(
-        self, noun: Noun, source: CandidateSource, conditions: tuple[Condition, ...]
-    ) -> CandidateSource:
+    def _filtered(self, noun: Noun, source: CandidateSource, conditions: tuple[Condition, ...]) -> CandidateSource:
         judge = ConditionJudge(self, self.named(noun), noun)
 
         def keep(batch: Candidates) -> Candidates:
@@ -234,9 +242,7 @@ class ThingsFinder:
 
         return FilteredSource(source, keep)
 
-    def _count(
-        self, source: LabelCandidates, matcher: RelationMatcher | None, *, counting: bool
-    ) -> MatchCount | None:
+    def _count(self, source: LabelCandidates, matcher: RelationMatcher | None, *, counting: bool) -> MatchCount | None:
         """The number of matches if the database can count them; unless `counting`, only where that is cheap."""
         if matcher is not None:
             return matcher.match_count(source) if counting else None

@@ -30,6 +30,7 @@ from supermap_cli.language.times import (
 )
 from supermap_cli.memory.reading import MapReader
 from supermap_cli.memory.values import StoredTraversal
+from supermap_cli.query.answering.phrases import WEEKDAYS
 from supermap_cli.query.clock import Clock
 from supermap_cli.query.time_points import TimePoint, find_traversal, parse_time_point, traversal_end, traversal_list
 from supermap_cli.query.time_selector import TimeSelector
@@ -37,8 +38,6 @@ from supermap_cli.query.traversal_spans import SECOND_NS, TraversalSpan, datetim
 
 PARTS_OF_DAY_H = {"morning": (5, 12), "afternoon": (12, 18), "evening": (18, 22), "night": (22, 29)}
 """Hours of the day, by the recordings' clocks; a night ends on the next day. Chosen."""
-
-WEEKDAYS = ("monday", "tuesday", "wednesday", "thursday", "friday", "saturday", "sunday")
 
 
 @dataclass(frozen=True)
