@@ -13,15 +13,12 @@ from lark import Token
 
 from supermap_cli.language.known_names import KnownNames
 from supermap_cli.language.language_data import LanguageData
-from supermap_cli.language.lexicon import Lexicon
 from supermap_cli.language.questions import Identified, Named
-from supermap_cli.language.words import is_instance
+from supermap_cli.language.translations import Nouns
+from supermap_cli.language.words import LONGEST_PHRASE, is_instance, join
 
 MOST_CUTS = 24
 """Ways to cut a question into tokens that are tried; more than three were needed by none of the tests' questions."""
-
-LONGEST_PHRASE = 7
-"""Words of the longest phrase of a grammar that is looked for."""
 
 UNKNOWN_COST = 4
 """What an unknown word costs a way to cut, in tokens."""
@@ -78,13 +75,13 @@ class Tokeniser:
 
     language: LanguageData
     phrases: Mapping[str, frozenset[str]]
-    lexicon: Lexicon
+    lexicon: Nouns
     known: KnownNames
     _longest: int = field(default=LONGEST_PHRASE, init=False)
 
     @cached_property
     def _relations(self) -> Mapping[str, str]:
-        return self.known.relations.get(self.language.code, {})
+        return {**self.language.relations, **self.known.relations.get(self.language.code, {})}
 
     @cached_property
     def _traversals(self) -> Mapping[str, str]:
@@ -112,7 +109,7 @@ class Tokeniser:
         """What begins at `start`, the longest first; at least the word itself."""
         found: dict[int, dict[str, object]] = {1: {}}
         for length in range(1, min(self._longest, len(words) - start) + 1):
-            text = " ".join(words[start : start + length])
+            text = join(words[start : start + length], joined=self.language.joined)
             values = self._values(text)
             if values:
                 found.setdefault(length, {}).update(values)
@@ -126,7 +123,7 @@ class Tokeniser:
                 if shorter is not None:
                     found[1]["NOUN"] = Named(shorter.name, shorter.written, shorter.hypernym)
         return [
-            Piece(start, start + length, " ".join(words[start : start + length]), values)
+            Piece(start, start + length, join(words[start : start + length], joined=self.language.joined), values)
             for length, values in sorted(found.items(), reverse=True)
         ]
 
