@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
 
 from supermap_cli.errors import QueryError
 from supermap_cli.language.known_names import KnownNames
@@ -25,7 +26,7 @@ from supermap_cli.language.questions import (
     Question,
     When,
 )
-from supermap_cli.language.times import Earlier, First, Last, Now
+from supermap_cli.language.times import AtClock, Earlier, First, Last, Now
 from supermap_cli.memory.reading import MapReader
 from supermap_cli.query.answering.asking import Asking, Trace
 from supermap_cli.query.answering.changing import changes, moved_where
@@ -88,8 +89,10 @@ def answer_question(
         )
     selector = _selector(asking, question, at)
     finder = ThingsFinder(asking, selector, question.time)
+    written = at or (question.time.written if isinstance(question.time, AtClock) else "")
+    _add_time_notes(asking, selector, written)
     reply = _reply(finder, question, selector.text)
-    _add_time_notes(asking, selector, reply.instances, at)
+    _note_departures(asking, selector, reply.instances, written)
     asking.note(*pruned_evidence_notes((instance.evidence for instance in reply.instances), clock))
     return Answer(
         query=question.text,
@@ -112,32 +115,27 @@ def answer_question(
 
 
 def _reply(finder: ThingsFinder, question: Question, when_text: str) -> Reply:
-    body: Body = question.body
-    match body:
-        case Find():
-            return find(finder, body, when_text)
-        case Count():
-            return count(finder, body, when_text)
-        case Exists():
-            return exists(finder, body, when_text)
-        case Holds():
-            return holds(finder, body, when_text)
-        case MostOf():
-            return most_of(finder, body, when_text)
-        case CompareCounts():
-            return compare_counts(finder, body, when_text)
-        case CompareMeasure():
-            return compare_measure(finder, body, when_text)
-        case HowFar():
-            return how_far(finder, body, when_text)
-        case Describe():
-            return describe(finder, body, when_text)
-        case When():
-            return when(finder, body, when_text)
-        case Changes():
+    match question.body:
+        case Changes() as body:
             return changes(finder, body, question.time)
-        case MovedWhere():
+        case MovedWhere() as body:
             return moved_where(finder, body)
+        case body:
+            return _HANDLERS[type(body)](finder, body, when_text)
+
+
+_HANDLERS: Mapping[type, Callable[[ThingsFinder, Any, str], Reply]] = {
+    Find: find,
+    Count: count,
+    Exists: exists,
+    Holds: holds,
+    MostOf: most_of,
+    CompareCounts: compare_counts,
+    CompareMeasure: compare_measure,
+    HowFar: how_far,
+    Describe: describe,
+    When: when,
+}
 
 
 def _selector(asking: Asking, question: Question, at: str | None) -> TimeSelector:
@@ -163,14 +161,12 @@ def _asks_what_happened(body: Body) -> bool:
     return any(isinstance(condition, Happened) for condition in conditions)
 
 
-def _add_time_notes(asking: Asking, selector: TimeSelector, instances: Iterable[InstanceView], at: str | None) -> None:
-    """Add notes on how the time was understood: its day, limits of the map, departures within a gap."""
-    if selector.note is not None:
-        asking.note(selector.note)
+def _add_time_notes(asking: Asking, selector: TimeSelector, written: str) -> None:
+    """Add notes on how the time was understood, and on a time outside of the map."""
+    asking.note(selector.note)
     if selector.kind != "at":
         return
     stamp_ns = int(selector.low_ns)
-    written = at or ""
     if is_time_of_day(written):
         asking.note(f"{written} was taken as {asking.clock.text(stamp_ns)}")
     end_ns = max((traversal.end_ns for traversal in asking.reader.traversals), default=None)
@@ -178,21 +174,22 @@ def _add_time_notes(asking: Asking, selector: TimeSelector, instances: Iterable[
         asking.note(f"the map begins at {asking.clock.text(asking.clock.origin_ns)}")
     elif end_ns is not None and stamp_ns > end_ns:
         asking.note(f"the map ends at {asking.clock.text(end_ns)}; what came after, nobody saw")
-    _note_departures(asking, selector, instances)
 
 
-def _note_departures(asking: Asking, selector: TimeSelector, instances: Iterable[InstanceView]) -> None:
+def _note_departures(asking: Asking, selector: TimeSelector, instances: Iterable[InstanceView], written: str) -> None:
     """Add a note for each matched or reference instance that left in a gap around the time."""
+    if selector.kind != "at":
+        return
     involved = [
         text_id
         for instance in instances
         for text_id in (instance.id, *(relation.object for relation in instance.relations))
     ]
     for text_id in dict.fromkeys(involved):
-        instance = asking.reader.instance(text_id)
+        instance = asking.instance(text_id)
         if instance is not None and (gap := selector.departure_gap(instance)) is not None:
-            told = asking.clock.between(*gap)
-            asking.note(f"{text_id} left {told}; nobody can say for {asking.clock.text(int(selector.low_ns))}")
+            then = written or asking.clock.text(int(selector.low_ns))
+            asking.note(f"{text_id} left {asking.clock.between(*gap)}; nobody can say for {then}")
 
 
 def _explanation(question: Question, trace: Trace) -> Explanation:

@@ -26,6 +26,8 @@ from supermap_cli.query.answering.document import NearMiss, Reply, Truth
 from supermap_cli.query.answering.listing import Lister
 from supermap_cli.query.answering.nouns import noun_text
 from supermap_cli.query.answering.phrases import (
+    EVENT_VERBS,
+    PARTICIPLES,
     capitalised,
     condition_text,
     counted,
@@ -34,6 +36,7 @@ from supermap_cli.query.answering.phrases import (
     lowered,
     plural,
     superlative_text,
+    things_text,
     time_phrase,
     verb,
 )
@@ -61,7 +64,7 @@ def find(finder: ThingsFinder, question: Find, when: str) -> Reply:
     sentence = (
         _found_sentence(finder, things, instances, found, when, place=question.place)
         if instances
-        else missing_sentence(finder, things, nearest, when)
+        else missing_sentence(finder, things, () if found.unsure else nearest, when)
     )
     return Reply(
         "find",
@@ -162,9 +165,19 @@ def missing_sentence(finder: ThingsFinder, things: Things, nearest: Sequence[Nea
         subject = "nothing" if isinstance(things.noun, Anything) else f"no {noun}"
         if things.superlative is not None:
             subject = f"no {superlative_text(things.superlative)} {noun}"
-        told = "is known" if things.condition is None else clause_text(things.condition, 1, past=False)
-        sentence = f"{subject} {told}{time_phrase(when)}"
+        sentence = f"{subject} {_told(things, finder)}{time_phrase(when)}"
     return capitalised(sentence) + (f" ({reasons})." if reasons else ".")
+
+
+def _told(things: Things, finder: ThingsFinder) -> str:
+    """What is not so of a phrase without a match."""
+    match things.condition:
+        case None:
+            return "is known"
+        case Happened(event, _):
+            return f"is known to have {PARTICIPLES[event]}"
+        case condition:
+            return clause_text(condition, 1, past=finder.selector.kind != "now")
 
 
 def unsure_text(unsure: Sequence[Judgement]) -> str:
@@ -235,7 +248,7 @@ def _related_sentence(
     certain = [view for view in instances if view.presence != "unknown"]
     number = len(certain) + (found.more or 0)
     clause, ids = _clause(things, instances, found, max(number, 1), past=past)
-    rest = f"{time_phrase(when)}{_basis_text(instances)}"
+    rest = f"{'' if _happened(things) else time_phrase(when)}{_basis_text(instances)}"
     if len(instances) == 1 and certain and found.more == 0:
         return f"{instances[0].id} {clause}{rest}."
     noun = counted(number, head_text(things)) + ("" if found.more is not None else " and more")
@@ -275,16 +288,21 @@ def _clause(
     return f"{stand} {condition_text(related)}", grouped if split else ids
 
 
+def _happened(things: Things) -> bool:
+    return isinstance(things.condition, Happened)
+
+
 def clause_text(condition: Condition, number: int, *, past: bool) -> str:
     """What a condition says of its subject: "is on a desk", "are known that moved"."""
     is_or_are = verb("is", number, past=past)
     match condition:
-        case Happened():
-            return f"{is_or_are} known {condition_text(condition)}"
+        case Happened(event, _):
+            return f"{verb('is', number, past=True)} seen" if event == "seen" else EVENT_VERBS[event]
         case Not() | Except() | And() | Or() | Having():
             return f"{is_or_are} known that {verb('is', number, past=past)} {condition_text(condition)}"
-        case Related(inverse=True):
-            return f"{is_or_are} known {condition_text(condition)}"
+        case Related(relation, reference, True):
+            have = ("had" if past else "has") if number == 1 else ("had" if past else "have")
+            return f"{have} {things_text(reference)} {relation} {'it' if number == 1 else 'them'}"
         case _:
             return f"{is_or_are} {condition_text(condition)}"
 

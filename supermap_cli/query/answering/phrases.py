@@ -74,6 +74,7 @@ EVENT_VERBS = {
     "returned": "came back",
     "seen": "were seen",
 }
+PARTICIPLES = EVENT_VERBS | {"returned": "come back", "seen": "been seen"}
 
 
 def number_text(number: int) -> str:
