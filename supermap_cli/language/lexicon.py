@@ -203,10 +203,15 @@ class Lexicon:
 
     def _fields(self, name: str) -> tuple[str, ...] | None:
         """The fields of a name's line, less the name; at least one."""
-        at = self._extract.find(f"\n{name}\t")
-        if at < 0:
-            return None
-        return tuple(self._extract[at + len(name) + 2 : self._extract.index("\n", at + 1)].split("\t"))
+        low, high = 1, len(self._extract)
+        while low < high:  # its lines are sorted by name; low and high are beginnings of lines
+            at = self._extract.rfind("\n", low - 1, (low + high) // 2) + 1
+            end = self._extract.index("\n", at)
+            found, _, fields = self._extract[at:end].partition("\t")
+            if found == name:
+                return tuple(fields.split("\t"))
+            low, high = (end + 1, high) if found < name else (low, at)
+        return None
 
     def _group(self, name: str) -> frozenset[str]:
         """The name and its synonyms; those of the table win."""

@@ -43,8 +43,9 @@ class PrunedGrammar:
         ]
         self._needing: Mapping[str, list[int]] = self._users()
         at = {id(need.rule): index for index, need in enumerate(self._needs)}
-        self._predictions: list[tuple[Symbol, list[tuple[int, Rule]]]] = [
-            (origin, [(at[id(rule)], rule) for rule in listed]) for origin, listed in self._parser.predictions.items()
+        self._predictions: list[tuple[Symbol, frozenset[int]]] = [
+            (origin, frozenset(at[id(rule)] for rule in listed))
+            for origin, listed in self._parser.predictions.items()
         ]
 
     def _users(self) -> dict[str, list[int]]:
@@ -59,7 +60,8 @@ class PrunedGrammar:
         usable = self._usable(kinds)
         pruned: Any = copy(self._parser)
         pruned.predictions = {
-            origin: [rule for index, rule in listed if index in usable] for origin, listed in self._predictions
+            origin: [self._needs[index].rule for index in sorted(listed & usable)]
+            for origin, listed in self._predictions
         }
         made: Parser = pruned
         return made
