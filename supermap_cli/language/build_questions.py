@@ -221,8 +221,7 @@ class BuildQuestions(BuildThings, BuildTimes):
         return tree.HowFar(named[0], named[1] if len(named) > 1 else None)
 
     def describe(self, parts: list[Any]) -> tree.Describe:
-        what = next(part for part in parts if isinstance(part, Aspect)).what
-        return tree.Describe(only(parts, tree.Things), cast("Any", what))
+        return tree.Describe(only(parts, tree.Things), cast("Any", only(parts, Aspect).what))
 
     def describe_sure(self, parts: list[Any]) -> tree.Describe:
         return tree.Describe(only(parts, tree.Things), "confidence")
@@ -280,6 +279,8 @@ class BuildQuestions(BuildThings, BuildTimes):
         if things is None:
             condition = condition_of(parts)
             things = None if condition is None else with_condition(ANYTHING, condition)
+        else:
+            things = with_condition(things, condition_of(parts))
         return tree.Changes(_events(parts), None if things == ANYTHING else things, exists=True)
 
     changes_exist_fragment = changes_exist

@@ -112,7 +112,7 @@ class BuildThings:
         if len(nouns) != 1:
             raise NoReading
         things = nouns[0] if isinstance(nouns[0], tree.Things) else tree.Things(nouns[0])
-        numbers = words(parts, "NUMBER")
+        numbers = words(parts, "NUMBER", "AT_LEAST")
         quantities = words(parts, *_QUANTITIES)
         if len(numbers) > 1 or len(quantities) > 1 or any(word.value != int(word.value) for word in numbers):
             raise NoReading
@@ -159,6 +159,13 @@ class BuildThings:
         if len(values) != 1:
             raise NoReading
         return values[0]
+
+    def at_least(self, parts: list[Any]) -> Word:
+        return replace(only(parts, Word), kind="AT_LEAST")
+
+    def more_than(self, parts: list[Any]) -> Word:
+        word = only(parts, Word)
+        return replace(word, kind="AT_LEAST", value=word.value + 1)
 
     def superlative(self, parts: list[Any]) -> tree.Superlative:
         ordinals = words(parts, "ORDINAL")

@@ -11,6 +11,7 @@ from lark import Tree, UnexpectedInput
 from lark.grammar import Rule
 from lark.parse_tree_builder import ParseTreeBuilder
 
+from supermap_cli.language.accounting import lost_words
 from supermap_cli.language.build_questions import Asked, BuildQuestions, Refused
 from supermap_cli.language.earley import RuleSet
 from supermap_cli.language.forest import Builder, Forest, Reading
@@ -116,7 +117,11 @@ def _read(pieces: Sequence[Piece], rules: Grammar) -> tuple[Reading, ...]:
         forest = _forest(pieces, rules)
     except UnexpectedInput:
         return ()
-    return Forest(rules.build).readings(forest)
+    return tuple(
+        reading
+        for reading in Forest(rules.build).readings(forest)
+        if isinstance(reading.value, Refused) or not lost_words(reading.words, reading.value)
+    )
 
 
 def _forest(pieces: Sequence[Piece], rules: Grammar) -> Any:
