@@ -102,6 +102,9 @@ class BuildQuestions(BuildThings, BuildTimes):
         things = replace(ANYTHING, superlative=superlative)
         return tree.Find(with_condition(things, condition_of(parts)))
 
+    def find_all(self, _parts: list[Any]) -> tree.Find:
+        return tree.Find(ANYTHING)
+
     def find_who(self, parts: list[Any]) -> tree.Find:
         return tree.Find(with_condition(_person(), condition_of(parts)))
 

@@ -214,6 +214,9 @@ class BuildThings:
             raise NoReading
         return tree.Identified(f"{noun.name.replace(' ', '-')}-{number.written}")
 
+    def nothing_at_all(self, _parts: list[Any]) -> tree.Things:
+        return tree.Things(tree.Anything(), quantity="no")
+
     def anything(self, _parts: list[Any]) -> tree.Anything:
         return tree.Anything()
 
@@ -232,7 +235,7 @@ class BuildThings:
     # --- Conditions ---
 
     def related(self, parts: list[Any]) -> tree.Condition:
-        return tree.Related(_relation(parts), only(parts, tree.Things))
+        return _negated_by_no(tree.Related(_relation(parts), only(parts, tree.Things)))
 
     def related_all(self, parts: list[Any]) -> tree.Condition:
         return tree.And(tuple(tree.Related(_relation(parts), things) for things in of_type(parts, tree.Things)))
@@ -299,9 +302,7 @@ class BuildThings:
         return tree.Having(parts[0])
 
     def inverse(self, parts: list[Any]) -> tree.Condition:
-        things = only(parts, tree.Things)
-        related = tree.Related(_relation(parts), replace(things, quantity=None), inverse=True)
-        return tree.Not(related) if things.quantity == "no" else related
+        return _negated_by_no(tree.Related(_relation(parts), only(parts, tree.Things), inverse=True))
 
 
 @dataclass(frozen=True)
@@ -333,3 +334,10 @@ def to_reference(things: tree.Things | None) -> tree.Things | None:
 
 def _relation(parts: Sequence[Any]) -> str:
     return str(words(parts, "RELATION")[0].value)
+
+
+def _negated_by_no(related: tree.Related) -> tree.Condition:
+    """ "near no table" is not near a table."""
+    if related.reference.quantity != "no":
+        return related
+    return tree.Not(replace(related, reference=replace(related.reference, quantity=None)))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
-from lark import Tree, UnexpectedInput
+from lark import UnexpectedInput
 from lark.grammar import Rule
 from lark.parse_tree_builder import ParseTreeBuilder
 
@@ -30,11 +30,24 @@ HINT = (
 )
 
 
+@dataclass(frozen=True)
+class _Inlined:
+    """The parts of a rule that is inlined into others. lark adds to the list that it is given, so each gets its own."""
+
+    name: str
+    parts: Sequence[Any]
+
+    @property
+    def children(self) -> list[Any]:
+        """The parts, in a new list."""
+        return list(self.parts)
+
+
 class _Builders(dict[Rule, Callable[[list[Any]], Any]]):
     """The function that makes the value of a rule, for the rules that were asked for."""
 
     def __missing__(self, rule: Rule) -> Callable[[list[Any]], Any]:
-        made = ParseTreeBuilder([rule], Tree, ambiguous=False, maybe_placeholders=False)
+        made = ParseTreeBuilder([rule], _Inlined, ambiguous=False, maybe_placeholders=False)
         function: Callable[[list[Any]], Any] = made.create_callback(_BUILDER)[rule]
         self[rule] = function
         return function
