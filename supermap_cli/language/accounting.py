@@ -8,6 +8,7 @@ from dataclasses import fields, is_dataclass
 from typing import Any
 
 from supermap_cli.language import questions as tree
+from supermap_cli.language import times
 from supermap_cli.language.forest import Word
 
 _COLOURS = frozenset({"black", "white", "grey", "red", "green", "blue", "yellow", "orange", "brown", "pink", "purple"})
@@ -38,7 +39,7 @@ def _meaning(word: Word) -> tuple[str, str] | None:
             return ("relation", str(word.value))
         case "MATERIAL":
             return ("attribute", str(word.value))
-        case "USE" | "USE_VERB":
+        case "USE":
             return ("use", str(word.value))
         case "TRAVERSAL" | "CLOCK" | "DATE" | "WEEKDAY":
             return ("time", "")
@@ -55,6 +56,8 @@ def _held(value: Any) -> Iterator[tuple[str, str]]:
             yield ("use", use)
         case tree.Related(relation) | tree.MostOf(relation=relation):
             yield ("relation", relation)
+        case times.AtClock(written) if written[:1] not in "0123456789":
+            yield ("time", "")
         case tree.Colour(name) | tree.Material(name):
             yield ("attribute", name)
     if is_dataclass(value):

@@ -314,7 +314,7 @@ def _person() -> tree.Things:
 
 
 def _usable(parts: list[Any]) -> tree.Things:
-    use = str(words(parts, "USE", "USE_VERB")[0].value)
+    use = str(words(parts, "USE")[0].value)
     return with_condition(tree.Things(tree.Usable(use)), condition_of(parts))
 
 

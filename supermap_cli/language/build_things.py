@@ -276,6 +276,12 @@ class BuildThings:
         times = [part for part in parts if isinstance(part, TIMES)]
         return tree.Happened(only(parts, Happening).event, cast("Time | None", times[0] if times else None))
 
+    def not_happened(self, parts: list[Any]) -> tree.Condition:
+        return tree.Not(self.happened(parts))
+
+    def seen_so(self, parts: list[Any]) -> tree.Condition:
+        return self.happened([Happening("seen"), *parts])
+
     def event_done(self, parts: list[Any]) -> Happening:
         return Happening(_EVENTS[only(parts, Word).kind])
 

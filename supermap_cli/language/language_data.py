@@ -20,7 +20,6 @@ class LanguageData:
     numbers: Mapping[str, float]
     ordinals: Mapping[str, int]
     places: frozenset[str]
-    use_verbs: Mapping[str, str]
 
 
 @cache
@@ -33,5 +32,4 @@ def language_data(code: str) -> LanguageData:
         table.get("numbers", {}),
         table.get("ordinals", {}),
         frozenset(table.get("places", {}).get("words", ())),
-        table.get("use_verbs", {}),
     )

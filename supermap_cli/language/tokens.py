@@ -21,6 +21,8 @@ from supermap_cli.language.words import is_instance
 MOST_CUTS = 24
 """Ways to cut a question into tokens that are tried; more than three were needed by none of the tests' questions."""
 
+PUNCTUATION = {",": "_COMMA", "(": "_LPAR", ")": "_RPAR"}
+
 LONGEST_PHRASE = 7
 """Words of the longest phrase of a grammar that is looked for."""
 
@@ -139,16 +141,14 @@ class Tokeniser:
             values.pop("WEEKDAY", None)
         if (use := self.lexicon.use_phrases.get(text)) is not None:
             values["USE"] = use
-        if (use := self.language.use_verbs.get(text)) is not None:
-            values["USE_VERB"] = use
         if (material := self.lexicon.material_words.get(text)) is not None:
             values["MATERIAL"] = material
         if (colour := self.lexicon.colour_words.get(text)) is not None:
             values[colour.upper()] = text
         if text in self.language.places:
             values["PLACE"] = Named(text, text)
-        if text == ",":
-            values["_COMMA"] = text
+        if text in PUNCTUATION:
+            values[PUNCTUATION[text]] = text
         if is_instance(text):
             values["ID"] = Identified(text)
         values.update(self._numbers(text))

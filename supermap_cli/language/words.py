@@ -17,6 +17,7 @@ _NUMBER_WITH_UNIT = re.compile(r"(\d+(?:[.,]\d+)?)([a-zäöüéèñ]+)")
 _INSTANCE = re.compile(r"[^\W\d_][\w]*(?:-[\w]+)*-\d+")
 _KEPT_WHOLE = re.compile(r"[\d.:,+@tz-]+|.*[@:].*|.*\+\d.*")
 _COMMA = ","
+_PARENTHESIS = re.compile(r"[()]")
 
 
 def read_words(text: str, contractions: Mapping[str, str], kept: Collection[str] = ()) -> tuple[str, ...]:
@@ -25,12 +26,15 @@ def read_words(text: str, contractions: Mapping[str, str], kept: Collection[str]
     `kept` are words that are left as they are, such as names of traversals and labels.
     """
     words: list[str] = []
-    for raw in unicodedata.normalize("NFKC", text).translate(_QUOTES).casefold().split():
-        bare = raw.strip("?!.;:()[]{}<>*_~|¿¡、。？！，,")
+    spaced = _PARENTHESIS.sub(r" \g<0> ", unicodedata.normalize("NFKC", text).translate(_QUOTES)).casefold()
+    for raw in spaced.split():
+        if raw in "()":
+            words.append(raw)
+            continue
+        bare = raw.strip("?!.;:,[]{}<>*_~|¿¡、。")
         if raw.startswith(_COMMA) and words and bare:
             words.append(_COMMA)
-        for word in _parts(bare, contractions, kept) if bare else ():
-            words.append(word)
+        words += _parts(bare, contractions, kept) if bare else []
         if raw.rstrip("?!.").endswith((_COMMA, ";", ":")) and words and words[-1] != _COMMA:
             words.append(_COMMA)
     while words and words[-1] == _COMMA:
