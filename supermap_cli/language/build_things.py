@@ -285,7 +285,7 @@ class BuildThings:
     def event_done(self, parts: list[Any]) -> Happening:
         return Happening(_EVENTS[only(parts, Word).kind])
 
-    event_past = event_base = event_adjective = event_done
+    event_past = event_base = event_adjective = event_state = event_done
 
     def negated(self, parts: list[Any]) -> tree.Condition:
         condition = condition_of(parts)
@@ -306,6 +306,12 @@ class BuildThings:
 
     def having(self, parts: list[Any]) -> tree.Condition:
         return tree.Having(parts[0])
+
+    def having_material(self, parts: list[Any]) -> tree.Condition:
+        return tree.Having(tree.Material(str(only(parts, Word).value)))
+
+    def gone_from(self, parts: list[Any]) -> tree.Condition:
+        return tree.Related("on", only(parts, tree.Things))
 
     def inverse(self, parts: list[Any]) -> tree.Condition:
         return _negated_by_no(tree.Related(_relation(parts), only(parts, tree.Things), inverse=True))
