@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, cast, get_args
 
@@ -51,6 +52,13 @@ class Alternatives:
 
 class BuildQuestions(BuildThings, BuildTimes):
     """Functions named like rules and aliases of the grammars; each takes the values of the rule's parts."""
+
+    def __getattr__(self, name: str) -> Callable[[list[Any]], Any]:
+        """An alias that ends in "_at" is that without the ending, with a time in the midst of its parts."""
+        alias = name.removesuffix("_at")
+        if alias == name or not hasattr(type(self), alias):
+            raise AttributeError(name)
+        return lambda parts: _timed_inside(getattr(self, alias), parts)
 
     # --- Sentences ---
 
@@ -296,6 +304,17 @@ class Aspect:
     """What is asked of a thing: its colour, its height, ..."""
 
     what: str
+
+
+def _timed_inside(build: Callable[[list[Any]], tree.Body | Asked], parts: list[Any]) -> tree.Body | Asked:
+    """The value of a rule, asked of the time among its parts, if there is one."""
+    found = [part for part in parts if isinstance(part, TIMES)]
+    body = build([part for part in parts if not isinstance(part, TIMES)])
+    if not found:
+        return body
+    if len(found) > 1 or isinstance(body, Asked):
+        raise NoReading
+    return Asked(body, cast("times.Time", found[0]))
 
 
 def _only_value(parts: list[Any]) -> Any:

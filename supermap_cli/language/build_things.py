@@ -60,7 +60,6 @@ _EVENTS: dict[str, tree.Event] = {
     "GO": "disappeared",
     "LEFT_DONE": "disappeared",
     "NEW": "appeared",
-    "NEW_PAST": "appeared",
     "COME": "appeared",
     "BACK": "returned",
     "RETURN": "returned",
@@ -267,7 +266,7 @@ class BuildThings:
         return tree.Happened(only(parts, Happening).event, cast("Time | None", times[0] if times else None))
 
     def event_done(self, parts: list[Any]) -> Happening:
-        return Happening(_EVENTS[only(parts, Word).kind])
+        return Happening(_EVENTS[only(parts, Word).kind.removesuffix("_PAST")])
 
     event_past = event_base = event_adjective = event_done
 
