@@ -11,6 +11,7 @@ from itertools import count, islice
 
 from lark import Token
 
+from supermap_cli.language.earley import ANY_WORD
 from supermap_cli.language.known_names import KnownNames
 from supermap_cli.language.language_data import LanguageData
 from supermap_cli.language.questions import Identified, Named
@@ -23,7 +24,6 @@ MOST_CUTS = 24
 UNKNOWN_COST = 4
 """What an unknown word costs a way to cut, in tokens."""
 
-ANY_WORD = "WORD"
 _CLOCK = re.compile(r"\d{1,2}:\d{2}(:\d{2}(\.\d+)?)?z?|\d{4}-\d{2}-\d{2}t[\d:.]+z?")
 _TWELVE_HOURS = re.compile(r"(\d{1,2})(?::(\d{2}))?\s?(am|pm)")
 _DATE = re.compile(r"\d{4}-\d{2}-\d{2}")
