@@ -14,6 +14,7 @@ from supermap_cli.language.build_things import (
     BuildThings,
     Happening,
     condition_of,
+    related_to,
     to_reference,
     with_condition,
 )
@@ -187,7 +188,7 @@ class BuildQuestions(BuildThings, BuildTimes):
     def most_of(self, parts: list[Any]) -> tree.MostOf:
         things, counted = of_type(parts, tree.Things)
         relation = words(parts, "RELATION")
-        return tree.MostOf(things, counted, str(relation[0].value) if relation else "on", bool(words(parts, "FEWEST")))
+        return tree.MostOf(things, counted, str(relation[0].value).partition("|")[0] if relation else "on", bool(words(parts, "FEWEST")))
 
     def most_of_front(self, parts: list[Any]) -> tree.MostOf:
         return self.most_of(parts)
@@ -312,7 +313,7 @@ def _timed_inside(build: Callable[[list[Any]], tree.Body | Asked], parts: list[A
     body = build([part for part in parts if not isinstance(part, TIMES)])
     if not found:
         return body
-    if len(found) > 1 or isinstance(body, Asked):
+    if len(found) > 1 or not isinstance(body, BODIES):
         raise NoReading
     return Asked(body, cast("times.Time", found[0]))
 
@@ -333,8 +334,8 @@ def _usable(parts: list[Any]) -> tree.Things:
     return with_condition(tree.Things(tree.Usable(use)), condition_of(parts))
 
 
-def _carrying(parts: list[Any], carried: tree.Things) -> tree.Related:
-    return tree.Related(str(words(parts, "RELATION")[0].value), carried, inverse=True)
+def _carrying(parts: list[Any], carried: tree.Things) -> tree.Condition:
+    return related_to(parts, carried, inverse=True)
 
 
 def _compared(parts: list[Any]) -> tree.Measure:

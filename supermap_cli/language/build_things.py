@@ -224,13 +224,13 @@ class BuildThings:
     # --- Conditions ---
 
     def related(self, parts: list[Any]) -> tree.Condition:
-        return tree.Related(_relation(parts), only(parts, tree.Things))
+        return related_to(parts, only(parts, tree.Things))
 
     def related_all(self, parts: list[Any]) -> tree.Condition:
-        return tree.And(tuple(tree.Related(_relation(parts), things) for things in of_type(parts, tree.Things)))
+        return tree.And(tuple(related_to(parts, things) for things in of_type(parts, tree.Things)))
 
     def related_any(self, parts: list[Any]) -> tree.Condition:
-        return tree.Or(tuple(tree.Related(_relation(parts), things) for things in of_type(parts, tree.Things)))
+        return tree.Or(tuple(related_to(parts, things) for things in of_type(parts, tree.Things)))
 
     def directed(self, parts: list[Any]) -> tree.Condition:
         direction = _DIRECTIONS[only(parts, Word).kind]
@@ -292,7 +292,7 @@ class BuildThings:
 
     def inverse(self, parts: list[Any]) -> tree.Condition:
         things = only(parts, tree.Things)
-        related = tree.Related(_relation(parts), replace(things, quantity=None), inverse=True)
+        related = related_to(parts, replace(things, quantity=None), inverse=True)
         return tree.Not(related) if things.quantity == "no" else related
 
 
@@ -323,5 +323,8 @@ def to_reference(things: tree.Things | None) -> tree.Things | None:
     return None if things is None or isinstance(things.noun, tree.Robot) else things
 
 
-def _relation(parts: Sequence[Any]) -> str:
-    return str(words(parts, "RELATION")[0].value)
+def related_to(parts: Sequence[Any], things: tree.Things, *, inverse: bool = False) -> tree.Condition:
+    """The relation among the parts, to some things; a word that may mean two relations is fulfilled by either."""
+    names = str(words(parts, "RELATION")[0].value).split("|")
+    either = tuple(tree.Related(name, things, inverse) for name in names)
+    return either[0] if len(either) == 1 else tree.Or(either)
