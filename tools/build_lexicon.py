@@ -13,6 +13,7 @@ A line of the result: name, category and whether it is common, its other names, 
 from __future__ import annotations
 
 import argparse
+import tomllib
 from collections import defaultdict
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -43,6 +44,9 @@ SUBTREES = {
 LEFT_OUT = ("microorganism.n.01", "drug.n.01", "genus.n.02", "family.n.06")
 """Branches that nobody asks a map for."""
 
+BY_HAND = tomllib.loads((ROOT / "tools" / "lexicon.toml").read_text(encoding="utf-8"))
+NEVER_NOUNS = frozenset(BY_HAND["vague"]) | frozenset(BY_HAND["closed_class"])
+
 RARE_ZIPF = 2.0
 """Words below this frequency (log10 per 10^9 words; Zipf scale of van Heuven et al. 2014) are left out unless a
 detector names them: 1 in 10^7 words, where regional and historical names begin. Chosen by reading the lists on both
@@ -50,35 +54,6 @@ sides.
 """
 COMMON_ZIPF = 3.0
 """From this frequency on (1 in 10^6 words) a word counts as common. Chosen alike."""
-
-VAGUE = frozenset(
-    """
-    article artifact artefact being body causal_agent commodity consumer_goods covering creation creature cover
-    durables durable_goods consumer_durables entity equipment_of good goods instrumentality instrumentation individual
-    item life living_thing material matter mortal object organism part piece place portion product production soul
-    somebody someone structure stuff substance thing unit whole way natural_object physical_object protective_covering
-    somebody work works line lot side top bottom front back end set bit kind sort form case_in_point one ones number
-    example self host copy home house_of here there world earth sun moon sky space spot point position
-    """.split()
-)
-"""Words that name no kind of thing that anybody would look for, or that questions use otherwise."""
-
-CLOSED_CLASS = frozenset(
-    """
-    a about above after again all am an and any are as at be been before being below between both but by can did do
-    does doing down during each few for from further had has have having he her here hers him his how i if in into is
-    it its just me more most my no nor not now of off on once only or other our out over own per same she should so
-    some such than that the their them then there these they this those through to too under until up us very was we
-    were what when where which while who whom why will with you your yours yes may might must shall would could ought
-    let like near next last first second still since ago left right new old lost gone missing look see show find tell
-    go went come came stand sit lie put take moved move change changed many much none nothing anything something
-    everything anyone anybody someone somebody everyone everybody ok okay please hi hello thanks thank today yesterday
-    monday tuesday wednesday thursday friday saturday sunday morning afternoon evening night day week hour minute
-    time past long far close tall big small high low wide narrow red green blue yellow white black brown grey gray
-    orange_one pink purple open closed full empty clean dirty hot cold on_off ha ma pa id im ill wont dont cant
-    """.split()
-)
-"""Words of grammars, which are never read as nouns of the lexicon."""
 
 
 @dataclass(frozen=True)
@@ -172,17 +147,12 @@ def read_vocabularies(folder: Path) -> tuple[frozenset[str], list[list[str]]]:
 WRITTEN_IN_PLURAL = {"objects365", "open_images"}
 """Vocabularies that write some of their names in the plural."""
 
-PLURAL_ONLY = frozenset(
-    "scissors shears pliers tongs glasses sunglasses binoculars goggles headphones pants trousers jeans shorts tights "
-    "leggings pajamas stairs blinds clothes tweezers clippers overalls skis chips".split()
-)
-
 
 def singular(name: str) -> str:
     """A class in the singular: Objects365 and Open Images write some in the plural."""
     words = name.split()
     last = words[-1] if words else ""
-    if last in PLURAL_ONLY or len(last) < 4 or last.endswith(("ss", "us", "is")) or not last.endswith("s"):
+    if last in BY_HAND["plural_only"] or len(last) < 4 or last.endswith(("ss", "us", "is")) or not last.endswith("s"):
         return name
     for ending, other in (("ches", "ch"), ("shes", "sh"), ("sses", "ss"), ("xes", "x"), ("ies", "y"), ("oes", "o")):
         if last.endswith(ending) and last not in {"cookies", "movies", "shoes"}:
@@ -219,18 +189,18 @@ class Builder:
             if (entry := self.from_wordnet(lemma)) is not None:
                 self.entries[entry.name] = entry
         for name in sorted(self.vocabulary - self.entries.keys()):
-            if name.replace(" ", "_") not in VAGUE | CLOSED_CLASS and not name.startswith("human "):
-                self.entries[name] = Entry(name, self.category_by_head(name), True, None)
+            if name.replace(" ", "_") not in NEVER_NOUNS and not name.startswith("human "):
+                self.entries[name] = Entry(name, self.category_by_head(name), common=True, synset=None)
         self.link()
         return self.entries
 
     def from_wordnet(self, lemma: str) -> Entry | None:
         """A noun of WordNet in the sense that is meant by it, if it names a thing that people speak of."""
         name = name_of(lemma)
-        if lemma in VAGUE | CLOSED_CLASS or not plain(name) or len(name) < 2:
+        if lemma in NEVER_NOUNS or not plain(name) or len(name) < 2:
             return None
         detected = name in self.vocabulary
-        rank = self.sense(lemma, detected)
+        rank = self.sense(lemma, detected=detected)
         if rank is None or not (detected or self.is_used(lemma, name, rank)):
             return None
         offset = self.wordnet.senses[lemma][rank - 1]
@@ -250,7 +220,7 @@ class Builder:
         head = name.rpartition(" ")[2]
         return head == name or any(head in self.wordnet.synsets[up].lemmas for up in ancestors)
 
-    def sense(self, lemma: str, detected: bool) -> int | None:
+    def sense(self, lemma: str, *, detected: bool) -> int | None:
         """The number of the sense: the first of a thing; of persons and parts of the body only where no other is, and
         only as the first of all. A word that no detector says must mostly mean that thing.
         """
@@ -260,9 +230,10 @@ class Builder:
             for number, synset in enumerate(map(self.wordnet.synsets.__getitem__, senses), start=1)
             if synset.file in CATEGORIES and not synset.instance and self.is_common_noun(synset, lemma)
         ]
-        things = [number for number, category in candidates if category not in "hr"]
+        things = [(number, category) for number, category in candidates if category not in "hr"]
         if detected and things:
-            return things[0]
+            by_hand: int | None = BY_HAND["senses"].get(lemma, preferred(things))
+            return by_hand or None
         if not candidates or (candidates[0][1] == "h" and not detected):
             return None
         number, category = candidates[0]
@@ -288,7 +259,7 @@ class Builder:
 
     def category_by_head(self, name: str) -> str:
         """The category of "coffee kettle" is that of "kettle"."""
-        head = self.entries.get(name.split()[-1])
+        head = self.entries.get(name.rpartition(" ")[2])
         return head.category if head is not None and head.category not in "lrm" else "t"
 
     def link(self) -> None:
@@ -307,10 +278,11 @@ class Builder:
         for entry in self.entries.values():
             if entry.synset is not None:
                 entry.parents = self.parents(entry.synset, by_synset)
-            elif (head := entry.name.split()[-1]) in self.entries and head != entry.name:
+            elif (head := entry.name.rpartition(" ")[2]) in self.entries and head != entry.name:
                 entry.parents = (head,)
 
     def join(self, names: Iterable[str]) -> None:
+        """Make names synonyms of one another."""
         names = set(names)
         for name in names:
             self.entries[name].synonyms |= names - {name}
@@ -323,6 +295,13 @@ class Builder:
             named = next((name for name in written if name in by_synset.get(up, ())), None)
             found += [named] if named else self.parents(up, by_synset)
         return tuple(dict.fromkeys(found))
+
+
+def preferred(things: list[tuple[int, str]]) -> int:
+    """The first sense of several; fruit before its tree, an animal before its meat."""
+    number, category = things[0]
+    better = {"p": "f", "f": "a"}.get(category)
+    return next((other for other, kind in things if kind == better), number)
 
 
 def name_of(lemma: str) -> str:
@@ -350,6 +329,7 @@ def zipf(text: str) -> float:
 
 
 def line_of(entry: Entry) -> str:
+    """The line of the file for an entry."""
     mark = entry.category.upper() if entry.common else entry.category
     return "\t".join([entry.name, mark, ";".join(sorted(entry.synonyms)), ";".join(entry.parents)]).rstrip("\t")
 

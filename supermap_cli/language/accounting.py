@@ -39,7 +39,7 @@ def _meaning(word: Word) -> tuple[str, str] | None:
             return ("relation", str(word.value))
         case "MATERIAL":
             return ("attribute", str(word.value))
-        case "USE":
+        case "USE" | "USE_VERB":
             return ("use", str(word.value))
         case "TRAVERSAL" | "CLOCK" | "DATE" | "WEEKDAY":
             return ("time", "")

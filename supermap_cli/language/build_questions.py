@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, cast, get_args
 
@@ -13,6 +14,7 @@ from supermap_cli.language.build_things import (
     BuildThings,
     Happening,
     condition_of,
+    related_to,
     to_reference,
     with_condition,
 )
@@ -53,6 +55,13 @@ class Alternatives:
 
 class BuildQuestions(BuildThings, BuildTimes):
     """Functions named like rules and aliases of the grammars; each takes the values of the rule's parts."""
+
+    def __getattr__(self, name: str) -> Callable[[list[Any]], Any]:
+        """An alias that ends in "_at" is that without the ending, with a time in the midst of its parts."""
+        alias = name.removesuffix("_at")
+        if alias == name or not hasattr(type(self), alias):
+            raise AttributeError(name)
+        return lambda parts: _timed_inside(getattr(self, alias), parts)
 
     # --- Sentences ---
 
@@ -202,7 +211,7 @@ class BuildQuestions(BuildThings, BuildTimes):
     def most_of(self, parts: list[Any]) -> tree.MostOf:
         things, counted = of_type(parts, tree.Things)
         relation = words(parts, "RELATION")
-        return tree.MostOf(things, counted, str(relation[0].value) if relation else "on", bool(words(parts, "FEWEST")))
+        return tree.MostOf(things, counted, str(relation[0].value).partition("|")[0] if relation else "on", bool(words(parts, "FEWEST")))
 
     def most_of_front(self, parts: list[Any]) -> tree.MostOf:
         return self.most_of(parts)
@@ -340,6 +349,17 @@ class Aspect:
     what: str
 
 
+def _timed_inside(build: Callable[[list[Any]], tree.Body | Asked], parts: list[Any]) -> tree.Body | Asked:
+    """The value of a rule, asked of the time among its parts, if there is one."""
+    found = [part for part in parts if isinstance(part, TIMES)]
+    body = build([part for part in parts if not isinstance(part, TIMES)])
+    if not found:
+        return body
+    if len(found) > 1 or not isinstance(body, BODIES):
+        raise NoReading
+    return Asked(body, cast("times.Time", found[0]))
+
+
 def _only_value(parts: list[Any]) -> Any:
     values = [part for part in parts if isinstance(part, (Asked, Refused))]
     if len(values) != 1:
@@ -352,12 +372,12 @@ def _person() -> tree.Things:
 
 
 def _usable(parts: list[Any]) -> tree.Things:
-    use = str(words(parts, "USE")[0].value)
+    use = str(words(parts, "USE", "USE_VERB")[0].value)
     return with_condition(tree.Things(tree.Usable(use)), condition_of(parts))
 
 
-def _carrying(parts: list[Any], carried: tree.Things) -> tree.Related:
-    return tree.Related(str(words(parts, "RELATION")[0].value), carried, inverse=True)
+def _carrying(parts: list[Any], carried: tree.Things) -> tree.Condition:
+    return related_to(parts, carried, inverse=True)
 
 
 def _compared(parts: list[Any]) -> tree.Measure:

@@ -60,7 +60,6 @@ _EVENTS: dict[str, tree.Event] = {
     "GO": "disappeared",
     "LEFT_DONE": "disappeared",
     "NEW": "appeared",
-    "NEW_PAST": "appeared",
     "COME": "appeared",
     "BACK": "returned",
     "RETURN": "returned",
@@ -235,13 +234,13 @@ class BuildThings:
     # --- Conditions ---
 
     def related(self, parts: list[Any]) -> tree.Condition:
-        return _negated_by_no(tree.Related(_relation(parts), only(parts, tree.Things)))
+        return related_to(parts, only(parts, tree.Things))
 
     def related_all(self, parts: list[Any]) -> tree.Condition:
-        return tree.And(tuple(tree.Related(_relation(parts), things) for things in of_type(parts, tree.Things)))
+        return tree.And(tuple(related_to(parts, things) for things in of_type(parts, tree.Things)))
 
     def related_any(self, parts: list[Any]) -> tree.Condition:
-        return tree.Or(tuple(tree.Related(_relation(parts), things) for things in of_type(parts, tree.Things)))
+        return tree.Or(tuple(related_to(parts, things) for things in of_type(parts, tree.Things)))
 
     def directed(self, parts: list[Any]) -> tree.Condition:
         direction = _DIRECTIONS[only(parts, Word).kind]
@@ -283,7 +282,7 @@ class BuildThings:
         return self.happened([Happening("seen"), *parts])
 
     def event_done(self, parts: list[Any]) -> Happening:
-        return Happening(_EVENTS[only(parts, Word).kind])
+        return Happening(_EVENTS[only(parts, Word).kind.removesuffix("_PAST")])
 
     event_past = event_base = event_adjective = event_state = event_done
 
@@ -314,7 +313,7 @@ class BuildThings:
         return tree.Related("on", only(parts, tree.Things))
 
     def inverse(self, parts: list[Any]) -> tree.Condition:
-        return _negated_by_no(tree.Related(_relation(parts), only(parts, tree.Things), inverse=True))
+        return related_to(parts, only(parts, tree.Things), inverse=True)
 
 
 @dataclass(frozen=True)
@@ -344,12 +343,13 @@ def to_reference(things: tree.Things | None) -> tree.Things | None:
     return None if things is None or isinstance(things.noun, tree.Robot) else things
 
 
-def _relation(parts: Sequence[Any]) -> str:
-    return str(words(parts, "RELATION")[0].value)
+def related_to(parts: Sequence[Any], things: tree.Things, *, inverse: bool = False) -> tree.Condition:
+    """The relation among the parts, to some things; a word that may mean two relations is fulfilled by either.
 
-
-def _negated_by_no(related: tree.Related) -> tree.Condition:
-    """ "near no table" is not near a table."""
-    if related.reference.quantity != "no":
-        return related
-    return tree.Not(replace(related, reference=replace(related.reference, quantity=None)))
+    "near no table" is not near a table.
+    """
+    names = str(words(parts, "RELATION")[0].value).split("|")
+    reference = replace(things, quantity=None) if things.quantity == "no" else things
+    either = tuple(tree.Related(name, reference, inverse) for name in names)
+    related = either[0] if len(either) == 1 else tree.Or(either)
+    return tree.Not(related) if things.quantity == "no" else related

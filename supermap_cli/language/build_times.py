@@ -86,6 +86,12 @@ class BuildTimes:
     def clock_seconds(self, parts: list[Any]) -> times.AtClock:
         return times.AtClock(f"{words(parts, 'NUMBER')[0].value:g} s")
 
+    def clock_hour(self, parts: list[Any]) -> times.AtClock:
+        hour = words(parts, "NUMBER")[0].value
+        if hour != int(hour) or hour > 24:
+            raise NoReading
+        return times.AtClock(f"{int(hour):02d}:00")
+
     def noon(self, _parts: list[Any]) -> times.AtClock:
         return times.AtClock("12:00")
 

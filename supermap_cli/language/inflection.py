@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import re
+import unicodedata
 from collections.abc import Iterator
 
 _WORD = re.compile(r"[^\W_]+")
-_APOSTROPHES = str.maketrans("", "", "'’`")
+_APOSTROPHES = str.maketrans("", "", "'\N{RIGHT SINGLE QUOTATION MARK}`")
+_UMLAUTS = str.maketrans({"ä": "ae", "ö": "oe", "ü": "ue", "œ": "oe", "æ": "ae"})
 
 PLURALS = (
     ("sses", "ss"),
@@ -29,6 +31,16 @@ PLURALS = (
 def normalise(text: str) -> str:
     """Case-folded, without apostrophes, single spaces for all that is no letter or digit ("T-shirt": "t shirt")."""
     return " ".join(_WORD.findall(text.casefold().translate(_APOSTROPHES)))
+
+
+def plain_spellings(text: str) -> tuple[str, ...]:
+    """How a text is typed: case-folded as it is, with "ae" for "ä" and the like, and without any accents."""
+    folded = text.casefold()
+    if folded.isascii():
+        return (folded,)
+    written_out = folded.translate(_UMLAUTS)
+    bare = "".join(letter for letter in unicodedata.normalize("NFD", folded) if not unicodedata.combining(letter))
+    return tuple(dict.fromkeys((folded, written_out, bare)))
 
 
 def singulars(name: str) -> Iterator[str]:

@@ -75,7 +75,7 @@ class Lexicon:
         labels = _normalised(frozenset(extra))
         for length in range(min(LONGEST_NAME, len(words) - start), 0, -1):
             written = " ".join(words[start : start + length])
-            if (name := self.name_of(written, labels)) is not None:
+            if "," not in written and (name := self.name_of(written, labels)) is not None:
                 return NounMatch(name, written, length, bool(self._children(name)))
         return None
 
@@ -122,7 +122,7 @@ class Lexicon:
         if name in self._own_categories:
             return True
         fields = self._fields(name)
-        return bool(fields) and fields[0].isupper()
+        return fields is not None and fields[0].isupper()
 
     # --- Meanings ---
 
@@ -213,14 +213,25 @@ class Lexicon:
             low, high = (end + 1, high) if found < name else (low, at)
         return None
 
+    @lru_cache(maxsize=4096)  # noqa: B019 - there is one lexicon of a language, for ever
     def _group(self, name: str) -> frozenset[str]:
-        """The name and its synonyms; those of the table win."""
-        if name in self._synonyms:
-            return self._synonyms[name]
+        """The name and its synonyms: those of the table, and those that the extract adds to them. Two groups of the table
+        are never joined.
+        """
+        own = self._synonyms.get(name)
+        if own is None:
+            others = self._extracted(name)
+            own = next((self._synonyms[other] for other in others if other in self._synonyms), None)
+            if own is None:
+                return frozenset({name, *others})
+        table = self._synonyms.keys() | self._kinds.keys()
+        added = {other for member in own for other in self._extracted(member)} - table
+        return own | added | {name}
+
+    def _extracted(self, name: str) -> tuple[str, ...]:
+        """The synonyms that the extract gives."""
         fields = self._fields(name)
-        others = fields[1].split(";") if fields and len(fields) > 1 and fields[0] != "=" else []
-        free = {other for other in others if other and other not in self._synonyms}
-        return frozenset({name, *free})
+        return tuple(fields[1].split(";")) if fields and len(fields) > 1 and fields[0] != "=" and fields[1] else ()
 
     def _parents(self, name: str) -> Iterable[str]:
         """The names of the classes that a name is said to belong to."""
@@ -236,10 +247,11 @@ class Lexicon:
         for line in self._extract.split("\n"):
             fields = line.split("\t")
             if len(fields) > 3:
-                parents[fields[0]].update(fields[3].split(";"))
-        for parent, names in self._kinds.items():
-            for name in names:
-                parents[name].add(parent)
+                parents[fields[0]].update(parent for parent in fields[3].split(";") if parent not in self._kinds)
+        for section in (self._kinds, self._table["more_kinds"]):
+            for parent, names in section.items():
+                for name in names:
+                    parents[name].add(parent)
         for parent, names in self._table["not_kinds"].items():
             for name in names:
                 parents[name].discard(parent)
@@ -257,7 +269,8 @@ class Lexicon:
     def _own_categories(self) -> Mapping[str, Category]:
         """The names of the table and what they name."""
         own: dict[str, Category] = dict.fromkeys(self._synonyms, "thing")
-        own |= dict.fromkeys([*self._kinds, *(name for names in self._kinds.values() for name in names)], "thing")
+        for section in (self._kinds, self._table["more_kinds"]):
+            own |= dict.fromkeys([*section, *(name for names in section.values() for name in names)], "thing")
         own |= dict.fromkeys([*self._similar], "thing")
         own |= dict.fromkeys(self._synonyms["person"] | {"person", *self._kinds["person"]}, "person")
         own |= dict.fromkeys(self._table["not_held"]["places"], "place")

@@ -13,21 +13,17 @@ from lark.parse_tree_builder import ParseTreeBuilder
 
 from supermap_cli.language.accounting import lost_words
 from supermap_cli.language.build_questions import Asked, BuildQuestions, Refused
+from supermap_cli.language.detection import detected_language
 from supermap_cli.language.earley import RuleSet
 from supermap_cli.language.forest import Builder, Forest, Reading
 from supermap_cli.language.known_names import KnownNames
 from supermap_cli.language.language_data import LanguageData, language_data
-from supermap_cli.language.lexicon import Lexicon, load_lexicon
 from supermap_cli.language.prepared import Phrases, load_grammar
 from supermap_cli.language.questions import Question
 from supermap_cli.language.refusals import RefusedQuestionError
 from supermap_cli.language.tokens import Piece, Tokeniser
-from supermap_cli.language.words import MOST_CHARACTERS, MOST_WORDS, read_words
-
-HINT = (
-    "ask for things like 'cup', 'chair-1', 'chair near the tv', 'how many chairs', 'what is on the table', "
-    "'what changed since monday', 'where was the cup earlier'"
-)
+from supermap_cli.language.translations import Nouns, load_nouns
+from supermap_cli.language.words import MOST_CHARACTERS, MOST_WORDS, join, read_words
 
 
 @dataclass(frozen=True)
@@ -76,36 +72,33 @@ def grammar(language: str) -> Grammar:
 def parse(text: str, known: KnownNames, language: str | None = None) -> Question:
     """The typed question that a text asks.
 
-    `known` are the names of the map; `language` is an ISO 639-1 code, English if it is not given. Raises
+    `known` are the names of the map; `language` is an ISO 639-1 code, found by the words if it is not given. Raises
     `RefusedQuestionError`, whose kind says why a text is no question that can be answered.
     """
-    code = language or "en"
+    code = language or detected_language(text, known)
     rules = grammar(code)
-    lexicon = load_lexicon(code)
+    lexicon = load_nouns(code)
     if len(text) > MOST_CHARACTERS:
-        raise RefusedQuestionError("too long", f"a question of {len(text)} characters", cure="ask in fewer words")
-    words = read_words(text, rules.data.contractions, _kept(known))
+        raise rules.data.refusal("too long")
+    words = read_words(text, rules.data, _kept(known))
     if not words:
-        raise RefusedQuestionError("empty", "an empty question", cure=HINT)
+        raise rules.data.refusal("empty")
     if len(words) > MOST_WORDS:
-        raise RefusedQuestionError("too long", f"a question of {len(words)} words", cure="ask in fewer words")
+        raise rules.data.refusal("too long")
     tokeniser = Tokeniser(rules.data, rules.phrases, lexicon, known)
     readings = _readings(words, rules, tokeniser)
     if not readings:
         raise _refusal(text, words, rules, tokeniser, lexicon)
     best = readings[0].value
     if isinstance(best, Refused):
-        raise _understood_refusal(best, text)
+        raise rules.data.refusal(best.kind, best.part, text)
     others = tuple(
         reading.value.body
         for reading in readings[1:]
         if isinstance(reading.value, Asked) and reading.rank == readings[0].rank and reading.value.time == best.time
     )
-    past = any(word in PAST_TENSE for word in words)
+    past = not rules.data.past.isdisjoint((*words, *(piece.written for piece in next(tokeniser.cuts(words)))))
     return Question(text, best.body, best.time, past, code, others)
-
-
-PAST_TENSE = frozenset({"was", "were", "did", "been", "had", "stood", "lay", "sat", "hung", "saw", "ever"})
 
 
 def _kept(known: KnownNames) -> frozenset[str]:
@@ -143,34 +136,23 @@ def _forest(pieces: Sequence[Piece], rules: Grammar) -> Any:
     return rules.rules.forest([piece.token for piece in pieces], kinds)
 
 
-def _understood_refusal(refused: Refused, text: str) -> RefusedQuestionError:
-    if refused.kind == "unknowable":
-        told = f"'{refused.part}': a map does not hold that" if refused.part else "a map does not hold that"
-        return RefusedQuestionError("unknowable", told, part=refused.part, where=text, cure=HINT)
-    return RefusedQuestionError(refused.kind, "this is no question about the place", where=text, cure=HINT)
-
-
 def _refusal(
-    text: str, words: Sequence[str], rules: Grammar, tokeniser: Tokeniser, lexicon: Lexicon
+    text: str, words: Sequence[str], rules: Grammar, tokeniser: Tokeniser, lexicon: Nouns
 ) -> RefusedQuestionError:
     """Why no reading was found: an unknown word, a room, or the part at which the parser stopped."""
+    refusal = rules.data.refusal
     unknown = tokeniser.unknown(words)
     if unknown:
         near = lexicon.suggest(unknown[0], tokeniser.known.labels)
-        cure = f"did you mean {' or '.join(repr(word) for word in near[:3])}?" if near else HINT
-        told = f"I do not know the word {unknown[0]!r}"
-        return RefusedQuestionError("unknown word", told, part=unknown[0], where=text, cure=cure)
+        return refusal("unknown word", unknown[0], text, near)
     furthest = 0
     for pieces in tokeniser.cuts(words):
         places = [piece.written for piece in pieces if "PLACE" in piece.values]
         if places:
-            told = f"'{places[0]}' is a room or a place; a map holds things, not rooms"
-            return RefusedQuestionError("unknowable", told, part=places[0], where=text, cure=HINT)
+            return refusal("place", places[0], text)
         furthest = max(furthest, _stopped_at(pieces, rules))
-    part = " ".join(words[furthest:]) or " ".join(words)
-    return RefusedQuestionError(
-        "not understood", f"this part was not understood: '{part}'", part=part, where=text, cure=HINT
-    )
+    part = join(words[furthest:] or words, joined=rules.data.joined)
+    return refusal("not understood", part, text)
 
 
 def _stopped_at(pieces: Sequence[Piece], rules: Grammar) -> int:

@@ -14,6 +14,7 @@ from typing import Any
 
 from lark.grammar import NonTerminal, Rule, RuleOptions, Symbol, Terminal
 
+from supermap_cli.language.inflection import plain_spellings
 from supermap_cli.language.language_data import GRAMMARS
 
 Phrases = dict[str, frozenset[str]]
@@ -48,7 +49,8 @@ def compile_grammar(text: str) -> PlainGrammar:
     phrases: dict[str, set[str]] = {}
     for terminal in parser.terminals:
         for phrase in terminal.pattern.value.removeprefix("(?:").removesuffix(")").split("|"):
-            phrases.setdefault(phrase.replace("\\", ""), set()).add(terminal.name)
+            for spelling in plain_spellings(phrase.replace("\\", "")):
+                phrases.setdefault(spelling, set()).add(terminal.name)
     rules = tuple(rule for rule in parser.rules if not str(rule.origin.name).startswith("$"))
     return PlainGrammar(rules, {phrase: frozenset(names) for phrase, names in phrases.items()})
 

@@ -14,17 +14,14 @@ from lark import Token
 from supermap_cli.language.earley import ANY_WORD
 from supermap_cli.language.known_names import KnownNames
 from supermap_cli.language.language_data import LanguageData
-from supermap_cli.language.lexicon import Lexicon
 from supermap_cli.language.questions import Identified, Named
-from supermap_cli.language.words import is_instance
+from supermap_cli.language.translations import Nouns
+from supermap_cli.language.words import LONGEST_PHRASE, is_instance, join
 
 MOST_CUTS = 24
 """Ways to cut a question into tokens that are tried; more than three were needed by none of the tests' questions."""
 
 PUNCTUATION = {",": "_COMMA", "(": "_LPAR", ")": "_RPAR"}
-
-LONGEST_PHRASE = 7
-"""Words of the longest phrase of a grammar that is looked for."""
 
 UNKNOWN_COST = 4
 """What an unknown word costs a way to cut, in tokens."""
@@ -80,13 +77,13 @@ class Tokeniser:
 
     language: LanguageData
     phrases: Mapping[str, frozenset[str]]
-    lexicon: Lexicon
+    lexicon: Nouns
     known: KnownNames
     _longest: int = field(default=LONGEST_PHRASE, init=False)
 
     @cached_property
     def _relations(self) -> Mapping[str, str]:
-        return self.known.relations.get(self.language.code, {})
+        return {**self.language.relations, **self.known.relations.get(self.language.code, {})}
 
     @cached_property
     def _traversals(self) -> Mapping[str, str]:
@@ -114,7 +111,7 @@ class Tokeniser:
         """What begins at `start`, the longest first; at least the word itself."""
         found: dict[int, dict[str, object]] = {1: {}}
         for length in range(1, min(self._longest, len(words) - start) + 1):
-            text = " ".join(words[start : start + length])
+            text = join(words[start : start + length], joined=self.language.joined)
             values = self._values(text)
             if values:
                 found.setdefault(length, {}).update(values)
@@ -128,12 +125,14 @@ class Tokeniser:
                 if shorter is not None:
                     found[1]["NOUN"] = Named(shorter.name, shorter.written, shorter.hypernym)
         return [
-            Piece(start, start + length, " ".join(words[start : start + length]), values)
+            Piece(start, start + length, join(words[start : start + length], joined=self.language.joined), values)
             for length, values in sorted(found.items(), reverse=True)
         ]
 
     def _values(self, text: str) -> dict[str, object]:
-        values: dict[str, object] = dict.fromkeys(self.phrases.get(text, ()), text)
+        values: dict[str, object] = dict.fromkeys(
+            self.phrases.get(text, ()), self.language.values.get(text, text)
+        )
         if (relation := self._relations.get(text)) is not None:
             values["RELATION"] = relation
         if (traversal := self._traversals.get(text)) is not None:
@@ -141,6 +140,8 @@ class Tokeniser:
             values.pop("WEEKDAY", None)
         if (use := self.lexicon.use_phrases.get(text)) is not None:
             values["USE"] = use
+        if (use := self.language.use_verbs.get(text)) is not None:
+            values["USE_VERB"] = use
         if (material := self.lexicon.material_words.get(text)) is not None:
             values["MATERIAL"] = material
         if (colour := self.lexicon.colour_words.get(text)) is not None:

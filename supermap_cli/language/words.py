@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import re
 import unicodedata
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Sequence
+
+from supermap_cli.language.language_data import LanguageData
 
 MOST_CHARACTERS = 400
 """Longest question that is read (characters): eight times the longest one among the 200 written for the tests."""
 
 MOST_WORDS = 60
 """Most words of a question that is read: three times the longest one among those."""
+
+LONGEST_PHRASE = 7
+"""Words of the longest phrase of a grammar that is looked for."""
 
 _QUOTES = str.maketrans({"’": "'", "‘": "'", "`": "'", "´": "'", "“": " ", "”": " ", '"': " ", "„": " ", "…": " "})
 _NUMBER_WITH_UNIT = re.compile(r"(\d+(?:[.,]\d+)?)([a-zäöüéèñ]+)")
@@ -20,11 +25,13 @@ _COMMA = ","
 _PARENTHESIS = re.compile(r"[()]")
 
 
-def read_words(text: str, contractions: Mapping[str, str], kept: Collection[str] = ()) -> tuple[str, ...]:
+def read_words(text: str, language: LanguageData, kept: Collection[str] = ()) -> tuple[str, ...]:
     """The words of a question in lower case; a comma between two words is a word of its own.
 
     `kept` are words that are left as they are, such as names of traversals and labels.
     """
+    if language.joined:
+        text = _spaced(text)
     words: list[str] = []
     spaced = _PARENTHESIS.sub(r" \g<0> ", unicodedata.normalize("NFKC", text).translate(_QUOTES)).casefold()
     for raw in spaced.split():
@@ -34,7 +41,7 @@ def read_words(text: str, contractions: Mapping[str, str], kept: Collection[str]
         bare = raw.strip("?!.;:,[]{}<>*_~|¿¡、。")
         if raw.startswith(_COMMA) and words and bare:
             words.append(_COMMA)
-        words += _parts(bare, contractions, kept) if bare else []
+        words += _parts(bare, language, kept) if bare else []
         if raw.rstrip("?!.").endswith((_COMMA, ";", ":")) and words and words[-1] != _COMMA:
             words.append(_COMMA)
     while words and words[-1] == _COMMA:
@@ -47,11 +54,34 @@ def is_instance(word: str) -> bool:
     return _INSTANCE.fullmatch(word) is not None
 
 
-def _parts(word: str, contractions: Mapping[str, str], kept: Collection[str]) -> list[str]:
+def is_spaced(character: str) -> bool:
+    """Whether a letter belongs to a script that puts spaces between words; not so Chinese and Japanese."""
+    return not unicodedata.name(character, "").startswith(("CJK", "HIRAGANA", "KATAKANA"))
+
+
+def join(words: Sequence[str], *, joined: bool) -> str:
+    """Words as they are written: with spaces; in a language without, only between words of other scripts."""
+    if not joined:
+        return " ".join(words)
+    text = ""
+    for word in words:
+        text += " " * (bool(text) and is_spaced(text[-1]) and is_spaced(word[0])) + word
+    return text
+
+
+def _spaced(text: str) -> str:
+    """A text with spaces around each character of a script that has none."""
+    return "".join(character if is_spaced(character) else f" {character} " for character in text)
+
+
+def _parts(word: str, language: LanguageData, kept: Collection[str]) -> list[str]:
     if word in kept:
         return [word]
-    if (written_out := contractions.get(word)) is not None:
+    if (written_out := language.contractions.get(word)) is not None:
         return written_out.split()
+    elided, apostrophe, rest = word.partition("'")
+    if apostrophe and rest and elided in language.elisions:
+        return [*([elided] if elided else []), *_parts(rest, language, kept)]
     if is_instance(word):
         return [word]
     if (measure := _NUMBER_WITH_UNIT.fullmatch(word)) is not None:

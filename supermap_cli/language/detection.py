@@ -1,0 +1,70 @@
+"""Which language a question is asked in: the one whose words cover most of it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from functools import cache
+
+from supermap_cli.language.inflection import plain_spellings
+from supermap_cli.language.known_names import KnownNames
+from supermap_cli.language.language_data import GRAMMARS, LanguageData, language_data
+from supermap_cli.language.translations import load_nouns
+from supermap_cli.language.words import LONGEST_PHRASE, MOST_WORDS, join, read_words
+
+LANGUAGES = ("en", "de", "es")
+"""The languages that have a grammar; of several that cover a question alike the first is taken."""
+
+_LITERAL = re.compile(r'"([^"\n]+)"')
+
+
+def detected_language(text: str, known: KnownNames) -> str:
+    """The language (ISO 639-1) that leaves the fewest words of a text unknown; English if none explains more."""
+    best, fewest = LANGUAGES[0], _unknown_words(text, LANGUAGES[0], known)
+    for code in LANGUAGES[1:]:
+        if fewest == 0:
+            break
+        if (unknown := _unknown_words(text, code, known)) < fewest:
+            best, fewest = code, unknown
+    return best
+
+
+def _unknown_words(text: str, code: str, known: KnownNames) -> int:
+    """How many words (in a language without spaces: characters) of a text are in no phrase and no noun of it."""
+    data = language_data(code)
+    words = read_words(text, data)[:MOST_WORDS]
+    explained: set[int] = set()
+    for start in range(len(words)):
+        explained.update(range(start, start + _explained_from(words, start, data, known)))
+    return len(words) - len(explained)
+
+
+def _explained_from(words: tuple[str, ...], start: int, data: LanguageData, known: KnownNames) -> int:
+    """The number of words from `start` that the longest phrase or noun there has; 0 if there is none."""
+    noun = load_nouns(data.code).longest_noun(words, start, known.labels)
+    longest = noun.length if noun is not None else 0
+    for length in range(min(LONGEST_PHRASE, len(words) - start), longest, -1):
+        if join(words[start : start + length], joined=data.joined) in _phrases(data.code):
+            return length
+    return longest or _is_of_any_language(words[start])
+
+
+def _is_of_any_language(word: str) -> bool:
+    """Whether a word is a number, a time or an id."""
+    return any(character.isdigit() for character in word) or word == ","
+
+
+@cache
+def _phrases(code: str) -> frozenset[str]:
+    """All words and phrases that the grammar of a language lists, without making a parser of it."""
+    return frozenset(spelling for phrase in _listed(code) for spelling in plain_spellings(phrase))
+
+
+def _listed(code: str) -> Iterator[str]:
+    grammar = (GRAMMARS / f"{code}.lark").read_text(encoding="utf-8")
+    for line in grammar.splitlines():
+        if not line.lstrip().startswith("//"):
+            yield from _LITERAL.findall(line)
+    data, nouns = language_data(code), load_nouns(code)
+    yield from (*data.numbers, *data.ordinals, *data.places, *data.use_verbs, *data.relations)
+    yield from (*nouns.use_phrases, *nouns.material_words, *nouns.colour_words)
