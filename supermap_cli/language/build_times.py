@@ -33,7 +33,10 @@ class BuildTimes:
         return times.Before(_moment(parts))
 
     def since(self, parts: list[Any]) -> times.Since:
-        return times.Since(_moment(parts))
+        moment = _moment(parts)
+        if moment == times.InTraversal("last"):  # now is in the last one: "since the last visit" is since the one before
+            moment = times.InTraversal("previous")
+        return times.Since(moment)
 
     def between_times(self, parts: list[Any]) -> times.BetweenTimes:
         first, second = (part for part in parts if isinstance(part, _MOMENTS))
@@ -82,6 +85,12 @@ class BuildTimes:
 
     def clock_seconds(self, parts: list[Any]) -> times.AtClock:
         return times.AtClock(f"{words(parts, 'NUMBER')[0].value:g} s")
+
+    def clock_hour(self, parts: list[Any]) -> times.AtClock:
+        hour = words(parts, "NUMBER")[0].value
+        if hour != int(hour) or hour > 24:
+            raise NoReading
+        return times.AtClock(f"{int(hour):02d}:00")
 
     def noon(self, _parts: list[Any]) -> times.AtClock:
         return times.AtClock("12:00")

@@ -20,7 +20,8 @@ class LanguageData:
     """What the tokeniser knows of a language. `code` is its ISO 639-1 code.
 
     `elisions` are what an apostrophe separates from the next word ("l" of French "l'armoire"). A language is `joined`
-    if it writes no spaces between words: then every character is looked at as a word. `past` are the words of which one
+    if it writes no spaces between words: then every character is looked at as a word. `values` are what words stand for that are no English ("montag":
+    "monday"). `past` are the words of which one
     tells that a question is in the past tense.
     """
 
@@ -31,6 +32,7 @@ class LanguageData:
     places: frozenset[str]
     use_verbs: Mapping[str, str]
     relations: Mapping[str, str]
+    values: Mapping[str, str]
     elisions: frozenset[str]
     joined: bool
     past: frozenset[str]
@@ -64,6 +66,7 @@ def language_data(code: str) -> LanguageData:
         frozenset(spelt(dict.fromkeys(table.get("places", {}).get("words", ()), ""))),
         spelt(table.get("use_verbs", {})),
         spelt({phrase: name for name, phrases in table.get("relations", {}).items() for phrase in phrases}),
+        spelt(table.get("values", {})),
         frozenset(table.get("elisions", ())),
         table.get("joined", False),
         frozenset(spelt(dict.fromkeys(table["past"], ""))),

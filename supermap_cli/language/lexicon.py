@@ -75,7 +75,7 @@ class Lexicon:
         labels = _normalised(frozenset(extra))
         for length in range(min(LONGEST_NAME, len(words) - start), 0, -1):
             written = " ".join(words[start : start + length])
-            if (name := self.name_of(written, labels)) is not None:
+            if "," not in written and (name := self.name_of(written, labels)) is not None:
                 return NounMatch(name, written, length, bool(self._children(name)))
         return None
 
@@ -203,10 +203,15 @@ class Lexicon:
 
     def _fields(self, name: str) -> tuple[str, ...] | None:
         """The fields of a name's line, less the name; at least one."""
-        at = self._extract.find(f"\n{name}\t")
-        if at < 0:
-            return None
-        return tuple(self._extract[at + len(name) + 2 : self._extract.index("\n", at + 1)].split("\t"))
+        low, high = 1, len(self._extract)
+        while low < high:  # its lines are sorted by name; low and high are beginnings of lines
+            at = self._extract.rfind("\n", low - 1, (low + high) // 2) + 1
+            end = self._extract.index("\n", at)
+            found, _, fields = self._extract[at:end].partition("\t")
+            if found == name:
+                return tuple(fields.split("\t"))
+            low, high = (end + 1, high) if found < name else (low, at)
+        return None
 
     @lru_cache(maxsize=4096)  # noqa: B019 - there is one lexicon of a language, for ever
     def _group(self, name: str) -> frozenset[str]:

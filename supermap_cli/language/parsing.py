@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
-from lark import Lark, Token, Tree, UnexpectedInput
-from lark.lexer import Lexer
+from lark import UnexpectedInput
+from lark.grammar import Rule
 from lark.parse_tree_builder import ParseTreeBuilder
 
+from supermap_cli.language.accounting import lost_words
 from supermap_cli.language.build_questions import Asked, BuildQuestions, Refused
 from supermap_cli.language.detection import detected_language
+from supermap_cli.language.earley import RuleSet
 from supermap_cli.language.forest import Builder, Forest, Reading
-from supermap_cli.language.inflection import plain_spellings
 from supermap_cli.language.known_names import KnownNames
-from supermap_cli.language.language_data import GRAMMARS, LanguageData, language_data
-from supermap_cli.language.pruning import PrunedGrammar
+from supermap_cli.language.language_data import LanguageData, language_data
+from supermap_cli.language.prepared import Phrases, load_grammar
 from supermap_cli.language.questions import Question
 from supermap_cli.language.refusals import RefusedQuestionError
 from supermap_cli.language.tokens import Piece, Tokeniser
@@ -25,57 +26,47 @@ from supermap_cli.language.translations import Nouns, load_nouns
 from supermap_cli.language.words import MOST_CHARACTERS, MOST_WORDS, join, read_words
 
 
-class _NoLexer(Lexer):
-    """For the making of a grammar only: the tokens are made before the parser is asked."""
-
-    def __init__(self, _conf: object) -> None:
-        pass
-
-    def lex(self, _lexer_state: object, _parser_state: object) -> Iterator[Token]:
-        """Nothing."""
-        yield from ()
-
-
 @dataclass(frozen=True)
-class _Words:
-    """Tokens as lark's Earley parser asks for them."""
+class _Inlined:
+    """The parts of a rule that is inlined into others. lark adds to the list that it is given, so each gets its own."""
 
-    tokens: Sequence[Token]
+    name: str
+    parts: Sequence[Any]
 
-    def lex(self, _expected: object) -> Iterator[Token]:
-        """All tokens."""
-        yield from self.tokens
+    @property
+    def children(self) -> list[Any]:
+        """The parts, in a new list."""
+        return list(self.parts)
+
+
+class _Builders(dict[Rule, Callable[[list[Any]], Any]]):
+    """The function that makes the value of a rule, for the rules that were asked for."""
+
+    def __missing__(self, rule: Rule) -> Callable[[list[Any]], Any]:
+        made = ParseTreeBuilder([rule], _Inlined, ambiguous=False, maybe_placeholders=False)
+        function: Callable[[list[Any]], Any] = made.create_callback(_BUILDER)[rule]
+        self[rule] = function
+        return function
+
+
+_BUILDER = BuildQuestions()
 
 
 @dataclass(frozen=True)
 class Grammar:
     """The grammar of a language, ready to parse."""
 
-    pruned: PrunedGrammar
+    rules: RuleSet
     build: Builder
-    phrases: dict[str, frozenset[str]]
+    phrases: Phrases
     data: LanguageData
 
 
 @cache
 def grammar(language: str) -> Grammar:
     """The grammar of a language, loaded once."""
-    text = (GRAMMARS / f"{language}.lark").read_text(encoding="utf-8")
-    parser = Lark(text, parser="earley", lexer=_NoLexer, ambiguity="forest", maybe_placeholders=False)
-    builder = ParseTreeBuilder(parser.rules, Tree, ambiguous=False, maybe_placeholders=False)
-    build = builder.create_callback(BuildQuestions())
-    return Grammar(PrunedGrammar(parser), build, _phrases(parser), language_data(language))
-
-
-def _phrases(parser: Lark) -> dict[str, frozenset[str]]:
-    """The words and phrases of the grammar's terminals -> the names of those terminals."""
-    found: dict[str, set[str]] = {}
-    for terminal in parser.terminals:
-        listed = terminal.pattern.value.removeprefix("(?:").removesuffix(")").split("|")
-        for phrase in listed:
-            for spelling in plain_spellings(phrase.replace("\\", "")):
-                found.setdefault(spelling, set()).add(terminal.name)
-    return {phrase: frozenset(names) for phrase, names in found.items()}
+    plain = load_grammar(language)
+    return Grammar(RuleSet(plain.rules), _Builders(), plain.phrases, language_data(language))
 
 
 def parse(text: str, known: KnownNames, language: str | None = None) -> Question:
@@ -132,13 +123,17 @@ def _read(pieces: Sequence[Piece], rules: Grammar) -> tuple[Reading, ...]:
         forest = _forest(pieces, rules)
     except UnexpectedInput:
         return ()
-    return Forest(rules.build).readings(forest)
+    return tuple(
+        reading
+        for reading in Forest(rules.build).readings(forest)
+        if isinstance(reading.value, Refused) or not lost_words(reading.words, reading.value)
+    )
 
 
 def _forest(pieces: Sequence[Piece], rules: Grammar) -> Any:
     """The parse forest. Raises `UnexpectedInput` where the words do not fit the grammar."""
     kinds = {kind for piece in pieces for kind in piece.values}
-    return rules.pruned.parser_for(kinds).parse(_Words([piece.token for piece in pieces]), "start")
+    return rules.rules.forest([piece.token for piece in pieces], kinds)
 
 
 def _refusal(

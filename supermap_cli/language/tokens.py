@@ -11,6 +11,7 @@ from itertools import count, islice
 
 from lark import Token
 
+from supermap_cli.language.earley import ANY_WORD
 from supermap_cli.language.known_names import KnownNames
 from supermap_cli.language.language_data import LanguageData
 from supermap_cli.language.questions import Identified, Named
@@ -20,10 +21,11 @@ from supermap_cli.language.words import LONGEST_PHRASE, is_instance, join
 MOST_CUTS = 24
 """Ways to cut a question into tokens that are tried; more than three were needed by none of the tests' questions."""
 
+PUNCTUATION = {",": "_COMMA", "(": "_LPAR", ")": "_RPAR"}
+
 UNKNOWN_COST = 4
 """What an unknown word costs a way to cut, in tokens."""
 
-ANY_WORD = "WORD"
 _CLOCK = re.compile(r"\d{1,2}:\d{2}(:\d{2}(\.\d+)?)?z?|\d{4}-\d{2}-\d{2}t[\d:.]+z?")
 _TWELVE_HOURS = re.compile(r"(\d{1,2})(?::(\d{2}))?\s?(am|pm)")
 _DATE = re.compile(r"\d{4}-\d{2}-\d{2}")
@@ -128,7 +130,9 @@ class Tokeniser:
         ]
 
     def _values(self, text: str) -> dict[str, object]:
-        values: dict[str, object] = dict.fromkeys(self.phrases.get(text, ()), text)
+        values: dict[str, object] = dict.fromkeys(
+            self.phrases.get(text, ()), self.language.values.get(text, text)
+        )
         if (relation := self._relations.get(text)) is not None:
             values["RELATION"] = relation
         if (traversal := self._traversals.get(text)) is not None:
@@ -144,8 +148,8 @@ class Tokeniser:
             values[colour.upper()] = text
         if text in self.language.places:
             values["PLACE"] = Named(text, text)
-        if text == ",":
-            values["_COMMA"] = text
+        if text in PUNCTUATION:
+            values[PUNCTUATION[text]] = text
         if is_instance(text):
             values["ID"] = Identified(text)
         values.update(self._numbers(text))

@@ -65,7 +65,7 @@ class TranslatedLexicon:
         longest = self._longest_form if self._joined else LONGEST_NAME
         for length in range(min(longest, len(words) - start), 0, -1):
             written = join(words[start : start + length], joined=self._joined)
-            name = self._name_of(normalise(written), labels)
+            name = self._name_of(normalise(written), labels) if "," not in written else None
             if name is not None:
                 return NounMatch(name, written, length, bool(self._english.kinds(name)))
         return None
