@@ -41,6 +41,8 @@ class Asked:
 
     body: tree.Body
     time: times.Time | None = None
+    implied: bool = False
+    """Whether the time is only implied: then one that is named counts instead."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +75,8 @@ class BuildQuestions(BuildThings, BuildTimes):
         body = next(part for part in parts if isinstance(part, (*BODIES, Asked)))
         found = [part for part in parts if isinstance(part, TIMES)]
         if isinstance(body, Asked):
-            found = [body.time, *found] if body.time is not None else found
+            if body.time is not None and not (body.implied and found):
+                found = [body.time, *found]
             body = body.body
         if len(found) > 1:
             raise NoReading
@@ -95,7 +98,20 @@ class BuildQuestions(BuildThings, BuildTimes):
 
     def find_seen(self, parts: list[Any]) -> Asked:
         sight = [part for part in parts if isinstance(part, (times.First, times.Last))]
-        return Asked(tree.Find(only(parts, tree.Things), place=True), sight[0] if sight else times.Last())
+        body = tree.Find(only(parts, tree.Things), place=True)
+        return Asked(body, sight[0] if sight else times.Last(), implied=not sight)
+
+    def find_earlier(self, parts: list[Any]) -> Asked:
+        return Asked(self.find_what(parts), times.Earlier(), implied=True)
+
+    def find_place_earlier(self, parts: list[Any]) -> Asked:
+        return Asked(self.find_place(parts), times.Earlier(), implied=True)
+
+    def find_compared(self, parts: list[Any]) -> tree.Find:
+        things, measure = only(parts, tree.Things), _compared(parts)
+        if things.superlative is not None or measure in {"near", "far"}:
+            raise NoReading
+        return tree.Find(replace(things, superlative=tree.Superlative(measure)))
 
     def which_sight(self, parts: list[Any]) -> times.First | times.Last:
         return times.First() if only(parts, Word).kind == "FIRST_TIME" else times.Last()
@@ -110,6 +126,9 @@ class BuildQuestions(BuildThings, BuildTimes):
         superlative = maybe(parts, tree.Superlative)
         things = replace(ANYTHING, superlative=superlative)
         return tree.Find(with_condition(things, condition_of(parts)))
+
+    def find_all(self, _parts: list[Any]) -> tree.Find:
+        return tree.Find(ANYTHING)
 
     def find_who(self, parts: list[Any]) -> tree.Find:
         return tree.Find(with_condition(_person(), condition_of(parts)))
@@ -184,6 +203,10 @@ class BuildQuestions(BuildThings, BuildTimes):
 
     holds_still_ = holds_still
 
+    def holds_mutually(self, parts: list[Any]) -> tree.Holds:
+        first, second = of_type(parts, tree.Things)
+        return tree.Holds(first, tree.Related(str(words(parts, "RELATION")[0].value), second))
+
     def holds_there(self, parts: list[Any]) -> tree.Exists:
         return tree.Exists(only(parts, tree.Things))
 
@@ -234,14 +257,16 @@ class BuildQuestions(BuildThings, BuildTimes):
         return tree.HowFar(named[0], named[1] if len(named) > 1 else None)
 
     def describe(self, parts: list[Any]) -> tree.Describe:
-        what = next(part for part in parts if isinstance(part, Aspect)).what
-        return tree.Describe(only(parts, tree.Things), cast("Any", what))
+        return tree.Describe(only(parts, tree.Things), cast("Any", only(parts, Aspect).what))
 
     def describe_sure(self, parts: list[Any]) -> tree.Describe:
         return tree.Describe(only(parts, tree.Things), "confidence")
 
     def describe_all(self, parts: list[Any]) -> tree.Describe:
         return tree.Describe(only(parts, tree.Things), "all")
+
+    def describe_long(self, parts: list[Any]) -> tree.Describe:
+        return tree.Describe(only(parts, tree.Things), "width")
 
     def aspect(self, parts: list[Any]) -> Aspect:
         names = {"COLOUR_": "colour", "SIZE_": "size", "HEIGHT_": "height", "WIDTH_": "width"}
@@ -259,6 +284,16 @@ class BuildQuestions(BuildThings, BuildTimes):
         sight = [part for part in parts if isinstance(part, (times.First, times.Last))]
         body = tree.When(only(parts, tree.Things), "seen")
         return Asked(body, sight[0]) if sight else body
+
+    def when_last(self, parts: list[Any]) -> Asked:
+        return Asked(tree.When(only(parts, tree.Things), "seen"), times.Last())
+
+    def when_sight(self, parts: list[Any]) -> Asked:
+        sight = next(part for part in parts if isinstance(part, (times.First, times.Last)))
+        return Asked(self.when(parts), sight)
+
+    def when_gone(self, parts: list[Any]) -> tree.When:
+        return tree.When(only(parts, tree.Things), "disappeared")
 
     def when_so(self, parts: list[Any]) -> tree.When:
         return tree.When(with_condition(only(parts, tree.Things), condition_of(parts)), "seen")
@@ -293,9 +328,16 @@ class BuildQuestions(BuildThings, BuildTimes):
         if things is None:
             condition = condition_of(parts)
             things = None if condition is None else with_condition(ANYTHING, condition)
+        else:
+            things = with_condition(things, condition_of(parts))
         return tree.Changes(_events(parts), None if things == ANYTHING else things, exists=True)
 
     changes_exist_fragment = changes_exist
+
+    def changes_exist_by(self, parts: list[Any]) -> tree.Changes:
+        events = _events(parts) or ("disappeared",) * len(words(parts, "TAKE"))
+        things = only(parts, tree.Things)
+        return tree.Changes(events, None if things == ANYTHING else things, exists=True)
 
     def came_from(self, parts: list[Any]) -> tree.MovedWhere:
         return tree.MovedWhere(only(parts, tree.Things), "from")
@@ -348,5 +390,7 @@ def _compared(parts: list[Any]) -> tree.Measure:
 
 def _events(parts: list[Any]) -> tuple[tree.Event, ...]:
     """The events named; none for "changed", which is any of them."""
+    kinds: dict[str, tree.Event] = {"GONE": "disappeared", "PUT_DONE": "appeared"}
     found = [part.event for part in parts if isinstance(part, Happening)]
+    found += [kinds[word.kind] for word in words(parts, *kinds)]
     return tuple(event for event in found if event != "changed")

@@ -111,7 +111,7 @@ class BuildThings:
         if len(nouns) != 1:
             raise NoReading
         things = nouns[0] if isinstance(nouns[0], tree.Things) else tree.Things(nouns[0])
-        numbers = words(parts, "NUMBER")
+        numbers = words(parts, "NUMBER", "AT_LEAST")
         quantities = words(parts, *_QUANTITIES)
         if len(numbers) > 1 or len(quantities) > 1 or any(word.value != int(word.value) for word in numbers):
             raise NoReading
@@ -163,6 +163,13 @@ class BuildThings:
             raise NoReading
         return values[0]
 
+    def at_least(self, parts: list[Any]) -> Word:
+        return replace(only(parts, Word), kind="AT_LEAST")
+
+    def more_than(self, parts: list[Any]) -> Word:
+        word = only(parts, Word)
+        return replace(word, kind="AT_LEAST", value=word.value + 1)
+
     def superlative(self, parts: list[Any]) -> tree.Superlative:
         ordinals = words(parts, "ORDINAL")
         measure = only(parts, Measured).measure
@@ -209,6 +216,9 @@ class BuildThings:
         if not number.written.isdecimal():
             raise NoReading
         return tree.Identified(f"{noun.name.replace(' ', '-')}-{number.written}")
+
+    def nothing_at_all(self, _parts: list[Any]) -> tree.Things:
+        return tree.Things(tree.Anything(), quantity="no")
 
     def anything(self, _parts: list[Any]) -> tree.Anything:
         return tree.Anything()
@@ -269,10 +279,16 @@ class BuildThings:
         times = [part for part in parts if isinstance(part, TIMES)]
         return tree.Happened(only(parts, Happening).event, cast("Time | None", times[0] if times else None))
 
+    def not_happened(self, parts: list[Any]) -> tree.Condition:
+        return tree.Not(self.happened(parts))
+
+    def seen_so(self, parts: list[Any]) -> tree.Condition:
+        return self.happened([Happening("seen"), *parts])
+
     def event_done(self, parts: list[Any]) -> Happening:
         return Happening(_EVENTS[only(parts, Word).kind.removesuffix("_PAST").removesuffix("_COUNT")])
 
-    event_past = event_base = event_adjective = event_done
+    event_past = event_base = event_adjective = event_state = event_done
 
     def negated(self, parts: list[Any]) -> tree.Condition:
         condition = condition_of(parts)
@@ -294,10 +310,14 @@ class BuildThings:
     def having(self, parts: list[Any]) -> tree.Condition:
         return tree.Having(parts[0])
 
+    def having_material(self, parts: list[Any]) -> tree.Condition:
+        return tree.Having(tree.Material(str(only(parts, Word).value)))
+
+    def gone_from(self, parts: list[Any]) -> tree.Condition:
+        return tree.Related("on", only(parts, tree.Things))
+
     def inverse(self, parts: list[Any]) -> tree.Condition:
-        things = only(parts, tree.Things)
-        related = related_to(parts, replace(things, quantity=None), inverse=True)
-        return tree.Not(related) if things.quantity == "no" else related
+        return related_to(parts, only(parts, tree.Things), inverse=True)
 
 
 @dataclass(frozen=True)
@@ -328,7 +348,12 @@ def to_reference(things: tree.Things | None) -> tree.Things | None:
 
 
 def related_to(parts: Sequence[Any], things: tree.Things, *, inverse: bool = False) -> tree.Condition:
-    """The relation among the parts, to some things; a word that may mean two relations is fulfilled by either."""
+    """The relation among the parts, to some things; a word that may mean two relations is fulfilled by either.
+
+    "near no table" is not near a table.
+    """
     names = str(words(parts, "RELATION")[0].value).split("|")
-    either = tuple(tree.Related(name, things, inverse) for name in names)
-    return either[0] if len(either) == 1 else tree.Or(either)
+    reference = replace(things, quantity=None) if things.quantity == "no" else things
+    either = tuple(tree.Related(name, reference, inverse) for name in names)
+    related = either[0] if len(either) == 1 else tree.Or(either)
+    return tree.Not(related) if things.quantity == "no" else related

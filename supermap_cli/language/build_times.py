@@ -33,7 +33,10 @@ class BuildTimes:
         return times.Before(_moment(parts))
 
     def since(self, parts: list[Any]) -> times.Since:
-        return times.Since(_moment(parts))
+        moment = _moment(parts)
+        if moment == times.InTraversal("last"):  # now is in the last one: "since the last visit" is since the one before
+            moment = times.InTraversal("previous")
+        return times.Since(moment)
 
     def between_times(self, parts: list[Any]) -> times.BetweenTimes:
         first, second = (part for part in parts if isinstance(part, _MOMENTS))

@@ -6,7 +6,7 @@ evaluated once, to at most `MOST_READINGS` different values.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -34,10 +34,11 @@ class Word:
 
 @dataclass(frozen=True)
 class Reading:
-    """A value and its rank; higher is better."""
+    """A value, its rank (higher is better), and the terminals that it was made of."""
 
     value: Any
     rank: int
+    words: tuple[Word, ...] = ()
 
 
 Builder = Mapping[Rule, Callable[[list[Any]], Any]]
@@ -68,7 +69,7 @@ class Forest:
                     value = self.build[packed.rule](list(parts.value))
                 except NoReading:
                     continue
-                found.append(Reading(value, parts.rank + priority))
+                found.append(Reading(value, parts.rank + priority, parts.words))
         self._open.discard(id(node))
         self._known[id(node)] = best(found)
         return self._known[id(node)]
@@ -79,7 +80,11 @@ class Forest:
         if packed.right is None:
             return befores
         lasts = self._last(packed)
-        both = [Reading((*before.value, last.value), before.rank + last.rank) for before in befores for last in lasts]
+        both = [
+            Reading((*before.value, last.value), before.rank + last.rank, before.words + last.words)
+            for before in befores
+            for last in lasts
+        ]
         return best(both)
 
     def _before(self, node: SymbolNode | TokenNode) -> tuple[Reading, ...]:
@@ -92,7 +97,8 @@ class Forest:
     def _last(self, packed: PackedNode) -> tuple[Reading, ...]:
         node = packed.right
         if isinstance(node, TokenNode):
-            return (Reading(_word(packed, node), 0),)
+            word = _word(packed, node)
+            return (Reading(word, 0, (word,)),)
         return self.readings(node)
 
 
@@ -117,12 +123,3 @@ def best(found: Sequence[Reading]) -> tuple[Reading, ...]:
 
 def _same(first: Any, second: Any) -> bool:
     return bool(first == second)
-
-
-def walk(values: Sequence[Any]) -> Iterator[Any]:
-    """Values with those of nested sequences, flattened."""
-    for value in values:
-        if isinstance(value, (list, tuple)):
-            yield from walk(value)
-        else:
-            yield value

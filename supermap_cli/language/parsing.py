@@ -7,10 +7,11 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
-from lark import Tree, UnexpectedInput
+from lark import UnexpectedInput
 from lark.grammar import Rule
 from lark.parse_tree_builder import ParseTreeBuilder
 
+from supermap_cli.language.accounting import lost_words
 from supermap_cli.language.build_questions import Asked, BuildQuestions, Refused
 from supermap_cli.language.detection import detected_language
 from supermap_cli.language.earley import RuleSet
@@ -25,11 +26,24 @@ from supermap_cli.language.translations import Nouns, load_nouns
 from supermap_cli.language.words import MOST_CHARACTERS, MOST_WORDS, join, read_words
 
 
+@dataclass(frozen=True)
+class _Inlined:
+    """The parts of a rule that is inlined into others. lark adds to the list that it is given, so each gets its own."""
+
+    name: str
+    parts: Sequence[Any]
+
+    @property
+    def children(self) -> list[Any]:
+        """The parts, in a new list."""
+        return list(self.parts)
+
+
 class _Builders(dict[Rule, Callable[[list[Any]], Any]]):
     """The function that makes the value of a rule, for the rules that were asked for."""
 
     def __missing__(self, rule: Rule) -> Callable[[list[Any]], Any]:
-        made = ParseTreeBuilder([rule], Tree, ambiguous=False, maybe_placeholders=False)
+        made = ParseTreeBuilder([rule], _Inlined, ambiguous=False, maybe_placeholders=False)
         function: Callable[[list[Any]], Any] = made.create_callback(_BUILDER)[rule]
         self[rule] = function
         return function
@@ -109,7 +123,11 @@ def _read(pieces: Sequence[Piece], rules: Grammar) -> tuple[Reading, ...]:
         forest = _forest(pieces, rules)
     except UnexpectedInput:
         return ()
-    return Forest(rules.build).readings(forest)
+    return tuple(
+        reading
+        for reading in Forest(rules.build).readings(forest)
+        if isinstance(reading.value, Refused) or not lost_words(reading.words, reading.value)
+    )
 
 
 def _forest(pieces: Sequence[Piece], rules: Grammar) -> Any:

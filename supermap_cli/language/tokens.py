@@ -21,6 +21,8 @@ from supermap_cli.language.words import LONGEST_PHRASE, is_instance, join
 MOST_CUTS = 24
 """Ways to cut a question into tokens that are tried; more than three were needed by none of the tests' questions."""
 
+PUNCTUATION = {",": "_COMMA", "(": "_LPAR", ")": "_RPAR"}
+
 UNKNOWN_COST = 4
 """What an unknown word costs a way to cut, in tokens."""
 
@@ -146,8 +148,8 @@ class Tokeniser:
             values[colour.upper()] = text
         if text in self.language.places:
             values["PLACE"] = Named(text, text)
-        if text == ",":
-            values["_COMMA"] = text
+        if text in PUNCTUATION:
+            values[PUNCTUATION[text]] = text
         if is_instance(text):
             values["ID"] = Identified(text)
         values.update(self._numbers(text))

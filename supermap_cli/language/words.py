@@ -22,6 +22,7 @@ _NUMBER_WITH_UNIT = re.compile(r"(\d+(?:[.,]\d+)?)([a-zäöüéèñ]+)")
 _INSTANCE = re.compile(r"[^\W\d_][\w]*(?:-[\w]+)*-\d+")
 _KEPT_WHOLE = re.compile(r"[\d.:,+@tz-]+|.*[@:].*|.*\+\d.*")
 _COMMA = ","
+_PARENTHESIS = re.compile(r"[()]")
 
 
 def read_words(text: str, language: LanguageData, kept: Collection[str] = ()) -> tuple[str, ...]:
@@ -32,12 +33,15 @@ def read_words(text: str, language: LanguageData, kept: Collection[str] = ()) ->
     if language.joined:
         text = _spaced(text)
     words: list[str] = []
-    for raw in unicodedata.normalize("NFKC", text).translate(_QUOTES).casefold().split():
-        bare = raw.strip("?!.;:()[]{}<>*_~|¿¡、。？！，,")
+    spaced = _PARENTHESIS.sub(r" \g<0> ", unicodedata.normalize("NFKC", text).translate(_QUOTES)).casefold()
+    for raw in spaced.split():
+        if raw in "()":
+            words.append(raw)
+            continue
+        bare = raw.strip("?!.;:,[]{}<>*_~|¿¡、。")
         if raw.startswith(_COMMA) and words and bare:
             words.append(_COMMA)
-        for word in _parts(bare, language, kept) if bare else ():
-            words.append(word)
+        words += _parts(bare, language, kept) if bare else []
         if raw.rstrip("?!.").endswith((_COMMA, ";", ":")) and words and words[-1] != _COMMA:
             words.append(_COMMA)
     while words and words[-1] == _COMMA:
