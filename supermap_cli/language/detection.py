@@ -12,7 +12,7 @@ from supermap_cli.language.language_data import GRAMMARS, LanguageData, language
 from supermap_cli.language.translations import load_nouns
 from supermap_cli.language.words import LONGEST_PHRASE, MOST_WORDS, join, read_words
 
-LANGUAGES = ("en", "de", "es")
+LANGUAGES = ("en", "de", "es", "fr", "zh")
 """The languages that have a grammar; of several that cover a question alike the first is taken."""
 
 _LITERAL = re.compile(r'"([^"\n]+)"')
