@@ -13,6 +13,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 
@@ -30,6 +31,31 @@ ClearBetween = Callable[[Box3D, Box3D], bool]
 def nothing_known(_first: Box3D, _second: Box3D) -> bool:
     """No wall is known."""
     return True
+
+
+class Walls(Protocol):
+    """Where walls are known to stand, and from how many `views`."""
+
+    @property
+    def views(self) -> int:
+        """It grows with what is known."""
+
+    def clear_between(self, first: Box3D, second: Box3D) -> bool:
+        """Whether no wall is known to stand between two boxes."""
+
+
+@dataclass(frozen=True)
+class NoWalls:
+    """Nothing is known of any wall."""
+
+    views: int = 0
+
+    def clear_between(self, first: Box3D, second: Box3D) -> bool:
+        """Always."""
+        return nothing_known(first, second)
+
+
+NO_WALLS = NoWalls()
 
 
 @dataclass(frozen=True)

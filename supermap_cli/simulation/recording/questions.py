@@ -4,7 +4,7 @@ Words: a label means its own things and those of its kinds (an armchair is a cha
 what stands there when the last traversal ends; "earlier" what stood there in a traversal before the last (with one
 traversal: ever); "in NAME" what that traversal saw; the past tense what was ever seen.
 
-Relations are those of the registry (`supermap_cli.relations`), on the true boxes and on the surfaces that were seen, whose
+Relations are those of the registry (`supermap_cli.relations`), on the true boxes and the surfaces that were seen, whose
 measures `slack` widens. Here one holds if it does with `STRICT`, and does not if it fails even with `WIDE`, which is
 more than the graph's own hysteresis of 1.3; a question that depends on anything between is left out.
 
