@@ -94,7 +94,11 @@ class BruteForce:
     def nearest(self) -> list[tuple[str, float | None]]:
         """The near misses and their distances."""
         if (missing := self._unknown_noun(self.phrase)) is not None:
-            return [(text_id, None) for text_id in self._maybe_labelled(missing)]
+            if (doubted := self.parts.get(missing)) is not None and doubted.states:
+                return [(doubted.id, None)]
+            head, dash, _ = missing.partition("-")
+            alike = [instance for instance in self._labelled(NounPhrase(head)) if instance.states] if dash else []
+            return [(each.id, None) for each in alike[:3]] or [(each, None) for each in self._maybe_labelled(head)]
         if self.phrase.relation is not None and (out_of_reach := self._out_of_reach(self.phrase, self.phrase.relation)):
             return out_of_reach
         return [(instance.id, None) for instance in self._labelled(self.phrase) if instance.states][:3]
