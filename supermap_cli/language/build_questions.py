@@ -215,7 +215,12 @@ class BuildQuestions(BuildThings, BuildTimes):
     def most_of(self, parts: list[Any]) -> tree.MostOf:
         things, counted = of_type(parts, tree.Things)
         relation = words(parts, "RELATION")
-        return tree.MostOf(things, counted, str(relation[0].value).partition("|")[0] if relation else "on", bool(words(parts, "FEWEST")))
+        return tree.MostOf(
+            things,
+            counted,
+            str(relation[0].value).partition("|")[0] if relation else "on",
+            bool(words(parts, "FEWEST")),
+        )
 
     def most_of_front(self, parts: list[Any]) -> tree.MostOf:
         return self.most_of(parts)

@@ -34,7 +34,9 @@ class BuildTimes:
 
     def since(self, parts: list[Any]) -> times.Since:
         moment = _moment(parts)
-        if moment == times.InTraversal("last"):  # now is in the last one: "since the last visit" is since the one before
+        if moment == times.InTraversal(
+            "last"
+        ):  # now is in the last one: "since the last visit" is since the one before
             moment = times.InTraversal("previous")
         return times.Since(moment)
 

@@ -130,12 +130,10 @@ class Tokeniser:
         ]
 
     def _values(self, text: str) -> dict[str, object]:
-        values: dict[str, object] = dict.fromkeys(
-            self.phrases.get(text, ()), self.language.values.get(text, text)
-        )
+        values: dict[str, object] = dict.fromkeys(self.phrases.get(text, ()), self.language.values.get(text, text))
         if (relation := self._relations.get(text)) is not None:
             values["RELATION"] = relation
-        if (traversal := self._traversals.get(text)) is not None:
+        if (traversal := self._traversals.get(self.language.values.get(text, text))) is not None:
             values["TRAVERSAL"] = traversal
             values.pop("WEEKDAY", None)
         if (use := self.lexicon.use_phrases.get(text)) is not None:
