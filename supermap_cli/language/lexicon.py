@@ -76,7 +76,7 @@ class Lexicon:
         for length in range(min(LONGEST_NAME, len(words) - start), 0, -1):
             written = " ".join(words[start : start + length])
             if "," not in written and (name := self.name_of(written, labels)) is not None:
-                return NounMatch(name, written, length, bool(self._children(name)))
+                return NounMatch(name, written, length, self.has_kinds(name))
         return None
 
     def name_of(self, written: str, extra: Collection[str] = ()) -> str | None:
@@ -141,6 +141,10 @@ class Lexicon:
                 found.add(kind)
                 open_ += [*self._group(kind), *self._children(kind)]
         return frozenset(found)
+
+    def has_kinds(self, name: str) -> bool:
+        """Whether kinds of it have names of their own."""
+        return any(other in self._children_by_name for other in self._group(name))
 
     def is_kind_of(self, name: str, other: str) -> bool:
         """Whether `name` is `other`, or a kind of it."""
@@ -215,8 +219,8 @@ class Lexicon:
 
     @lru_cache(maxsize=4096)  # noqa: B019 - there is one lexicon of a language, for ever
     def _group(self, name: str) -> frozenset[str]:
-        """The name and its synonyms: those of the table, and those that the extract adds to them. Two groups of the table
-        are never joined.
+        """The name and its synonyms: those of the table, and those that the extract adds to them. Two groups of the
+        table are never joined.
         """
         own = self._synonyms.get(name)
         if own is None:
