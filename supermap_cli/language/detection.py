@@ -56,11 +56,7 @@ def _explained_from(words: tuple[str, ...], start: int, data: LanguageData, know
 
 def _is_of_any_language(word: str) -> bool:
     """Whether a word is a number, a time or an id."""
-<<<<<<< HEAD
-    return any(character.isdigit() for character in word) or word in {",", "(", ")"}
-=======
-    return word == "," or (word.isascii() and any(character.isdigit() for character in word))
->>>>>>> h15-lex
+    return word in {",", "(", ")"} or (word.isascii() and any(character.isdigit() for character in word))
 
 
 @cache
