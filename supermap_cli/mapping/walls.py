@@ -61,9 +61,11 @@ class WallParameters:
     object_margin_m: float = parameter(
         0.06, "m", "margin about an object's box within which a face is its own", "PredicateParameters.contact_m"
     )
-    viewpoint_m: float = parameter(0.5, "m", "edge of the cells of position of a viewpoint", "free_space.cell_m")
-    viewpoint_deg: float = parameter(30.0, "deg", "width of the cells of its direction", "free_space.cell_deg")
-    views_per_viewpoint: int = parameter(2, "1", "depth images that are used of each", "bounds the time", at_least=1)
+    viewpoint_m: float = parameter(
+        0.7, "m", "edge of the cells of position of a viewpoint", "finds the walls that twice as many views do"
+    )
+    viewpoint_deg: float = parameter(45.0, "deg", "width of the cells of its direction", "as viewpoint_m", at_least=1)
+    views_per_viewpoint: int = parameter(1, "1", "depth images that are used of each", "bounds the time", at_least=1)
 
 
 DEFAULT = WallParameters()
@@ -108,25 +110,25 @@ class WallMap:
     views: int = 0
     _faces: dict[Cell, dict[int, _Face]] = field(default_factory=dict, repr=False)
     _waiting: list[CoarseDepth] = field(default_factory=list, repr=False)
-    _viewpoints: dict[tuple[int, ...], int] = field(default_factory=dict, repr=False)
+    _viewpoints: dict[tuple[int, int, int], int] = field(default_factory=dict, repr=False)
 
     def add_record(self, record: KeyframeRecord, parameters: StructureParameters = structure.DEFAULT) -> None:
         """The depth image that the memory keeps with a keyframe; of each viewpoint the first few are used."""
-        if self._is_wanted(record.T_map_camera):
+        if self.wants(record.T_map_camera):
+            viewpoint = self._viewpoint(record.T_map_camera)
+            self._viewpoints[viewpoint] = self._viewpoints.get(viewpoint, 0) + 1
             self._waiting.append(stored_depth(record, parameters))
             self.views += 1
 
-    def _is_wanted(self, T: FloatArray) -> bool:
-        """Whether a view of a camera at `T_map_camera` adds to those that there are; it is counted then."""
+    def wants(self, T_map_camera: FloatArray) -> bool:
+        """Whether a view from there would add to those that there are."""
+        return self._viewpoints.get(self._viewpoint(T_map_camera), 0) < self.parameters.views_per_viewpoint
+
+    def _viewpoint(self, T_map_camera: FloatArray) -> tuple[int, int, int]:
         parameters = self.parameters
-        azimuth_deg = np.degrees(np.arctan2(T[1, 2], T[0, 2]))
-        position = np.floor(T[:2, 3] / parameters.viewpoint_m)
-        viewpoint = (int(position[0]), int(position[1]), int(azimuth_deg // parameters.viewpoint_deg))
-        seen = self._viewpoints.get(viewpoint, 0)
-        if seen >= parameters.views_per_viewpoint:
-            return False
-        self._viewpoints[viewpoint] = seen + 1
-        return True
+        azimuth_deg = math.degrees(math.atan2(T_map_camera[1, 2], T_map_camera[0, 2]))
+        x, y = (math.floor(place / parameters.viewpoint_m) for place in T_map_camera[:2, 3].tolist())
+        return x, y, math.floor(azimuth_deg / parameters.viewpoint_deg)
 
     def add_surfaces(self, surfaces: Structure) -> None:
         """Points with normals that look to the side they were seen from, in the map frame."""
@@ -231,6 +233,27 @@ class WallMap:
             for other in (sector, (sector + 1) % _SECTORS, (sector - 1) % _SECTORS):
                 if (face := faces.get(other)) is not None:
                     yield face
+
+
+def least_object_height_m(parameters: WallParameters = DEFAULT) -> float:
+    """Height from which an object may be taken for a wall: bins are counted that it only reaches into."""
+    return parameters.least_height_m - 2 * parameters.bin_m
+
+
+def high_between(
+    first: Box3D, second: Box3D, boxes: Iterable[Box3D], parameters: WallParameters = DEFAULT
+) -> list[Box3D]:
+    """Those of some boxes that are high enough to be taken for a wall, and lie between two others."""
+    (ax, ay), (bx, by) = first.center[:2].tolist(), second.center[:2].tolist()
+    middle_x, middle_y, reach_m = (ax + bx) / 2, (ay + by) / 2, math.hypot(ax - bx, ay - by) / 2
+    least_m = least_object_height_m(parameters)
+    return [
+        box
+        for box in boxes
+        if box.size[2] >= least_m
+        and math.hypot(box.center[0] - middle_x, box.center[1] - middle_y)
+        <= reach_m + math.hypot(box.size[0], box.size[1]) / 2 + parameters.near_m
+    ]
 
 
 def _is_owned(place: Point, normal: Point, owners: Iterable[Box3D], parameters: WallParameters) -> bool:

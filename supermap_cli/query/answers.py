@@ -41,11 +41,11 @@ from supermap_cli.query.answering.holding import holds
 from supermap_cli.query.answering.things import ThingsFinder, conditions_of
 from supermap_cli.query.answering.times import QuestionTimes
 from supermap_cli.query.clock import clock_of, is_time_of_day
-from supermap_cli.query.relations import RELATION_WORDS
 from supermap_cli.query.retention_policy import pruned_evidence_notes
 from supermap_cli.query.time_points import parse_time_point
 from supermap_cli.query.time_selector import TimeSelector, selector_at
 from supermap_cli.query.views import DEFAULT_LIMIT, InstanceView
+from supermap_cli.relations.map_relations import relations_of_configs
 
 __all__ = ["Answer", "AskedRelation", "NearMiss", "answer", "answer_question", "known_names"]
 
@@ -69,10 +69,11 @@ def answer(
 
 def known_names(reader: MapReader) -> KnownNames:
     """The names of a map that a question may use."""
+    registry = relations_of_configs(traversal.config for traversal in reader.traversals)[0]
     return KnownNames(
         labels=reader.search.labels() | reader.search.doubted_labels(),
         traversals=[traversal.name for traversal in reader.traversals],
-        relations={"en": dict(RELATION_WORDS)},
+        relations={"en": dict(registry.phrases("en"))},
     )
 
 

@@ -104,6 +104,10 @@ def _english(*phrases: str) -> Mapping[str, tuple[str, ...]]:
     return {"en": phrases}
 
 
+def _both_ways(*names: str) -> tuple[EdgeForm, ...]:
+    return tuple(EdgeForm(name, turned) for name in names for turned in (False, True))
+
+
 _COVERED = (EdgeForm("on", turned=True), EdgeForm("above", turned=True))
 _COVERING = (EdgeForm("on"), EdgeForm("under", turned=True))
 
@@ -170,6 +174,7 @@ BUILT_IN: tuple[SpatialRelation, ...] = (
         _english("near", "near to", "close to", "nearby", "close by", "in the vicinity of"),
         _REACH["near"],
         symmetric=True,
+        follows_from=_both_ways("beside", "on", "inside", "attached to"),
         clear_between=True,
     ),
     SpatialRelation(
@@ -277,14 +282,21 @@ class RelationRegistry:
         from; else 0.
         """
         relation = self[name]
-        best = relation.holds(pair, slack)
-        if best > 0 and relation.within is not None and not self[relation.within].holds(pair, slack):
-            best = 0.0
-        if best > 0 and needs_clear_between(relation, pair) and not clear_between(pair.subject.box, pair.other.box):
-            best = 0.0
+        best = self._own(relation, pair, slack, clear_between)
         for form in relation.follows_from:
-            best = max(best, self[form.relation].holds(pair.turned() if form.turned else pair, slack))
+            if best < 1:
+                turned = pair.turned() if form.turned else pair
+                best = max(best, self._own(self[form.relation], turned, slack, clear_between))
         return best
+
+    def _own(self, relation: SpatialRelation, pair: Pair, slack: float, clear_between: ClearBetween) -> float:
+        """The confidence by a relation's own geometry, within the relation that it is a kind of, and without walls."""
+        confidence = relation.holds(pair, slack)
+        if confidence <= 0 or (relation.within is not None and self[relation.within].holds(pair, slack) <= 0):
+            return 0.0
+        if needs_clear_between(relation, pair) and not clear_between(pair.subject.box, pair.other.box):
+            return 0.0
+        return confidence
 
     def holds(
         self, name: str, first: GraphNode | Box3D, second: GraphNode | Box3D, context: RelationContext = NO_CONTEXT

@@ -12,6 +12,7 @@ from supermap_cli.memory.values import StoredInstance
 from supermap_cli.query.answering.nouns import LabelMatch, Words, match_labels
 from supermap_cli.query.answering.times import QuestionTimes
 from supermap_cli.query.clock import Clock
+from supermap_cli.query.map_relations import MapRelations
 from supermap_cli.types.labels import DYNAMIC_CLASSES
 
 
@@ -115,6 +116,11 @@ class Asking:
             instance = self.instance(noun.id)
             return instance is not None and instance.label in DYNAMIC_CLASSES
         return isinstance(noun, Named | Usable) and self.labels(noun).dynamic
+
+    @cached_property
+    def relations(self) -> MapRelations:
+        """What relations are judged by in this map."""
+        return MapRelations(self.reader)
 
     @cached_property
     def robot_pose(self) -> FloatArray | None:

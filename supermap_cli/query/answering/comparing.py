@@ -15,7 +15,6 @@ from supermap_cli.query.answering.sources import Candidates
 from supermap_cli.query.answering.things import ThingsFinder
 from supermap_cli.query.answering.viewpoints import robot_distance_m
 from supermap_cli.query.candidates import CandidateList, InstanceCandidate
-from supermap_cli.query.relation_matching import RelationMatcher
 from supermap_cli.query.relations import box_distance_m
 
 MAX_PAIRS = 10_000
@@ -44,7 +43,7 @@ def most_of(finder: ThingsFinder, question: MostOf, when: str) -> Reply:
     things = finder.all_candidates(question.things)
     if not things:
         return _missing(finder, "most of", question.things, when)
-    matcher = RelationMatcher(finder.reader, finder.selector, question.relation, CandidateList(things))
+    matcher = finder.matcher_to(question.relation, CandidateList(things))
     members: dict[str, set[str]] = defaultdict(set)
     for _, candidate in matcher.matches(finder.source(question.counted)):
         for relation in candidate.relations:

@@ -174,8 +174,7 @@ class ConditionJudge:
     def _matcher(self, related: Related) -> tuple[RelationMatcher, Basis]:
         """The matcher of a relation; by stored edges, and only where none of them matches by boxes."""
         if related not in self._bases:
-            references: CandidateSource = self.finder.references(related.reference)
-            matcher = RelationMatcher(self.finder.reader, self.finder.selector, related.relation, references)
+            matcher = self.finder.matcher(related)
             first = next(iter(matcher.matches(self.everything)), None)
             self._bases[related] = matcher, BASES[-1] if first is None else first[0]
         return self._bases[related]
@@ -183,7 +182,7 @@ class ConditionJudge:
     def _inverse(self, related: Related, batch: Candidates) -> dict[tuple[int, int], InstanceCandidate]:
         """The candidates to which a reference stands in the relation."""
         finder = self.finder
-        matcher = RelationMatcher(finder.reader, finder.selector, related.relation, CandidateList(batch))
+        matcher = finder.matcher_to(related.relation, CandidateList(batch))
         views: dict[str, list[RelationView]] = defaultdict(list)
         for _, reference in matcher.matches(finder.source(related.reference)):
             for view in reference.relations:

@@ -113,7 +113,11 @@ class ThingsFinder:
 
     def matcher(self, related: Related) -> RelationMatcher:
         """The matcher of a relation to its references."""
-        return RelationMatcher(self.reader, self.selector, related.relation, self.references(related.reference))
+        return self.matcher_to(related.relation, self.references(related.reference))
+
+    def matcher_to(self, relation: str, references: CandidateSource) -> RelationMatcher:
+        """The matcher of a relation to these references."""
+        return RelationMatcher(self.reader, self.selector, relation, references, self.asking.relations)
 
     def judge(self, noun: Noun) -> ConditionJudge:
         """Judges candidates of a noun by conditions."""
