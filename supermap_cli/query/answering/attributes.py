@@ -118,4 +118,4 @@ def _material_reading(label: str, name: str) -> AttributeReading:
         return AttributeReading("yes", f"called '{label}'")
     if said:
         return AttributeReading("no", f"called '{label}'")
-    return AttributeReading("unsure", f"the map holds no materials; it is called '{label}'")
+    return AttributeReading("unsure", "the map holds no materials, and its label says none")

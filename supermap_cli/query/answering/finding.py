@@ -184,9 +184,19 @@ def unsure_text(unsure: Sequence[Judgement]) -> str:
     """What may match, and why nobody can say."""
     if not unsure:
         return ""
-    told = "; ".join(f"{each.candidate.instance.id}: {each.reason}" for each in unsure[:MAX_PLACED])
-    more = f"; and {len(unsure) - MAX_PLACED} more" if len(unsure) > MAX_PLACED else ""
+    by_reason: dict[str, list[str]] = {}
+    for each in unsure:
+        by_reason.setdefault(each.reason, []).append(each.candidate.instance.id)
+    groups = [(_short_list(ids), reason) for reason, ids in by_reason.items()]
+    told = "; ".join(f"{ids}: {reason}" for ids, reason in groups[:MAX_PLACED])
+    more = f"; and {len(groups) - MAX_PLACED} more" if len(groups) > MAX_PLACED else ""
     return f" Nobody can say of {told}{more}."
+
+
+def _short_list(ids: Sequence[str]) -> str:
+    """The first few of some ids."""
+    shown = listing(ids[:MAX_GROUPS])
+    return shown if len(ids) <= MAX_GROUPS else f"{', '.join(ids[:MAX_GROUPS])} and {len(ids) - MAX_GROUPS} more"
 
 
 def _found_sentence(

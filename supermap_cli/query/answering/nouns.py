@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -33,6 +33,10 @@ class Words(Protocol):
         """The names of things by what they serve for."""
         ...
 
+    def category(self, name: str) -> object | None:
+        """What a name names; `None` if it is no known noun."""
+        ...
+
     def normalise(self, label: str) -> str:
         """A label as a name: in lower case and the singular."""
         ...
@@ -52,15 +56,13 @@ class LabelMatch:
 def match_labels(noun: Named | Usable, labels: Collection[str], words: Words) -> LabelMatch:
     """The labels of a map that a noun names; none if there are none.
 
-    Tried in order: its names, their kinds, and labels that end in one of its names ("table": "picnic table"); then what
-    a coarse detector may call it, which the note says.
+    Tried in order: its names and their kinds; then what a coarse detector may call it, which the note says. A label
+    that is no known name counts as what its last word names ("laboratory table": a table).
     """
     names = _names(noun, words)
     wanted = names | {kind for name in names for kind in words.kinds(name)}
-    plain = {label: words.normalise(label) for label in labels}
-    found = frozenset(
-        label for label, name in plain.items() if _is_one_of(name, wanted, words) or _ends_in(name, names)
-    )
+    plain = {label: _name_of_label(label, words) for label in labels}
+    found = frozenset(label for label, name in plain.items() if _is_one_of(name, wanted, words))
     if found:
         return LabelMatch(found, dynamic=found <= DYNAMIC_CLASSES)
     if isinstance(noun, Usable):
@@ -100,6 +102,9 @@ def _is_one_of(name: str, wanted: Collection[str], words: Words) -> bool:
     return name in wanted or not words.synonyms(name).isdisjoint(wanted)
 
 
-def _ends_in(name: str, names: Iterable[str]) -> bool:
-    """Whether a label of several words is a kind of one of the names by its last word."""
-    return any(name.endswith(f" {other}") for other in names if " " not in other)
+def _name_of_label(label: str, words: Words) -> str:
+    """The name that a label has: its own, or the longest known one that it ends in."""
+    whole = words.normalise(label)
+    parts = whole.split(" ")
+    ends = (" ".join(parts[start:]) for start in range(len(parts)))
+    return next((name for name in ends if words.category(name) is not None), whole)
