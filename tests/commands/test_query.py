@@ -88,7 +88,7 @@ def test_an_explanation_says_why_each_candidate_was_kept_or_dropped(db: Path) ->
 
 
 def test_many_questions_are_asked_in_one_session(db: Path) -> None:
-    result = supermap("query", "-i", "--db", db, input="how many chairs\n\nthe quix\npiano\nquit\nchairs\n")
+    result = supermap("query", "-i", "--db", db, stdin="how many chairs\n\nthe quix\npiano\nquit\nchairs\n")
     assert result.exit_code == 0
     assert result.stdout.splitlines()[0] == "Two chairs are in the map: chair-1 and chair-2."
     assert "There is no piano in the map." in result.stdout
