@@ -9,7 +9,7 @@ import heapq
 import math
 from collections.abc import Collection, Iterator
 
-from sqlalchemy import ColumnElement, Connection, and_, column, exists, func, or_, select, table, text
+from sqlalchemy import ColumnElement, Connection, TextClause, and_, column, exists, func, or_, select, table, text
 
 from supermap_cli.geometry.boxes import Reach
 from supermap_cli.memory.databases.dialects import dialect_of
@@ -72,18 +72,26 @@ class InstanceSearch:
 
     def __init__(self, connection: Connection) -> None:
         self._connection = connection
+        self._labels: dict[TextClause, frozenset[str]] = {}
+        self._counts: dict[tuple[frozenset[str] | None, frozenset[Presence]], int] = {}
 
     def labels(self) -> frozenset[str]:
         """All labels that an instance has, or had in one of its states."""
-        return self.current_labels() | frozenset(self._connection.execute(_STATE_LABELS).scalars())
+        return self.current_labels() | self._listed(_STATE_LABELS)
 
     def current_labels(self) -> frozenset[str]:
         """All labels that an instance has today."""
-        return frozenset(self._connection.execute(_CURRENT_LABELS).scalars())
+        return self._listed(_CURRENT_LABELS)
 
     def doubted_labels(self) -> frozenset[str]:
         """All labels that an instance has which is believed in no more today."""
-        return frozenset(self._connection.execute(_DOUBTED_LABELS).scalars())
+        return self._listed(_DOUBTED_LABELS)
+
+    def _listed(self, statement: TextClause) -> frozenset[str]:
+        """The labels that a statement lists, asked for once."""
+        if statement not in self._labels:
+            self._labels[statement] = frozenset(self._connection.execute(statement).scalars())
+        return self._labels[statement]
 
     def ids_from(self, beginning: str, limit: int) -> list[str]:
         """The first ids, in the order of the alphabet, that begin so."""
@@ -93,10 +101,13 @@ class InstanceSearch:
 
     def count(self, labels: Collection[str] | None, presences: Collection[Presence] = BELIEVED) -> int:
         """How many instances have one of the labels (`None`: any) today."""
-        statement = select(func.count()).select_from(Instance).where(*_has_presence(presences))
-        if labels is not None:
-            statement = statement.where(Instance.label.in_(labels))
-        return self._connection.execute(statement).scalar_one()
+        asked = None if labels is None else frozenset(labels), frozenset(presences)
+        if asked not in self._counts:
+            statement = select(func.count()).select_from(Instance).where(*_has_presence(presences))
+            if labels is not None:
+                statement = statement.where(Instance.label.in_(labels))
+            self._counts[asked] = self._connection.execute(statement).scalar_one()
+        return self._counts[asked]
 
     def counts(self) -> dict[str, int]:
         """How many instances of each label are present."""

@@ -8,7 +8,7 @@ from dataclasses import replace
 from itertools import chain
 
 from supermap_cli.language.questions import Anything, Identified, Named, Noun, Related, Things, Union, Usable
-from supermap_cli.memory.values import StoredInstance
+from supermap_cli.memory.values import ScoredObservation, StoredInstance
 from supermap_cli.query.answering.conditions import Judgement
 from supermap_cli.query.answering.document import AskedRelation, NearMiss
 from supermap_cli.query.answering.nouns import noun_text
@@ -49,7 +49,10 @@ class Lister:
         for candidate in candidates:
             by_instance.setdefault(candidate.instance.number, []).append(candidate)
         instances = {instance.number: instance for instance in self.reader.instances_of(list(by_instance))}
-        return tuple(self._view(instances[number], of_one) for number, of_one in sorted(by_instance.items()))
+        observed = self.reader.scored_observations_of(instances.values())
+        return tuple(
+            self._view(instances[number], of_one, observed[number]) for number, of_one in sorted(by_instance.items())
+        )
 
     def instances(self, instances: Iterable[StoredInstance]) -> tuple[InstanceView, ...]:
         """Whole instances in their newest state."""
@@ -225,7 +228,9 @@ class Lister:
             for pair in pairs
         )
 
-    def _view(self, instance: StoredInstance, candidates: Candidates) -> InstanceView:
+    def _view(
+        self, instance: StoredInstance, candidates: Candidates, observed: Sequence[ScoredObservation]
+    ) -> InstanceView:
         newest = max(candidates, key=lambda candidate: candidate.state.index)
         states = tuple(candidate.state for candidate in candidates)
         of_traversal = None if self.selector.traversal is None else {self.selector.traversal.id}
@@ -239,7 +244,7 @@ class Lister:
             confidence=round(newest.state.confidence, 4),
             intervals=tuple(interval_view(state) for state in states),
             relations=tuple(view for candidate in candidates for view in candidate.relations),
-            evidence=evidence_view(self.reader, instance, support_spans(states), of_traversal),
+            evidence=evidence_view(self.reader, instance, support_spans(states), of_traversal, observed),
             standing=None
             if presence is None
             else presence_view(presence, int(self.selector.low_ns), self.asking.clock),
