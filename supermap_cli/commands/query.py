@@ -102,7 +102,7 @@ def _session(reader: MapReader, ask: Callable[[str], None]) -> None:
     ask_until_the_end(reader, ask)
 
 
-def _ask(  # noqa: PLR0917 - the options of the command
+def _ask(
     reader: MapReader,
     text: str,
     at: str | None,

@@ -160,9 +160,7 @@ class LabelCandidates:
             read = self.reader.read_before(wanted)
             unread = wanted - read.keys()
             named = {number for number, instance in read.items() if instance and had_label(instance, self.labels)}
-            wanted = named | (
-                unread if len(unread) <= FEW else self.reader.search.ever_labelled(unread, self.labels)
-            )
+            wanted = named | (unread if len(unread) <= FEW else self.reader.search.ever_labelled(unread, self.labels))
         return [
             candidate
             for _, candidates in sorted(self._candidates_by_number(wanted).items())

@@ -89,14 +89,14 @@ def changes(finder: ThingsFinder, question: Changes, asked: Time | None) -> Repl
     )
 
 
-def moved_where(finder: ThingsFinder, question: MovedWhere) -> Reply:
+def moved_where(finder: ThingsFinder, question: MovedWhere, when: str) -> Reply:
     """Where things came from, or went to."""
     lister = Lister(finder)
     ever = ThingsFinder(finder.asking, TimeSelector("last", "last"))
     candidates = ever.all_candidates(question.things)
     if not candidates:
         nearest = lister.nearest(question.things)
-        return Reply("moved where", missing_sentence(finder, question.things, nearest, "now"), (), nearest)
+        return Reply("moved where", missing_sentence(finder, question.things, nearest, when), (), nearest)
     instances = [candidate.instance for candidate in candidates]
     left = [instance for instance in instances if _last_move(instance) is not None or _is_gone(instance)]
     chosen = left or instances

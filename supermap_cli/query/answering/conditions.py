@@ -27,7 +27,6 @@ from supermap_cli.language.questions import (
     Things,
 )
 from supermap_cli.query.answering.attributes import Verdict
-from supermap_cli.query.answering.happenings import happened_to
 from supermap_cli.query.answering.phrases import condition_text, things_text
 from supermap_cli.query.answering.sources import Candidates
 from supermap_cli.query.answering.viewpoints import between, in_direction, robot_distance_m
@@ -107,13 +106,8 @@ class ConditionJudge:
                 return self._directed(condition, batch)
             case Between():
                 return self._between(condition, batch)
-            case Happened(event, when):
-                return [
-                    Judgement(candidate, verdict, reason)
-                    for candidate, (verdict, reason) in zip(
-                        batch, happened_to(self.finder.asking, batch, event, when), strict=True
-                    )
-                ]
+            case Happened():
+                return self._happened(condition, batch)
 
     def _any_of(self, conditions: Sequence[Condition], batch: Candidates) -> list[Judgement]:
         """ "yes" by any of the conditions, else "unsure" by any, else "no"."""
@@ -148,6 +142,12 @@ class ConditionJudge:
             )
             for candidate in batch
         ]
+
+    def _happened(self, condition: Happened, batch: Candidates) -> list[Judgement]:
+        from supermap_cli.query.answering.happenings import happened_to  # noqa: PLC0415 - most questions compare nothing
+
+        told = happened_to(self.finder.asking, batch, condition.event, condition.when)
+        return [Judgement(candidate, verdict, reason) for candidate, (verdict, reason) in zip(batch, told, strict=True)]
 
     # -- relations
 
