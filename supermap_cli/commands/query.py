@@ -50,7 +50,7 @@ def register(app: typer.Typer) -> None:
     app.command(epilog=EXAMPLES)(query)
 
 
-def query(
+def query(  # noqa: PLR0917 - typer makes its options of them
     text: Annotated[
         list[str] | None, typer.Argument(metavar="TEXT", help="e.g. 'cup on the table', 'what changed since monday'")
     ] = None,
@@ -69,7 +69,7 @@ def query(
     ] = None,
     loose: Annotated[bool, typer.Option(help="Read an unknown word as the known one that it is most like.")] = False,
     language: Annotated[
-        str | None, typer.Option(metavar="CODE", help="The language of the question: en, de, es, fr, zh. [default: told]")
+        str | None, typer.Option(metavar="CODE", help="The question's language: en, de, es, fr, zh. [default: told]")
     ] = None,
 ) -> None:
     """Ask the map in plain words.

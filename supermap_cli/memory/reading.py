@@ -254,7 +254,9 @@ class MapReader:
                 positions[row.id] = parsed_transform(row.T_map_camera, f"the camera of keyframe {row.id}")[:3, 3]
         return positions
 
-    def scored_observations_of(self, instances: Collection[StoredInstance]) -> dict[int, tuple[ScoredObservation, ...]]:
+    def scored_observations_of(
+        self, instances: Collection[StoredInstance]
+    ) -> dict[int, tuple[ScoredObservation, ...]]:
         """As `scored_observations`, of several instances, by their numbers."""
         keyframe, observation = models.Keyframe, models.Observation
         owners = {part: instance.number for instance in instances for part in instance.numbers}
@@ -292,9 +294,8 @@ class MapReader:
         named = [] if relations is None else [edge.relation.in_(relations)]
         found: dict[int, Any] = {}
         for batch in batches(list(self.parts_of(numbers))):
-            begun, ended = (
-                select(edge.__table__).where(end.in_(batch), *named) for end in (edge.subject_number, edge.object_number)
-            )
+            ends = (edge.subject_number, edge.object_number)
+            begun, ended = (select(edge.__table__).where(end.in_(batch), *named) for end in ends)
             found |= {row.id: row for row in self.connection.execute(begun.union_all(ended))}
         survivors = self.survivors.of({n for row in found.values() for n in (row.subject_number, row.object_number)})
         edges: dict[tuple[int, str, int, int], SpatialEdge] = {}
@@ -318,7 +319,7 @@ class MapReader:
         return tuple(rows.temporal_edge(row) for _, row in sorted(found.items()))
 
     def temporal_edges_within(self, low_ns: int, high_ns: int) -> tuple[TemporalEdge, ...]:
-        """The temporal edges whose later bound lies in [low_ns, high_ns], or whose bounds hold it, in the order of time."""
+        """The temporal edges whose later bound lies in [low_ns, high_ns], or whose bounds hold it, ordered by time."""
         edge = models.TemporalEdge
         began = or_(edge.not_before_ns.is_(None), edge.not_before_ns <= low_ns, edge.not_after_ns <= high_ns)
         statement = select(edge.__table__).where(edge.not_after_ns >= low_ns, began)

@@ -104,7 +104,7 @@ def known_names(reader: MapReader) -> KnownNames:
 def answer_question(
     question: Question, reader: MapReader, at: str | None = None, limit: int = DEFAULT_LIMIT, *, explain: bool = False
 ) -> Answer:
-    """Answer a typed question. Raises `QueryError` for a time, a traversal or a viewpoint that the map does not have."""
+    """Answer a typed question. Raises `QueryError` for a time, traversal or viewpoint that the map does not have."""
     clock = clock_of(reader)
     asking = Asking(reader, clock, load_lexicon(question.language), limit, Trace() if explain else None)
     asking.times = QuestionTimes(reader, clock, lambda asked: _event_span(asking, asked))
@@ -125,7 +125,7 @@ def answer_question(
         query=question.text,
         intent=reply.intent,
         time=selector.text,
-        message=_loose_text(asking) + (reply.message.replace("Yes: ", "Perhaps: ", 1) if loosely else reply.message),
+        message=_loose_text(asking) + (reply.message.replace("Yes", "Perhaps", 1) if loosely else reply.message),
         notes=tuple(dict.fromkeys(asking.notes)),
         instances=reply.instances[:limit],
         relation=reply.relation,

@@ -134,8 +134,10 @@ def test_an_instance_out_of_reach_is_a_near_miss_with_its_distance(ask: Ask) -> 
         ("how many pianos", "There is no piano in the map."),
         (
             "chair-9 near tv",
-            "There is no chair-9 in the map (chair-1: last seen 2026-01-05T09:18:10.0Z; "
-            "chair-2: last seen 2026-01-05T09:01:30.0Z).",
+            (
+                "There is no chair-9 in the map (chair-1: last seen 2026-01-05T09:18:10.0Z; "
+                "chair-2: last seen 2026-01-05T09:01:30.0Z)."
+            ),
         ),
         ("what is on the table", "vase-1 stands on dining-table-1."),
         ("two vases", "vase-1 stands on dining-table-1, at (-0.50, 0.00, 0.90) m."),

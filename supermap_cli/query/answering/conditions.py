@@ -74,14 +74,16 @@ class ConditionJudge:
         for condition in conditions:
             open_ones = [judgement.candidate for judgement in judgements.values() if judgement.verdict != "no"]
             for judgement in self.judge(condition, open_ones):
-                key = judgement.candidate.key
-                if judgement.verdict == "yes" and judgements[key].verdict == "unsure":
-                    judgement = replace(judgements[key], candidate=judgement.candidate)
-                judgements[key] = judgement
+                before = judgements[judgement.candidate.key]
+                stays_unsure = judgement.verdict == "yes" and before.verdict == "unsure"
+                now = replace(before, candidate=judgement.candidate) if stays_unsure else judgement
+                judgements[judgement.candidate.key] = now
         self._trace(conditions, judgements.values())
         return list(judgements.values())
 
-    def judge(self, condition: Condition, batch: Candidates) -> list[Judgement]:
+    def judge(  # noqa: PLR0911 - one case a kind of condition
+        self, condition: Condition, batch: Candidates
+    ) -> list[Judgement]:
         """Candidates judged by one condition."""
         match condition:
             case And(conditions):
@@ -110,7 +112,7 @@ class ConditionJudge:
                 return self._happened(condition, batch)
 
     def _any_of(self, conditions: Sequence[Condition], batch: Candidates) -> list[Judgement]:
-        """ "yes" by any of the conditions, else "unsure" by any, else "no"."""
+        """Candidates judged by any of the conditions: "yes" by one, else "unsure" by one, else "no"."""
         order = {"no": 0, "unsure": 1, "yes": 2}
         best = {candidate.key: Judgement(candidate, "no", "") for candidate in batch}
         for condition in conditions:
@@ -216,8 +218,8 @@ class ConditionJudge:
                 reason, verdict = f"nothing of it within {condition.metres:g} m", condition.farther
             else:
                 reason, verdict = f"{view.distance_m:.2f} m from {view.object}", not condition.farther
-                candidate = replace(candidate, relations=(*candidate.relations, view))
-            judged.append(Judgement(candidate, "yes" if verdict else "no", reason))
+            told = candidate if view is None else replace(candidate, relations=(*candidate.relations, view))
+            judged.append(Judgement(told, "yes" if verdict else "no", reason))
         return judged
 
     def _nearest_within(

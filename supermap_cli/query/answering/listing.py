@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from itertools import chain
+from itertools import chain, islice
 
 from supermap_cli.language.questions import Anything, Identified, Named, Noun, Related, Things, Union, Usable
 from supermap_cli.memory.values import ScoredObservation, StoredInstance
@@ -87,10 +87,7 @@ class Lister:
         related = first_relation(things)
         if related is not None and (out_of_reach := self._out_of_reach(things, related)):
             return out_of_reach
-        return tuple(
-            self.near_miss(instance, instance.states[-1], self.presence_text(instance))
-            for instance in self._first_named(things.noun)
-        )
+        return self._told(self._first_named(things.noun))
 
     def near_miss(
         self, instance: StoredInstance, state: StateRecord, reason: str, distance_m: float | None = None
@@ -164,32 +161,29 @@ class Lister:
         """What may be of an unknown noun: doubted instances, uncertain labels, similar names."""
         match noun:
             case Identified(text_id):
-                doubted = self.reader.instance(text_id)
-                if doubted is not None and doubted.states:
-                    return (self.near_miss(doubted, doubted.states[-1], self.presence_text(doubted)),)
-                head = text_id.rsplit("-", 1)[0].replace("-", " ")
-                alike = self._first_named(Named(head, head))
-                if alike:
-                    told = ((each, each.states[-1], self.presence_text(each)) for each in alike)
-                    return tuple(self.near_miss(*each) for each in told)
-                return self._maybe(Named(head, head))
+                return self._alike(text_id)
+            case Named() if doubted_labels := self.asking.doubted_labels(noun):
+                doubted = islice(self.reader.search.labelled(doubted_labels, ["doubted"]), MAX_NEAR_MISSES)
+                return self._told(sorted_by_number(self.reader.instances_by_number(list(doubted))))
             case Named():
-                doubted_labels = self.asking.doubted_labels(noun)
-                if doubted_labels:
-                    numbers = chain.from_iterable(
-                        [number] for number in self.reader.search.labelled(doubted_labels, ["doubted"])
-                    )
-                    instances = self.reader.instances_by_number(list(numbers)[:MAX_NEAR_MISSES])
-                    return tuple(
-                        self.near_miss(instance, instance.states[-1], self.presence_text(instance))
-                        for instance in sorted_by_number(instances)
-                        if instance.states
-                    )
                 return self._maybe(noun)
             case Union(members):
                 return tuple(chain.from_iterable(self._possible(member.noun) for member in members))[:MAX_NEAR_MISSES]
             case _:
                 return ()
+
+    def _alike(self, text_id: str) -> tuple[NearMiss, ...]:
+        """The doubted instance with an id; else others that are called so."""
+        doubted = self.reader.instance(text_id)
+        if doubted is not None and doubted.states:
+            return self._told([doubted])
+        head = text_id.rsplit("-", 1)[0].replace("-", " ")
+        return self._told(self._first_named(Named(head, head))) or self._maybe(Named(head, head))
+
+    def _told(self, instances: Iterable[StoredInstance]) -> tuple[NearMiss, ...]:
+        """Instances with what is known of their presence."""
+        known = (each for each in instances if each.states)
+        return tuple(self.near_miss(each, each.states[-1], self.presence_text(each)) for each in known)
 
     def _maybe(self, noun: Named) -> tuple[NearMiss, ...]:
         possible = maybe_labelled(self.reader, noun.name, self.asking.words)
