@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator
 from functools import cache
 
 from supermap_cli.language.inflection import plain_spellings
 from supermap_cli.language.known_names import KnownNames
-from supermap_cli.language.language_data import GRAMMARS, LanguageData, language_data
+from supermap_cli.language.language_data import LanguageData, language_data
+from supermap_cli.language.prepared import load_grammar
 from supermap_cli.language.translations import load_nouns
 from supermap_cli.language.words import LONGEST_PHRASE, MOST_WORDS, join, read_words
 
 LANGUAGES = ("en", "de", "es", "fr", "zh")
 """The languages that have a grammar; of several that cover a question alike the first is taken."""
-
-_LITERAL = re.compile(r'"([^"\n]+)"')
 
 
 LEAST_EXPLAINED = 0.5
@@ -58,7 +56,7 @@ def _explained_from(words: tuple[str, ...], start: int, data: LanguageData, know
 
 def _is_of_any_language(word: str) -> bool:
     """Whether a word is a number, a time or an id."""
-    return word == "," or (word.isascii() and any(character.isdigit() for character in word))
+    return word in {",", "(", ")"} or (word.isascii() and any(character.isdigit() for character in word))
 
 
 @cache
@@ -68,10 +66,7 @@ def _phrases(code: str) -> frozenset[str]:
 
 
 def _listed(code: str) -> Iterator[str]:
-    grammar = (GRAMMARS / f"{code}.lark").read_text(encoding="utf-8")
-    for line in grammar.splitlines():
-        if not line.lstrip().startswith("//"):
-            yield from _LITERAL.findall(line)
+    yield from load_grammar(code).phrases
     data, nouns = language_data(code), load_nouns(code)
     yield from (*data.numbers, *data.ordinals, *data.places, *data.use_verbs, *data.relations)
     yield from (*nouns.use_phrases, *nouns.material_words, *nouns.colour_words)

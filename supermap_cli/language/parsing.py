@@ -8,7 +8,7 @@ from functools import cache
 from typing import Any
 
 from lark import UnexpectedInput
-from lark.grammar import Rule
+from lark.grammar import Rule, Terminal
 from lark.parse_tree_builder import ParseTreeBuilder
 
 from supermap_cli.language.accounting import lost_words
@@ -18,6 +18,7 @@ from supermap_cli.language.earley import RuleSet
 from supermap_cli.language.forest import Builder, Forest, Reading
 from supermap_cli.language.known_names import KnownNames
 from supermap_cli.language.language_data import LanguageData, language_data
+from supermap_cli.language.mending import mended_words
 from supermap_cli.language.prepared import Phrases, load_grammar
 from supermap_cli.language.questions import Question
 from supermap_cli.language.refusals import RefusedQuestionError
@@ -52,6 +53,18 @@ class _Builders(dict[Rule, Callable[[list[Any]], Any]]):
 _BUILDER = BuildQuestions()
 
 
+def function_of(rule: Rule) -> str | None:
+    """The name of the function that makes the value of a rule; "" for a rule that is inlined, or that passes its only
+    part on; `None` where a function is missing.
+    """
+    name = str(rule.alias or rule.origin.name)
+    if hasattr(_BUILDER, name):
+        return name
+    kept = [symbol for symbol in rule.expansion if not (isinstance(symbol, Terminal) and symbol.filter_out)]
+    passes = rule.options.expand1 and not rule.alias and len(kept) == 1 and not kept[0].name.startswith("_")
+    return "" if name.startswith("_") or passes else None
+
+
 @dataclass(frozen=True)
 class Grammar:
     """The grammar of a language, ready to parse."""
@@ -75,7 +88,7 @@ def parse(text: str, known: KnownNames, language: str | None = None) -> Question
     `known` are the names of the map; `language` is an ISO 639-1 code, found by the words if it is not given. Raises
     `RefusedQuestionError`, whose kind says why a text is no question that can be answered.
     """
-    code = language or detected_language(text, known)
+    code = language or _language_of(text, known)
     rules = grammar(code)
     lexicon = load_nouns(code)
     if len(text) > MOST_CHARACTERS:
@@ -87,6 +100,13 @@ def parse(text: str, known: KnownNames, language: str | None = None) -> Question
         raise rules.data.refusal("too long")
     tokeniser = Tokeniser(rules.data, rules.phrases, lexicon, known)
     readings = _readings(words, rules, tokeniser)
+    mended: tuple[tuple[str, str], ...] = ()
+    if not any(isinstance(reading.value, Asked) for reading in readings):
+        mended = mended_words(words, tokeniser.unknown(words), rules.phrases, (*known.labels, *known.traversals))
+        if mended:
+            meant = dict(mended)
+            words = tuple(meant.get(word, word) for word in words)
+            readings = _readings(words, rules, tokeniser) or readings
     if not readings:
         raise _refusal(text, words, rules, tokeniser, lexicon)
     best = readings[0].value
@@ -98,7 +118,15 @@ def parse(text: str, known: KnownNames, language: str | None = None) -> Question
         if isinstance(reading.value, Asked) and reading.rank == readings[0].rank and reading.value.time == best.time
     )
     past = not rules.data.past.isdisjoint((*words, *(piece.written for piece in next(tokeniser.cuts(words)))))
-    return Question(text, best.body, best.time, past, code, others)
+    return Question(text, best.body, best.time, past, code, others, mended)
+
+
+def _language_of(text: str, known: KnownNames) -> str:
+    """English where it knows every word; else the language that explains most of them."""
+    english = grammar("en")
+    words = read_words(text, english.data, _kept(known))[:MOST_WORDS]
+    tokeniser = Tokeniser(english.data, english.phrases, load_nouns("en"), known)
+    return detected_language(text, known) if tokeniser.unknown(words) else "en"
 
 
 def _kept(known: KnownNames) -> frozenset[str]:

@@ -10,6 +10,7 @@ import json
 import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 from lark.grammar import NonTerminal, Rule, RuleOptions, Symbol, Terminal
@@ -29,6 +30,7 @@ class PlainGrammar:
     phrases: Phrases
 
 
+@cache
 def load_grammar(language: str) -> PlainGrammar:
     """The grammar of a language (ISO 639-1)."""
     text = (GRAMMARS / f"{language}.lark").read_text(encoding="utf-8")

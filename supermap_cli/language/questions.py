@@ -361,7 +361,7 @@ class Question:
     """A question; `time` is `None` where it has no words for one, `past` where its verb is in the past tense.
 
     `language` is the ISO 639-1 code of the grammar that read `text`. `others` are further readings of the same text, as
-    good as this one; an answer tells them.
+    good as this one; `mended` are misspelt words and those that were read instead. An answer tells both.
     """
 
     text: str
@@ -370,3 +370,4 @@ class Question:
     past: bool = False
     language: str = "en"
     others: tuple[Body, ...] = ()
+    mended: tuple[tuple[str, str], ...] = ()
