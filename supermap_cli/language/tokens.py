@@ -148,7 +148,7 @@ class Tokeniser:
             values["PLACE"] = Named(text, text)
         if text in PUNCTUATION:
             values[PUNCTUATION[text]] = text
-        if is_instance(text):
+        if is_instance(text) and "TRAVERSAL" not in values:
             values["ID"] = Identified(text)
         values.update(self._numbers(text))
         return values
