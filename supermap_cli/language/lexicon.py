@@ -152,13 +152,14 @@ class Lexicon:
         return name in self._group(other) or name in self.kinds(other)
 
     def near_kinds(self, name: str) -> frozenset[str]:
-        """What a detector with few words may call it: things that look alike, and the wider words for it."""
+        """What a detector with few words calls it for want of a better one ("stool": "chair"); by hand only."""
         near = {other for own in self._group(name) for other in self._similar.get(own, ())}
-        near |= self.wider_names(name)
         return frozenset(other for entry in near for other in self._group(entry)) - self._group(name)
 
     def wider_names(self, name: str) -> frozenset[str]:
-        """The words for the classes that it belongs to ("recliner": "armchair", "chair", "seat", "furniture")."""
+        """The words for the classes that it belongs to ("rocking chair": "chair", "seat", "furniture"). What is called
+        so may be it, or may not.
+        """
         found: set[str] = set()
         open_ = list(self._group(name))
         while open_:
