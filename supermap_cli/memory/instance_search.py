@@ -85,6 +85,12 @@ class InstanceSearch:
         """All labels that an instance has which is believed in no more today."""
         return frozenset(self._connection.execute(_DOUBTED_LABELS).scalars())
 
+    def ids_from(self, beginning: str, limit: int) -> list[str]:
+        """The first ids, in the order of the alphabet, that begin so."""
+        after = Instance.id >= beginning
+        statement = select(Instance.id).where(after, Instance.id < f"{beginning}\U0010ffff").order_by(Instance.id)
+        return list(self._connection.execute(statement.limit(limit)).scalars())
+
     def count(self, labels: Collection[str] | None, presences: Collection[Presence] = BELIEVED) -> int:
         """How many instances have one of the labels (`None`: any) today."""
         statement = select(func.count()).select_from(Instance).where(*_has_presence(presences))

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
 from typing import Any
 
 from supermap_cli.errors import QueryError
+from supermap_cli.language.english import body_in_english, question_in_english
 from supermap_cli.language.known_names import KnownNames
 from supermap_cli.language.lexicon import load_lexicon
 from supermap_cli.language.parsing import parse
@@ -26,6 +29,7 @@ from supermap_cli.language.questions import (
     Question,
     When,
 )
+from supermap_cli.language.refusals import RefusedQuestionError
 from supermap_cli.language.times import AtClock, Earlier, First, Last, Now
 from supermap_cli.memory.reading import MapReader
 from supermap_cli.query.answering.asking import Asking, Trace
@@ -38,6 +42,7 @@ from supermap_cli.query.answering.events import event_span
 from supermap_cli.query.answering.explaining import tree_text
 from supermap_cli.query.answering.finding import count, exists, find
 from supermap_cli.query.answering.holding import holds
+from supermap_cli.query.answering.phrases import listing, with_article
 from supermap_cli.query.answering.things import ThingsFinder, conditions_of
 from supermap_cli.query.answering.times import QuestionTimes
 from supermap_cli.query.clock import clock_of, is_time_of_day
@@ -46,6 +51,9 @@ from supermap_cli.query.time_points import parse_time_point
 from supermap_cli.query.time_selector import TimeSelector, selector_at
 from supermap_cli.query.views import DEFAULT_LIMIT, InstanceView
 from supermap_cli.relations.map_relations import relations_of_configs
+
+MAX_LOOSE_WORDS = 3
+"""Unknown words that one question may have with `loose`."""
 
 __all__ = ["Answer", "AskedRelation", "NearMiss", "answer", "answer_question", "known_names"]
 
@@ -58,13 +66,35 @@ def answer(
     *,
     language: str | None = None,
     explain: bool = False,
+    loose: bool = False,
 ) -> Answer:
     """Answer a question, listing at most `limit` instances. `at` asks it as of a time or a traversal; `language` is an
-    ISO 639-1 code.
+    ISO 639-1 code; `explain` adds how the answer came about; with `loose` an unknown word is read as the known one
+    that it is most like.
 
     Raises `QueryError` if the question is not understood, or has its own time besides `at`.
     """
-    return answer_question(parse(text, known_names(reader), language), reader, at, limit, explain=explain)
+    question = _parsed_loosely(text, reader, language) if loose else parse(text, known_names(reader), language)
+    return answer_question(question, reader, at, limit, explain=explain)
+
+
+def _parsed_loosely(text: str, reader: MapReader, language: str | None) -> Question:
+    """The question with each unknown word read as the known one that it is most like, one after the other."""
+    known, read, taken = known_names(reader), text, list[tuple[str, str]]()
+    while True:
+        try:
+            question = parse(read, known, language)
+        except RefusedQuestionError as refusal:
+            near = load_lexicon("en").suggest(refusal.part or "", known.labels) if refusal.kind == "unknown word" else ()
+            if not near or len(taken) == MAX_LOOSE_WORDS:
+                raise
+            word = re.compile(rf"\b{re.escape(refusal.part or '')}\b", re.IGNORECASE)
+            read, before = word.sub(near[0], read), read
+            if read == before:
+                raise
+            taken.append((refusal.part or "", near[0]))
+        else:
+            return replace(question, text=text, mended=(*question.mended, *taken))
 
 
 def known_names(reader: MapReader) -> KnownNames:
@@ -91,15 +121,17 @@ def answer_question(
     selector = _selector(asking, question, at)
     finder = ThingsFinder(asking, selector, question.time)
     written = at or (question.time.written if isinstance(question.time, AtClock) else "")
+    asking.note(*(f"'{written}' was read as '{meant}'" for written, meant in question.mended))
     _add_time_notes(asking, selector, written)
     reply = _reply(finder, question, selector.text)
     _note_departures(asking, selector, reply.instances, written)
     asking.note(*pruned_evidence_notes((instance.evidence for instance in reply.instances), clock))
+    loosely = bool(asking.loosely) and reply.verdict == "yes"
     return Answer(
         query=question.text,
         intent=reply.intent,
         time=selector.text,
-        message=reply.message,
+        message=_loose_text(asking) + (reply.message.replace("Yes: ", "Perhaps: ", 1) if loosely else reply.message),
         notes=tuple(dict.fromkeys(asking.notes)),
         instances=reply.instances[:limit],
         relation=reply.relation,
@@ -107,10 +139,10 @@ def answer_question(
         more=reply.more if reply.more is None else reply.more + len(reply.instances[limit:]),
         count=reply.count,
         count_at_most=reply.count_at_most,
-        verdict=reply.verdict,
+        verdict="unknown" if loosely else reply.verdict,
         measures=reply.measures or None,
         changes=reply.changes or None,
-        readings=tuple(map(tree_text, question.others)) or None,
+        readings=tuple(map(body_in_english, question.others)) or None,
         explanation=None if asking.trace is None else _explanation(question, asking.trace),
     )
 
@@ -193,7 +225,16 @@ def _note_departures(asking: Asking, selector: TimeSelector, instances: Iterable
             asking.note(f"{text_id} left {asking.clock.between(*gap)}; nobody can say for {then}")
 
 
+def _loose_text(asking: Asking) -> str:
+    """Says first which nouns name nothing in the map, and what was taken instead."""
+    return "".join(
+        f"Nothing in the map is called {with_article(name)}; what is called "
+        f"{listing([with_article(label) for label in sorted(labels)], 'or')} was taken instead. "
+        for name, labels in asking.loosely.items()
+    )
+
+
 def _explanation(question: Question, trace: Trace) -> Explanation:
-    time = "" if question.time is None else f", at {tree_text(question.time)}"
-    tree = tree_text(question.body)
-    return Explanation(f"{type(question.body).__name__}{time}", tree, tuple(trace.decisions.values()))
+    time = "" if question.time is None else f", {tree_text(question.time)}"
+    tree = f"{tree_text(question.body)}{time}"
+    return Explanation(question_in_english(question), tree, tuple(trace.decisions.values()))

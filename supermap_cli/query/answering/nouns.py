@@ -44,19 +44,19 @@ class Words(Protocol):
 
 @dataclass(frozen=True)
 class LabelMatch:
-    """The labels that a noun names in a map. `note` tells where it was taken loosely; `dynamic` is set for people and
-    animals, which move by themselves.
+    """The labels that a noun names in a map; `loosely` if nothing is called so, and these are what a detector may have
+    called it. `dynamic` is set for people and animals, which move by themselves.
     """
 
     labels: frozenset[str]
-    note: str | None = None
+    loosely: bool = False
     dynamic: bool = False
 
 
 def match_labels(noun: Named | Usable, labels: Collection[str], words: Words) -> LabelMatch:
     """The labels of a map that a noun names; none if there are none.
 
-    Tried in order: its names and their kinds; then what a coarse detector may call it, which the note says. A label
+    Tried in order: its names and their kinds; then what a coarse detector may call it. A label
     that is no known name counts as what its last word names ("laboratory table": a table).
     """
     names = _names(noun, words)
@@ -71,8 +71,7 @@ def match_labels(noun: Named | Usable, labels: Collection[str], words: Words) ->
     loosely = frozenset(label for label, name in plain.items() if _is_one_of(name, near, words))
     if not loosely:
         return LabelMatch(frozenset(), dynamic=bool(wanted & DYNAMIC_CLASSES))
-    taken = ", ".join(f"'{label}'" for label in sorted(loosely))
-    return LabelMatch(loosely, f"'{noun.written}' was taken as {taken}")
+    return LabelMatch(loosely, loosely=True)
 
 
 def noun_text(noun: Noun, anything: str = "thing") -> str:
