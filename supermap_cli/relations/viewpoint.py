@@ -85,7 +85,7 @@ def between(subject: Box3D, first: Box3D, second: Box3D) -> float:
     along, across = line / length_m, np.array([-line[1], line[0]]) / length_m
     offset = subject.center[:2] - first.center[:2]
     at_m, aside_m = float(offset @ along), float(offset @ across)
-    if not 0 < at_m < length_m:
+    if not MIN_APART_M < at_m < length_m - MIN_APART_M:
         return 0.0
     low, high = _shared_interval(first, second, across, first.center[:2], at_m / length_m)
     half = (high - low) / 2 + BETWEEN_MARGIN_M

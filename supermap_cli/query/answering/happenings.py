@@ -275,7 +275,8 @@ def _of_edge(edge: TemporalEdge, instance: StoredInstance) -> Change | None:
 
 def of_event(changes: Iterable[Change], events: Collection[Event]) -> tuple[list[Change], list[Change]]:
     """The changes that are one of some events (none: any), and those of which nobody can say."""
-    asked: Collection[Event] = events or ("changed",)
+    any_event: tuple[Event, ...] = ("changed",)
+    asked = tuple(events) or any_event
     wanted = frozenset[str]().union(*(KINDS_OF_EVENT[event] for event in asked))
     undecided = frozenset[str]().union(*(OPEN_KINDS[event] for event in asked))
     listed = list(changes)
