@@ -254,9 +254,7 @@ class MapReader:
                 positions[row.id] = parsed_transform(row.T_map_camera, f"the camera of keyframe {row.id}")[:3, 3]
         return positions
 
-    def scored_observations_of(
-        self, instances: Collection[StoredInstance]
-    ) -> dict[int, tuple[ScoredObservation, ...]]:
+    def scored_observations_of(self, instances: Collection[StoredInstance]) -> dict[int, tuple[ScoredObservation, ...]]:
         """As `scored_observations`, of several instances, by their numbers."""
         keyframe, observation = models.Keyframe, models.Observation
         owners = {part: instance.number for instance in instances for part in instance.numbers}

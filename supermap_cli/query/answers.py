@@ -106,7 +106,7 @@ def answer_question(
 ) -> Answer:
     """Answer a typed question. Raises `QueryError` for a time, traversal or viewpoint that the map does not have."""
     clock = clock_of(reader)
-    asking = Asking(reader, clock, load_lexicon(question.language), limit, Trace() if explain else None)
+    asking = Asking(reader, clock, load_lexicon("en"), limit, Trace() if explain else None)
     asking.times = QuestionTimes(reader, clock, lambda asked: _event_span(asking, asked))
     if at is not None and question.time is not None:
         raise QueryError(
