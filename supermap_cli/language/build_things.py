@@ -290,6 +290,8 @@ class BuildThings:
         condition = condition_of(parts)
         if condition is None:
             raise NoReading
+        if isinstance(condition, tree.Distant):
+            return replace(condition, farther=not condition.farther)
         return tree.Not(condition)
 
     def neither(self, parts: list[Any]) -> tree.Condition:

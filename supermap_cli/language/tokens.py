@@ -30,7 +30,7 @@ _CLOCK = re.compile(r"\d{1,2}:\d{2}(:\d{2}(\.\d+)?)?z?|\d{4}-\d{2}-\d{2}t[\d:.]+
 _TWELVE_HOURS = re.compile(r"(\d{1,2})(?::(\d{2}))?\s?(am|pm)")
 _DATE = re.compile(r"\d{4}-\d{2}-\d{2}")
 _NUMBER = re.compile(r"\d{1,9}(?:[.,]\d{1,6})?")
-_TRAVERSAL_TIME = re.compile(r"([@+])(.+)")
+_TRAVERSAL_TIME = re.compile(r"[@+]\S+")
 
 
 class Kinds(str):
@@ -115,7 +115,8 @@ class Tokeniser:
             values = self._values(text)
             if values:
                 found.setdefault(length, {}).update(values)
-        noun = self.lexicon.longest_noun(words, start, self._labels)
+        within = words[: next((at for at in range(start, len(words)) if words[at] in PUNCTUATION), len(words))]
+        noun = self.lexicon.longest_noun(within, start, self._labels) if start < len(within) else None
         if noun is not None:
             category = self.lexicon.category(noun.name)
             kind = "PLACE" if category == "place" and noun.name not in self._labels else "NOUN"
