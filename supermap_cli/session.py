@@ -15,13 +15,13 @@ from dataclasses import replace
 from supermap_cli.config import BuildConfig
 from supermap_cli.errors import SessionError
 from supermap_cli.geometry.trajectory import Trajectory
-from supermap_cli.graph.predicates import PREDICATES
 from supermap_cli.graph.scene_graph import SceneGraph
 from supermap_cli.mapping.keyframe_view import KeyframeView
 from supermap_cli.mapping.lifting import LiftedDetection
 from supermap_cli.mapping.missed_detections import MissedObject
 from supermap_cli.mapping.objects import MapObject
 from supermap_cli.observing import Observers
+from supermap_cli.relations.registry import RELATIONS
 from supermap_cli.stages.awaited_detections import AwaitedDetections
 from supermap_cli.stages.camera_trackers import CameraTrackers
 from supermap_cli.stages.keyframe_record import keyframe_record
@@ -31,6 +31,7 @@ from supermap_cli.stages.perception import generate_masks
 from supermap_cli.stages.scene_nodes import SceneNodes
 from supermap_cli.stages.session_odometry import SessionOdometry
 from supermap_cli.stages.session_state import SessionBackends, SessionState, begin
+from supermap_cli.stages.session_walls import SessionWalls
 from supermap_cli.timing import StageClock
 from supermap_cli.types.detections import Detections, TrackPrior, Tracks
 from supermap_cli.types.keyframe import Keyframe
@@ -67,8 +68,18 @@ class MappingSession:
         self.engine = initial.engine
         self.engine.use_detector(backends.detector)
         graph = initial.parameters.graph
-        self.graph = SceneGraph((*PREDICATES, *backends.predicates), {}, graph.scene_graph, graph.predicates)
-        self.graph.resume(initial.spatial_edges)
+        self._nodes = SceneNodes()
+        self.walls = initial.walls
+        self.graph = SceneGraph(
+            RELATIONS.with_further(backends.predicates).stored,
+            {},
+            graph.scene_graph,
+            graph.predicates,
+            SessionWalls(self.walls, lambda: self._nodes.by_number),
+            initial.across_walls,
+        )
+        self.graph.resume(initial.spatial_edges, self._nodes.update(self.engine.objects))
+        self._structure = initial.parameters.mapping.structure
         self.trackers = CameraTrackers(backends.make_tracker, initial.trackers)
         self.observers = observers or Observers()
         self.clock = clock or StageClock()
@@ -89,7 +100,6 @@ class MappingSession:
         self._awaited = AwaitedDetections(config.perception.wait_s)
         self._newest_ns = initial.newest_ns
         self._closed = False
-        self._nodes = SceneNodes()
 
     @property
     def state(self) -> LocalizationState:
@@ -181,7 +191,9 @@ class MappingSession:
         self.statistics.without_pose = self.localizer.without_pose
         if self._newest_ns is not None:
             self.engine.end_traversal()
-            edges = self.update_scene_graph(self._newest_ns)
+            with self.clock.stage("graph"):
+                edges = self.update_scene_graph(self._newest_ns)
+                edges = (*edges, *self.graph.end_across_walls(self._nodes.by_number))
             delta = replace(self._take_changes(), spatial_edges=tuple(edges))
             self.observers.mapped(None, delta)
             yield delta
@@ -290,6 +302,7 @@ class MappingSession:
         """What the keyframe changed, and what the memory keeps of it."""
         keyframe = located.keyframe
         record = keyframe_record(keyframe, self.config.keyframes, detected=detections is not None)
+        self.walls.add_record(record, self._structure)
         self.engine.free_space.add_keyframe(self._traversal_number, keyframe, self.config.keyframes.depth_step)
         delta = replace(self._take_changes(), keyframes=(record,), spatial_edges=tuple(edges))
         self.newest, self._newest_ns = located, keyframe.stamp_ns

@@ -2,8 +2,8 @@
 
     python tools/build_lexicon.py --wordnet /usr/share/wordnet
 
-From WordNet 3.0 (the files `data.noun`, `index.*`, `cntlist.rev`; Debian's package `wordnet-base`) it takes the nouns of
-things (artifacts, food, animals, plants), each in the one sense in which people ask a map for it. The class
+From WordNet 3.0 (the files `data.noun`, `index.*`, `cntlist.rev`; Debian's package `wordnet-base`) it takes the nouns
+of things (artifacts, food, animals, plants), each in the one sense in which people ask a map for it. The class
 names of detectors (`tools/vocabularies/*.txt`) are added. `wordfreq` (PyPI) leaves out words that hardly anybody uses.
 
 A line of the result: name, category and whether it is common, its other names, and the names of its kind; see
@@ -328,9 +328,9 @@ def zipf(text: str) -> float:
     return float(zipf_frequency(text, "en"))
 
 
-def line_of(entry: Entry) -> str:
-    """The line of the file for an entry."""
-    mark = entry.category.upper() if entry.common else entry.category
+def line_of(entry: Entry, classes: frozenset[str]) -> str:
+    """The line of the file for an entry; `classes` are the names that others are kinds of."""
+    mark = (entry.category.upper() if entry.common else entry.category) + "+" * (entry.name in classes)
     return "\t".join([entry.name, mark, ";".join(sorted(entry.synonyms)), ";".join(entry.parents)]).rstrip("\t")
 
 
@@ -341,7 +341,8 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=RESULT, help="the file to write")
     arguments = parser.parse_args()
     entries = Builder(read_wordnet(arguments.wordnet), *read_vocabularies(VOCABULARIES)).build()
-    lines = [*map(line_of, entries.values()), *irregular_plurals(arguments.wordnet, entries)]
+    classes = frozenset(parent for entry in entries.values() for parent in entry.parents)
+    lines = [*(line_of(entry, classes) for entry in entries.values()), *irregular_plurals(arguments.wordnet, entries)]
     arguments.out.write_text("\n".join(["", *sorted(set(lines)), ""]), encoding="utf-8")
 
 

@@ -106,19 +106,26 @@ def recover(
 
 
 def upgrade(db: DbOption = None, wait: WaitOption = 30.0, json: JsonOption = False) -> None:
-    """Bring the database to this program's version."""
+    """Bring the database to this program's version, and mend what older versions wrote wrong.
+
+    Relations that went on although one of their ends had left its place end when it did.
+    """
     from supermap_cli.memory.databases import database_of  # noqa: PLC0415 - keeps start-up light
-    from supermap_cli.memory.opening import upgrade_database  # noqa: PLC0415
+    from supermap_cli.memory.opening import mend_edges, upgrade_database  # noqa: PLC0415
 
     url = database_url(db)
     before, after = upgrade_database(url, waiting(wait))
-    where = database_of(url).where
+    where, ended = database_of(url).where, mend_edges(url, waiting(wait))
     if json:
-        print_json({"path": where, "before": before, "after": after})
-    elif before == after:
+        print_json({"path": where, "before": before, "after": after, "ended_relations": ended})
+        return
+    if before == after:
         err().print(f"{where}: has version {after} already", markup=False)
     else:
         err().print(f"{where}: version {before} is now {after}", markup=False)
+    if ended:
+        what = "relation was" if ended == 1 else "relations were"
+        err().print(f"{where}: {ended} {what} of a place that an end had left: ended", markup=False)
 
 
 def info(

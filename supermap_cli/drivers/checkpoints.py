@@ -15,6 +15,7 @@ from supermap_cli.config import BuildConfig
 from supermap_cli.drivers.bag import Position
 from supermap_cli.mapping.free_space import FreeSpaceMemory
 from supermap_cli.mapping.snapshot import drift_snapshot, engine_snapshot, restore_drift, restore_engine
+from supermap_cli.mapping.walls import WallMap
 from supermap_cli.memory.values import Checkpoint
 from supermap_cli.parameters import MethodParameters
 from supermap_cli.session import MappingSession
@@ -57,6 +58,7 @@ class StoppedBuild:
     statistics: BuildStatistics
     spent_s: dict[str, float]
     spatial_edges: list[SpatialEdge]
+    across_walls: dict[tuple[int, int], tuple[float, ...]]
     trackers: dict[str, object]
     position: Position
 
@@ -70,7 +72,7 @@ def make_checkpoint(session: MappingSession, spent_s: Mapping[str, float]) -> Ch
     parts = {
         "build": pack((placement, replace(session.statistics), dict(spent_s), position), CLASSES),
         "engine": engine_snapshot(session.engine),
-        "graph": pack(list(session.graph.held.values()), CLASSES),
+        "graph": pack((list(session.graph.held.values()), session.graph.across_walls), CLASSES),
         "tracker": pack(session.trackers.state(), {}),
     }
     if session.localizer.drift is not None and newest.mark.drift is not None:
@@ -81,8 +83,9 @@ def make_checkpoint(session: MappingSession, spent_s: Mapping[str, float]) -> Ch
 def read_checkpoint(checkpoint: Checkpoint) -> StoppedBuild:
     """What a checkpoint holds, but for engine and drift. Raises `packing.PackingError` where it is damaged."""
     placement, statistics, spent_s, position = unpack(checkpoint.parts["build"], CLASSES)
-    edges = unpack(checkpoint.parts["graph"], CLASSES)
-    return StoppedBuild(placement, statistics, spent_s, edges, unpack(checkpoint.parts["tracker"], {}), position)
+    edges, across_walls = unpack(checkpoint.parts["graph"], CLASSES)
+    trackers = unpack(checkpoint.parts["tracker"], {})
+    return StoppedBuild(placement, statistics, spent_s, edges, across_walls, trackers, position)
 
 
 def restore_session(
@@ -98,8 +101,10 @@ def restore_session(
     parameters = MethodParameters.from_overrides(config.parameters)
     mapping = parameters.mapping
     free_space = FreeSpaceMemory(mapping.free_space)
+    walls = WallMap(mapping.walls)
     for number, record in keyframes:
         free_space.add_record(number, record)
+        walls.add_record(record, mapping.structure)
     parts = checkpoint.parts
     return SessionState(
         restore_engine(parts["engine"], config.mapping, frozenset(config.ablate), free_space, mapping),
@@ -111,4 +116,6 @@ def restore_session(
         statistics=stopped.statistics,
         newest_ns=checkpoint.stamp_ns,
         trackers=stopped.trackers,
+        walls=walls,
+        across_walls=stopped.across_walls,
     )

@@ -35,11 +35,13 @@ from supermap_cli.observing import Observers
 from supermap_cli.parameters import stored_config
 from supermap_cli.plugin_manager import Plugins, make_observers
 from supermap_cli.protocols import Observer, Recording, WarningDetector
+from supermap_cli.relations.map_relations import CONFIG_ENTRY, described
 from supermap_cli.session import MappingSession
 from supermap_cli.stages.map_registration import Placement
 from supermap_cli.stages.session_state import SessionBackends, SessionState, begin
 from supermap_cli.timing import StageClock
 from supermap_cli.types.memory import MapDelta, coalesce
+from supermap_cli.types.relations import SpatialRelation
 from supermap_cli.types.session import SessionContext
 from supermap_cli.version import __version__
 
@@ -249,7 +251,7 @@ class TraversalBuild:
     # -- session and observers
 
     def _open_session(self, traversal_id: int, state: SessionState) -> MappingSession:
-        further = tuple(predicate for group in self.plugins.hook.spatial_predicates() for predicate in group)
+        further = self._further_relations()
         context = self._context(traversal_id, state)
         self.observers = Observers(self._made_observers(context))
         self.observers.started(context)
@@ -263,6 +265,9 @@ class TraversalBuild:
             clock_shift_ns=self.shift_ns,
         )
         return self.session
+
+    def _further_relations(self) -> tuple[SpatialRelation, ...]:
+        return tuple(relation for group in self.plugins.hook.spatial_predicates() for relation in group)
 
     def _context(self, traversal_id: int, state: SessionState) -> SessionContext:
         return SessionContext(
@@ -336,6 +341,7 @@ class TraversalBuild:
             "used": self.backends.names,
             "detector": self.backends.detector_identity,
             "align": self.align,
+            CONFIG_ENTRY: described(self._further_relations()),
         }
 
     def _begin(self, placement: Placement, name: str | None, *, again: bool) -> int:

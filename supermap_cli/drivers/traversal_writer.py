@@ -16,6 +16,7 @@ from supermap_cli.observing import Observers
 from supermap_cli.parameters import stored_config
 from supermap_cli.plugin_manager import Plugins, load_plugins, make_observers
 from supermap_cli.protocols import Source
+from supermap_cli.relations.map_relations import CONFIG_ENTRY, described
 from supermap_cli.session import MappingSession
 from supermap_cli.stages.session_state import SessionBackends, begin
 from supermap_cli.types.memory import MapDelta, coalesce
@@ -131,6 +132,7 @@ class TraversalWriter:
                 config={
                     **stored_config(self._config),
                     "detector": self._session.backends.detector,
+                    CONFIG_ENTRY: described(self._session.backends.predicates),
                     "placed": self._session.placement.method,
                 },
                 versions={"supermap": __version__},

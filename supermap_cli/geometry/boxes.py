@@ -170,8 +170,20 @@ def _area_m2(polygon: Outline) -> float:
     return abs(twice) / 2
 
 
+def nearest_points(first: Box3D, second: Box3D) -> tuple[tuple[float, float], tuple[float, float]]:
+    """The two points (x, y) of two boxes' outlines on the floor that are nearest to each other."""
+    one_m, corner, foot = _nearest_to_outline(first.outline, second.outline)
+    other_m, other_corner, other_foot = _nearest_to_outline(second.outline, first.outline)
+    return (corner, foot) if one_m <= other_m else (other_foot, other_corner)
+
+
 def _corners_to_outline_m(corners: Outline, outline: Outline) -> float:
-    least = math.inf
+    return _nearest_to_outline(corners, outline)[0]
+
+
+def _nearest_to_outline(corners: Outline, outline: Outline) -> tuple[float, tuple[float, float], tuple[float, float]]:
+    """The least distance of corners from an outline, the corner, and the point of the outline."""
+    least, nearest, foot = math.inf, corners[0], outline[0]
     start_x, start_y = outline[-1]
     for end_x, end_y in outline:
         edge_x, edge_y = end_x - start_x, end_y - start_y
@@ -179,9 +191,11 @@ def _corners_to_outline_m(corners: Outline, outline: Outline) -> float:
         for x, y in corners:
             along = min(max(((x - start_x) * edge_x + (y - start_y) * edge_y) / length2, 0.0), 1.0)
             off_x, off_y = x - start_x - along * edge_x, y - start_y - along * edge_y
-            least = min(least, off_x * off_x + off_y * off_y)
+            if off_x * off_x + off_y * off_y < least:
+                least, nearest = off_x * off_x + off_y * off_y, (x, y)
+                foot = (start_x + along * edge_x, start_y + along * edge_y)
         start_x, start_y = end_x, end_y
-    return math.sqrt(least)
+    return math.sqrt(least), nearest, foot
 
 
 def box_iou(first: Box3D, second: Box3D) -> float:

@@ -36,7 +36,7 @@ def _meaning(word: Word) -> tuple[str, str] | None:
         case "ID":
             return ("noun", "")
         case "RELATION":
-            return ("relation", str(word.value))
+            return ("relation", str(word.value).partition("|")[0])
         case "MATERIAL":
             return ("attribute", str(word.value))
         case "USE" | "USE_VERB":

@@ -144,6 +144,10 @@ class BuildQuestions(BuildThings, BuildTimes):
 
     find_which_support_front = find_which_support
 
+    def find_which_support_last(self, parts: list[Any]) -> tree.Find:
+        carried, things = of_type(parts, tree.Things)
+        return tree.Find(with_condition(things, _carrying(parts, carried)))
+
     def find_which(self, parts: list[Any]) -> tree.Find:
         things = only(parts, tree.Things)
         superlative = maybe(parts, tree.Superlative)

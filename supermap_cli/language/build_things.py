@@ -140,6 +140,10 @@ class BuildThings:
             raise NoReading
         return with_condition(self.phrase(rest), tree.Except(excepted))
 
+    def phrase_except_first(self, parts: list[Any]) -> tree.Things:
+        excepted, *rest = parts
+        return self.phrase_except([*rest, excepted])
+
     def phrase_happened(self, parts: list[Any]) -> tree.Things:
         event = only(parts, Happening)
         return with_condition(self.phrase(parts), tree.Happened(event.event))
@@ -282,7 +286,7 @@ class BuildThings:
         return self.happened([Happening("seen"), *parts])
 
     def event_done(self, parts: list[Any]) -> Happening:
-        return Happening(_EVENTS[only(parts, Word).kind.removesuffix("_PAST")])
+        return Happening(_EVENTS[only(parts, Word).kind.removesuffix("_PAST").removesuffix("_COUNT")])
 
     event_past = event_base = event_adjective = event_state = event_done
 

@@ -1,4 +1,4 @@
-"""Which language a question is asked in: the one whose words cover most of it."""
+"""Which language a question is asked in: the one whose words explain most of it."""
 
 from __future__ import annotations
 
@@ -12,29 +12,36 @@ from supermap_cli.language.prepared import load_grammar
 from supermap_cli.language.translations import load_nouns
 from supermap_cli.language.words import LONGEST_PHRASE, MOST_WORDS, join, read_words
 
-LANGUAGES = ("en", "de", "es")
+LANGUAGES = ("en", "de", "es", "fr", "zh")
 """The languages that have a grammar; of several that cover a question alike the first is taken."""
 
 
+LEAST_EXPLAINED = 0.5
+"""Share of a text's characters that another language than English has to explain: less is a matter of chance, since
+short words belong to many languages. Chosen.
+"""
+
+
 def detected_language(text: str, known: KnownNames) -> str:
-    """The language (ISO 639-1) that leaves the fewest words of a text unknown; English if none explains more."""
-    best, fewest = LANGUAGES[0], _unknown_words(text, LANGUAGES[0], known)
+    """The language (ISO 639-1) that explains the most characters of a text; English if none explains much more."""
+    best, most = LANGUAGES[0], _explained(text, LANGUAGES[0], known)
     for code in LANGUAGES[1:]:
-        if fewest == 0:
+        if most == 1.0:
             break
-        if (unknown := _unknown_words(text, code, known)) < fewest:
-            best, fewest = code, unknown
+        share = _explained(text, code, known)
+        if share > max(most, LEAST_EXPLAINED):
+            best, most = code, share
     return best
 
 
-def _unknown_words(text: str, code: str, known: KnownNames) -> int:
-    """How many words (in a language without spaces: characters) of a text are in no phrase and no noun of it."""
+def _explained(text: str, code: str, known: KnownNames) -> float:
+    """The share of the characters that are in a phrase or a noun of a language (0 to 1)."""
     data = language_data(code)
     words = read_words(text, data)[:MOST_WORDS]
     explained: set[int] = set()
     for start in range(len(words)):
         explained.update(range(start, start + _explained_from(words, start, data, known)))
-    return len(words) - len(explained)
+    return sum(len(words[at]) for at in explained) / max(sum(map(len, words)), 1)
 
 
 def _explained_from(words: tuple[str, ...], start: int, data: LanguageData, known: KnownNames) -> int:
@@ -49,7 +56,7 @@ def _explained_from(words: tuple[str, ...], start: int, data: LanguageData, know
 
 def _is_of_any_language(word: str) -> bool:
     """Whether a word is a number, a time or an id."""
-    return any(character.isdigit() for character in word) or word in {",", "(", ")"}
+    return word in {",", "(", ")"} or (word.isascii() and any(character.isdigit() for character in word))
 
 
 @cache

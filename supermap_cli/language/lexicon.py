@@ -2,8 +2,8 @@
 
 English has two files: `en.tsv`, from WordNet 3.0 and detectors' vocabularies (made by `tools/build_lexicon.py`), and
 `en.toml`, by hand, which wins. They are read when a word is first asked for. A line of `en.tsv`: name, category (a
-capital if the word is common), other names, names of its kind, separated by tabs; lists by semicolons. The category
-"=" gives the singular of an irregular plural instead.
+capital if the word is common, with "+" if others are kinds of it), other names, the classes that it is a kind of,
+separated by tabs; lists by semicolons. The category "=" gives the singular of an irregular plural instead.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ class Lexicon:
         for length in range(min(LONGEST_NAME, len(words) - start), 0, -1):
             written = " ".join(words[start : start + length])
             if "," not in written and (name := self.name_of(written, labels)) is not None:
-                return NounMatch(name, written, length, bool(self._children(name)))
+                return NounMatch(name, written, length, self.has_kinds(name))
         return None
 
     def name_of(self, written: str, extra: Collection[str] = ()) -> str | None:
@@ -111,7 +111,7 @@ class Lexicon:
         if name in self._own_categories:
             return self._own_categories[name]
         fields = self._fields(name)
-        return _CATEGORIES.get(fields[0].lower()) if fields else None
+        return _CATEGORIES.get(fields[0][0].lower()) if fields else None
 
     def knows(self, name: str) -> bool:
         """Whether a name is a noun of something that a map can hold: one that may be denied."""
@@ -122,7 +122,7 @@ class Lexicon:
         if name in self._own_categories:
             return True
         fields = self._fields(name)
-        return fields is not None and fields[0].isupper()
+        return fields is not None and fields[0][0].isupper()
 
     # --- Meanings ---
 
@@ -142,18 +142,24 @@ class Lexicon:
                 open_ += [*self._group(kind), *self._children(kind)]
         return frozenset(found)
 
+    def has_kinds(self, name: str) -> bool:
+        """Whether kinds of it have names of their own."""
+        classes = self._kinds.keys() | self._table["more_kinds"].keys()
+        return any(other in classes or (self._fields(other) or "-")[0].endswith("+") for other in self._group(name))
+
     def is_kind_of(self, name: str, other: str) -> bool:
         """Whether `name` is `other`, or a kind of it."""
         return name in self._group(other) or name in self.kinds(other)
 
     def near_kinds(self, name: str) -> frozenset[str]:
-        """What a detector with few words may call it: things that look alike, and the wider words for it."""
+        """What a detector with few words calls it for want of a better one ("stool": "chair"); by hand only."""
         near = {other for own in self._group(name) for other in self._similar.get(own, ())}
-        near |= self.wider_names(name)
         return frozenset(other for entry in near for other in self._group(entry)) - self._group(name)
 
     def wider_names(self, name: str) -> frozenset[str]:
-        """The words for the classes that it belongs to ("recliner": "armchair", "chair", "seat", "furniture")."""
+        """The words for the classes that it belongs to ("rocking chair": "chair", "seat", "furniture"). What is called
+        so may be it, or may not.
+        """
         found: set[str] = set()
         open_ = list(self._group(name))
         while open_:
@@ -215,8 +221,8 @@ class Lexicon:
 
     @lru_cache(maxsize=4096)  # noqa: B019 - there is one lexicon of a language, for ever
     def _group(self, name: str) -> frozenset[str]:
-        """The name and its synonyms: those of the table, and those that the extract adds to them. Two groups of the table
-        are never joined.
+        """The name and its synonyms: those of the table, and those that the extract adds to them. Two groups of the
+        table are never joined.
         """
         own = self._synonyms.get(name)
         if own is None:
@@ -284,7 +290,7 @@ class Lexicon:
     def _common_names(self) -> tuple[str, ...]:
         """The names that a misspelling may have meant when the map has none that is close."""
         lines = (line.split("\t", 2) for line in self._extract.split("\n") if line)
-        return (*self._own_categories, *(fields[0] for fields in lines if fields[1].isupper()))
+        return (*self._own_categories, *(fields[0] for fields in lines if fields[1][0].isupper()))
 
 
 @cache

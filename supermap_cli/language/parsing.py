@@ -88,7 +88,7 @@ def parse(text: str, known: KnownNames, language: str | None = None) -> Question
     `known` are the names of the map; `language` is an ISO 639-1 code, found by the words if it is not given. Raises
     `RefusedQuestionError`, whose kind says why a text is no question that can be answered.
     """
-    code = language or detected_language(text, known)
+    code = language or _language_of(text, known)
     rules = grammar(code)
     lexicon = load_nouns(code)
     if len(text) > MOST_CHARACTERS:
@@ -119,6 +119,14 @@ def parse(text: str, known: KnownNames, language: str | None = None) -> Question
     )
     past = not rules.data.past.isdisjoint((*words, *(piece.written for piece in next(tokeniser.cuts(words)))))
     return Question(text, best.body, best.time, past, code, others, mended)
+
+
+def _language_of(text: str, known: KnownNames) -> str:
+    """English where it knows every word; else the language that explains most of them."""
+    english = grammar("en")
+    words = read_words(text, english.data, _kept(known))[:MOST_WORDS]
+    tokeniser = Tokeniser(english.data, english.phrases, load_nouns("en"), known)
+    return detected_language(text, known) if tokeniser.unknown(words) else "en"
 
 
 def _kept(known: KnownNames) -> frozenset[str]:

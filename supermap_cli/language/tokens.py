@@ -134,7 +134,7 @@ class Tokeniser:
         values: dict[str, object] = dict.fromkeys(self.phrases.get(text, ()), self.language.values.get(text, text))
         if (relation := self._relations.get(text)) is not None:
             values["RELATION"] = relation
-        if (traversal := self._traversals.get(text)) is not None:
+        if (traversal := self._traversals.get(self.language.values.get(text, text))) is not None:
             values["TRAVERSAL"] = traversal
             values.pop("WEEKDAY", None)
         if (use := self.lexicon.use_phrases.get(text)) is not None:
@@ -149,7 +149,7 @@ class Tokeniser:
             values["PLACE"] = Named(text, text)
         if text in PUNCTUATION:
             values[PUNCTUATION[text]] = text
-        if is_instance(text):
+        if is_instance(text) and "TRAVERSAL" not in values:
             values["ID"] = Identified(text)
         values.update(self._numbers(text))
         return values

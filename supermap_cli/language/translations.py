@@ -67,7 +67,7 @@ class TranslatedLexicon:
             written = join(words[start : start + length], joined=self._joined)
             name = self._name_of(normalise(written), labels) if "," not in written else None
             if name is not None:
-                return NounMatch(name, written, length, bool(self._english.kinds(name)))
+                return NounMatch(name, written, length, self._english.has_kinds(name))
         return None
 
     def category(self, name: str) -> Category | None:
@@ -116,6 +116,11 @@ class TranslatedLexicon:
             for ending in self._adjective_endings
             for spelling in plain_spellings(word + ending)
         }
+
+    @property
+    def nouns(self) -> Mapping[str, str]:
+        """Every written form of the nouns -> the English name."""
+        return self._forms
 
     @cached_property
     def _written(self) -> Mapping[str, str]:

@@ -48,6 +48,7 @@ from supermap_cli.mapping.splitting import SplittingParameters
 from supermap_cli.mapping.structure import StructureParameters
 from supermap_cli.mapping.visibility import VisibilityParameters
 from supermap_cli.mapping.voxel_map import VoxelMapParameters
+from supermap_cli.mapping.walls import WallParameters
 from supermap_cli.types.existence import ExistenceParameters
 from supermap_cli.types.parameters import ParameterRow, described, overridden
 
@@ -96,6 +97,7 @@ class MappingParameters:
     duplicates: DuplicatesParameters = field(default_factory=DuplicatesParameters)
     free_space: FreeSpaceParameters = field(default_factory=FreeSpaceParameters)
     crops: CropParameters = field(default_factory=CropParameters)
+    walls: WallParameters = field(default_factory=WallParameters)
 
     @classmethod
     def from_overrides(cls, values: Mapping[str, Mapping[str, object]]) -> MappingParameters:

@@ -19,6 +19,7 @@ from supermap_cli.memory.depth_png import depth_shape
 from supermap_cli.memory.invariants import INVARIANTS
 from supermap_cli.memory.names import clean_text
 from supermap_cli.memory.reading import MapReader
+from supermap_cli.memory.stale_edges import stale_edges
 from supermap_cli.memory.values import Invariant, Problem
 from supermap_cli.printable import printable
 from supermap_cli.types.engine_state import EngineState
@@ -50,6 +51,7 @@ def check(reader: MapReader) -> list[Problem]:
         ("observation", _observation_problems),
         ("instance", _instance_problems),
         ("transform", _transform_problems),
+        ("spatial_edge", _edge_problems),
     )
     return problems + [problem for name, rows in checks for problem in _surviving(name, connection, rows)]
 
@@ -61,6 +63,11 @@ def _surviving(table: str, connection: Connection, check_rows: Check) -> Iterato
             yield from check_rows(connection)
     except (DatabaseError, *STUMBLES) as error:
         yield Problem(table, "?", f"cannot be read to its end: {getattr(error, 'orig', None) or error}")
+
+
+def _edge_problems(connection: Connection) -> Iterator[Problem]:
+    for edge in stale_edges(connection):
+        yield Problem("spatial_edge", edge.name, "goes on although its ends stand too far apart for it")
 
 
 def _of_row(table: str, name: object, check_row: Callable[[], Iterator[Problem]]) -> Iterator[Problem]:

@@ -53,7 +53,18 @@ _STATE_LABELS = text(
       WHERE state.label = called.label AND instance.merged_into IS NULL AND instance.presence IN ('present', 'absent'))
     """
 )
-"""Both step from one label to the next in the index, so that the number of rows does not matter."""
+_DOUBTED_LABELS = text(
+    """
+    WITH RECURSIVE called(label) AS (
+      SELECT min(label) FROM instance WHERE merged_into IS NULL
+      UNION ALL
+      SELECT (SELECT min(label) FROM instance WHERE merged_into IS NULL AND label > called.label)
+      FROM called WHERE called.label IS NOT NULL)
+    SELECT label FROM called WHERE EXISTS (
+      SELECT 1 FROM instance WHERE merged_into IS NULL AND instance.label = called.label AND presence = 'doubted')
+    """
+)
+"""All step from one label to the next in the index, so that the number of rows does not matter."""
 
 
 class InstanceSearch:
@@ -69,6 +80,16 @@ class InstanceSearch:
     def current_labels(self) -> frozenset[str]:
         """All labels that an instance has today."""
         return frozenset(self._connection.execute(_CURRENT_LABELS).scalars())
+
+    def doubted_labels(self) -> frozenset[str]:
+        """All labels that an instance has which is believed in no more today."""
+        return frozenset(self._connection.execute(_DOUBTED_LABELS).scalars())
+
+    def ids_from(self, beginning: str, limit: int) -> list[str]:
+        """The first ids, in the order of the alphabet, that begin so."""
+        after = Instance.id >= beginning
+        statement = select(Instance.id).where(after, Instance.id < f"{beginning}\U0010ffff").order_by(Instance.id)
+        return list(self._connection.execute(statement.limit(limit)).scalars())
 
     def count(self, labels: Collection[str] | None, presences: Collection[Presence] = BELIEVED) -> int:
         """How many instances have one of the labels (`None`: any) today."""

@@ -10,6 +10,7 @@ from sqlalchemy.exc import DatabaseError
 
 from supermap_cli.errors import MemoryStoreError, QueryError
 from supermap_cli.memory.databases import Database, SqlRows, Waiting, database_of
+from supermap_cli.memory.stale_edges import end_stale_edges
 from supermap_cli.memory.store import MapStore
 from supermap_schema import SCHEMA_VERSION
 
@@ -93,6 +94,24 @@ def upgrade_database(url: str, waiting: Waiting | None = None) -> tuple[int, int
         engine.dispose()
         lock.release()
     return before, _version(database)
+
+
+def mend_edges(url: str, waiting: Waiting | None = None) -> int:
+    """End the spatial edges that went on although an end had left its place, as builds of older versions wrote them;
+    returns how many there were. Raises `MemoryStoreError` as `open_store` does.
+    """
+    database = database_of(url, waiting)
+    _check_is_current(database, _version(database))
+    lock, engine = database.take_lock(), database.writer_engine()
+    try:
+        with engine.connect().execution_options(writes=True) as connection, connection.begin():
+            lock.check(connection)
+            return end_stale_edges(connection)
+    except DatabaseError as error:
+        raise database.failure(error) from error
+    finally:
+        engine.dispose()
+        lock.release()
 
 
 def _version(database: Database) -> int:

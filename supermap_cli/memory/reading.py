@@ -203,6 +203,14 @@ class MapReader:
         found = self.connection.execute(select(models.Instance.voxels).where(models.Instance.number == instance.number))
         return blobs.decode_voxels(found.scalar_one())
 
+    def voxels_of(self, numbers: Collection[int]) -> dict[int, VoxelCloud]:
+        """The geometry of some instances in their current or last place, by number."""
+        clouds: dict[int, VoxelCloud] = {}
+        for batch in batches(sorted(numbers)):
+            statement = select(models.Instance.number, models.Instance.voxels).where(models.Instance.number.in_(batch))
+            clouds |= {row.number: blobs.decode_voxels(row.voxels) for row in self.connection.execute(statement)}
+        return clouds
+
     # Observations
 
     def observations(self, instance: StoredInstance) -> tuple[ObservationRef, ...]:
@@ -270,6 +278,13 @@ class MapReader:
             found |= {(row.not_after_ns, row.id): row for row in self.connection.execute(touching)}
         return tuple(rows.temporal_edge(row) for _, row in sorted(found.items()))
 
+    def temporal_edges_within(self, low_ns: int, high_ns: int) -> tuple[TemporalEdge, ...]:
+        """The temporal edges whose later bound lies in [low_ns, high_ns], or whose bounds hold it, in the order of time."""
+        edge = models.TemporalEdge
+        began = or_(edge.not_before_ns.is_(None), edge.not_before_ns <= low_ns, edge.not_after_ns <= high_ns)
+        statement = select(edge.__table__).where(edge.not_after_ns >= low_ns, began)
+        return tuple(map(rows.temporal_edge, self.connection.execute(statement.order_by(edge.not_after_ns, edge.id))))
+
     # Trajectories
 
     def trajectory(self, traversal_id: int) -> tuple[IntArray, FloatArray]:
@@ -287,6 +302,21 @@ class MapReader:
         found = {row.stamp_ns: row.T_map_base for row in self.connection.execute(statement)}
         poses = [parsed_transform(T_map_base, f"the pose at {stamp_ns}") for stamp_ns, T_map_base in found.items()]
         return np.array(list(found), np.int64), np.array(poses, np.float64).reshape(-1, 4, 4)
+
+    def last_pose(self) -> FloatArray | None:
+        """Where the robot was at the newest keyframe of the latest traversal that has one: (4, 4) `T_map_base`."""
+        keyframe = models.Keyframe
+        for traversal in reversed(self.traversals):
+            statement = (
+                select(keyframe.T_map_base)
+                .where(keyframe.traversal_id == traversal.id)
+                .order_by(keyframe.stamp_ns.desc(), keyframe.id.desc())
+                .limit(1)
+            )
+            written = self.connection.execute(statement).scalar()
+            if written is not None:
+                return parsed_transform(written, f"the last pose in {traversal.name}")
+        return None
 
     def keyframe_cameras(self, traversal_id: int) -> list[tuple[int, str]]:
         """The stamp and camera of each keyframe of a traversal, in the order of stamps."""

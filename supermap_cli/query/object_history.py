@@ -25,6 +25,7 @@ from supermap_cli.query.views import (
     evidence_of,
     interval_view,
 )
+from supermap_cli.relations.registry import RELATIONS
 from supermap_cli.types.memory import Presence, SpatialEdge, StateRecord
 
 MAX_RELATIONS = 12
@@ -33,7 +34,7 @@ MAX_RELATIONS = 12
 MAX_FRAMES = 3
 """Pictures listed for one state: the best one per traversal."""
 
-_SYMMETRIC_RELATIONS = frozenset({"beside", "near"})
+_SYMMETRIC_RELATIONS = frozenset(relation.name for relation in RELATIONS if relation.symmetric)
 _RELATION_PRIORITY = ("inside", "on", "attached to", "under", "above", "beside", "near")
 
 

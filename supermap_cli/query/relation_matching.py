@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Literal
 
 from supermap_cli.memory.edge_query import EdgeEnd, EdgeQuery
@@ -18,10 +19,12 @@ from supermap_cli.query.candidates import (
     LabelCandidates,
     MatchCount,
 )
-from supermap_cli.query.relations import REACH, STORED_FORMS, RelationName, box_distance_m, holds
+from supermap_cli.query.map_relations import MapRelations
+from supermap_cli.query.relations import RelationName, StoredForm, box_distance_m
 from supermap_cli.query.time_selector import TimeSelector, TimeSpan
 from supermap_cli.query.views import RelationView
 from supermap_cli.types.memory import SpatialEdge, StateRecord
+from supermap_cli.types.relations import Pair
 
 Basis = Literal["stored", "boxes"]
 BASES: tuple[Basis, ...] = ("stored", "boxes")
@@ -53,12 +56,21 @@ class RelatedPairs:
 
 @dataclass(frozen=True)
 class RelationMatcher:
-    """One relation of a question, for one time selector."""
+    """One relation of a question, for one time selector. Matchers of one question share their `relations`."""
 
     reader: MapReader
     selector: TimeSelector
     name: RelationName
     references: CandidateSource
+    relations: MapRelations | None = None
+
+    @cached_property
+    def _relations(self) -> MapRelations:
+        return self.relations or MapRelations(self.reader)
+
+    @cached_property
+    def _forms(self) -> tuple[StoredForm, ...]:
+        return self._relations.stored_forms(self.name)
 
     def matches(self, candidates: CandidateSource) -> Iterator[tuple[Basis, InstanceCandidate]]:
         """All matching candidates, some more than once, with some of their relations. The smaller of the two sets is
@@ -88,9 +100,9 @@ class RelationMatcher:
         instances for which an edge alone does not decide are read. `None` also if there is no match by stored edges.
         """
         counter = self._edge_counter(candidates)
-        if counter is None:
+        if counter is None or not self._forms:
             return None
-        forms = STORED_FORMS[self.name]
+        forms = self._forms
         merged = counter.merged({form.relation for form in forms})
         matching, to_check = set[int](), merged
         for form in forms:
@@ -109,9 +121,9 @@ class RelationMatcher:
     def _any_stored_edge(self, candidates: CandidateSource) -> bool:
         """Whether any stored edge may match; if not, none needs to be read."""
         counter = self._edge_counter(candidates)
+        forms = self._forms
         if counter is None:
-            return True
-        forms = STORED_FORMS[self.name]
+            return bool(forms)
         return any(counter.any(form.relation, turned=form.turned) for form in forms) or bool(
             counter.merged({form.relation for form in forms})
         )
@@ -148,10 +160,12 @@ class RelationMatcher:
         related_pairs = RelatedPairs()
         if basis == "boxes":
             labels = others.labels if isinstance(others, LabelCandidates) else None
-            for pair in self.reader.search.near(numbers, REACH[self.name], labels, turned=turned):
+            for pair in self.reader.search.near(
+                numbers, self._relations.registry.reach(self.name), labels, turned=turned
+            ):
                 related_pairs.add_pair(*pair)
         else:
-            for edge in self.reader.edges_of(numbers, {form.relation for form in STORED_FORMS[self.name]}):
+            for edge in self.reader.edges_of(numbers, {form.relation for form in self._forms}):
                 related_pairs.add_edge(edge)
         return related_pairs
 
@@ -190,12 +204,12 @@ class RelationMatcher:
     def _by_edges(
         self, candidate: InstanceCandidate, reference: InstanceCandidate, span: TimeSpan, related_pairs: RelatedPairs
     ) -> RelationView | None:
-        for form in STORED_FORMS[self.name]:
+        for form in self._forms:
             subject, obj = (reference, candidate) if form.turned else (candidate, reference)
             for edge in related_pairs.edges(subject.instance.number, form.relation, obj.instance.number):
                 if not span.overlaps(edge.since_ns, edge.until_ns):
                     continue
-                if form.checked and not holds(self.name, candidate.state.box, reference.state.box):
+                if form.checked and not self._holds_by_shape(candidate, reference):
                     continue
                 return RelationView(
                     name=self.name,
@@ -210,10 +224,25 @@ class RelationMatcher:
                 )
         return None
 
+    def _holds_by_shape(self, candidate: InstanceCandidate, reference: InstanceCandidate) -> bool:
+        """Whether a pair chosen by a stored edge is in this kind of its relation; its edge says that no wall is between
+        them.
+        """
+        relations = self._relations
+        pair = Pair(
+            relations.thing(candidate.instance, candidate.state),
+            relations.thing(reference.instance, reference.state),
+            relations.registry.parameters,
+        )
+        return relations.registry[self.name].holds(pair, 1.0) > 0
+
     def _by_boxes(
         self, candidate: InstanceCandidate, reference: InstanceCandidate, span: TimeSpan
     ) -> RelationView | None:
-        if not holds(self.name, candidate.state.box, reference.state.box):
+        confidence = self._relations.measure(
+            self.name, (candidate.instance, candidate.state), (reference.instance, reference.state)
+        )
+        if confidence <= 0:
             return None
         return RelationView(
             name=self.name,
@@ -224,7 +253,7 @@ class RelationMatcher:
             since_ns=max(candidate.state.first_seen_ns, reference.state.first_seen_ns),
             until_ns=None if span.high_ns == float("inf") else int(span.high_ns),
             distance_m=_distance_m(candidate.state, reference.state),
-            confidence=round(candidate.state.confidence * reference.state.confidence, 4),
+            confidence=round(confidence * candidate.state.confidence * reference.state.confidence, 4),
         )
 
 

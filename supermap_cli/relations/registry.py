@@ -13,6 +13,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 
@@ -30,6 +31,31 @@ ClearBetween = Callable[[Box3D, Box3D], bool]
 def nothing_known(_first: Box3D, _second: Box3D) -> bool:
     """No wall is known."""
     return True
+
+
+class Walls(Protocol):
+    """Where walls are known to stand, and from how many `views`."""
+
+    @property
+    def views(self) -> int:
+        """It grows with what is known."""
+
+    def clear_between(self, first: Box3D, second: Box3D) -> bool:
+        """Whether no wall is known to stand between two boxes."""
+
+
+@dataclass(frozen=True)
+class NoWalls:
+    """Nothing is known of any wall."""
+
+    views: int = 0
+
+    def clear_between(self, first: Box3D, second: Box3D) -> bool:
+        """Always."""
+        return nothing_known(first, second)
+
+
+NO_WALLS = NoWalls()
 
 
 @dataclass(frozen=True)
@@ -76,6 +102,10 @@ _REACH = _reaches(DEFAULT)
 
 def _english(*phrases: str) -> Mapping[str, tuple[str, ...]]:
     return {"en": phrases}
+
+
+def _both_ways(*names: str) -> tuple[EdgeForm, ...]:
+    return tuple(EdgeForm(name, turned) for name in names for turned in (False, True))
 
 
 _COVERED = (EdgeForm("on", turned=True), EdgeForm("above", turned=True))
@@ -144,6 +174,7 @@ BUILT_IN: tuple[SpatialRelation, ...] = (
         _english("near", "near to", "close to", "nearby", "close by", "in the vicinity of"),
         _REACH["near"],
         symmetric=True,
+        follows_from=_both_ways("beside", "on", "inside", "attached to"),
         clear_between=True,
     ),
     SpatialRelation(
@@ -251,14 +282,21 @@ class RelationRegistry:
         from; else 0.
         """
         relation = self[name]
-        best = relation.holds(pair, slack)
-        if best > 0 and relation.within is not None and not self[relation.within].holds(pair, slack):
-            best = 0.0
-        if best > 0 and needs_clear_between(relation, pair) and not clear_between(pair.subject.box, pair.other.box):
-            best = 0.0
+        best = self._own(relation, pair, slack, clear_between)
         for form in relation.follows_from:
-            best = max(best, self[form.relation].holds(pair.turned() if form.turned else pair, slack))
+            if best < 1:
+                turned = pair.turned() if form.turned else pair
+                best = max(best, self._own(self[form.relation], turned, slack, clear_between))
         return best
+
+    def _own(self, relation: SpatialRelation, pair: Pair, slack: float, clear_between: ClearBetween) -> float:
+        """The confidence by a relation's own geometry, within the relation that it is a kind of, and without walls."""
+        confidence = relation.holds(pair, slack)
+        if confidence <= 0 or (relation.within is not None and self[relation.within].holds(pair, slack) <= 0):
+            return 0.0
+        if needs_clear_between(relation, pair) and not clear_between(pair.subject.box, pair.other.box):
+            return 0.0
+        return confidence
 
     def holds(
         self, name: str, first: GraphNode | Box3D, second: GraphNode | Box3D, context: RelationContext = NO_CONTEXT

@@ -12,12 +12,13 @@ from supermap_cli.mapping.engine import MappingEngine
 from supermap_cli.mapping.free_space import FreeSpaceMemory
 from supermap_cli.mapping.objects import ObjectMap
 from supermap_cli.mapping.structure import StructureParameters, stored_depth
+from supermap_cli.mapping.walls import WallMap
 from supermap_cli.parameters import MethodParameters
 from supermap_cli.protocols import Odometry, Segmenter, Tracker
 from supermap_cli.stages.map_registration import EarlierTraversals, Placement
 from supermap_cli.stages.statistics import BuildStatistics
 from supermap_cli.types.memory import KeyframeRecord, SpatialEdge
-from supermap_cli.types.relations import SpatialPredicate
+from supermap_cli.types.relations import SpatialRelation
 
 
 @dataclass(frozen=True)
@@ -31,7 +32,7 @@ class SessionBackends:
     make_tracker: Callable[[], Tracker]
     segmenter: Segmenter | None = None
     odometry: Odometry | None = None
-    predicates: Sequence[SpatialPredicate] = ()
+    predicates: Sequence[SpatialRelation] = ()
     detector: str = ""
 
 
@@ -58,7 +59,8 @@ class PriorMap:
 @dataclass
 class SessionState:
     """All that a session knows before its first keyframe. `trackers` is each camera's tracker's own state,
-    `newest_ns` the stamp of the keyframe mapped last by a build that goes on.
+    `newest_ns` the stamp of the keyframe mapped last by a build that goes on, `across_walls` what its scene graph has
+    found (`SceneGraph.across_walls`).
     """
 
     engine: MappingEngine
@@ -71,6 +73,8 @@ class SessionState:
     statistics: BuildStatistics = field(default_factory=BuildStatistics)
     newest_ns: int | None = None
     trackers: dict[str, object] = field(default_factory=dict)
+    walls: WallMap = field(default_factory=WallMap)
+    across_walls: dict[tuple[int, int], tuple[float, ...]] = field(default_factory=dict)
 
 
 def begin(config: BuildConfig, prior: PriorMap | None = None, placement: Placement | None = None) -> SessionState:
@@ -89,11 +93,12 @@ def begin(config: BuildConfig, prior: PriorMap | None = None, placement: Placeme
         None if placement is None else placement.floor_z,
         parameters=mapping,
     )
-    drift = None
+    drift, walls = None, WallMap(mapping.walls)
     if config.mapping.correct_drift:
         drift = DriftCorrection(mapping.drift, mapping.icp, mapping.drift_evidence)
     for number, record in prior.keyframes():
         engine.free_space.add_record(number, record)
+        walls.add_record(record, mapping.structure)
         if drift is not None:
             drift.add_view(stored_depth(record, mapping.structure))
     return SessionState(
@@ -104,4 +109,5 @@ def begin(config: BuildConfig, prior: PriorMap | None = None, placement: Placeme
         placement,
         prior.earlier(mapping.structure),
         prior.traversal_number,
+        walls=walls,
     )

@@ -66,8 +66,8 @@ def _about_few(at: str, short: SyntheticTraversal) -> tuple[BenchQuestion, ...]:
             at_a_time=f"piano at {at}",
             in_a_traversal=f"chairs in {short.name}",
             relation_earlier="chair near the piano earlier",
-            no_such_label="unicorn",
-            misspelt="pianoo",
+            no_such_label="trumpet",
+            
             too_far="piano on the globe",
             not_so="piano on the desk",
         ),

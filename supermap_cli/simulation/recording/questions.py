@@ -4,15 +4,16 @@ Words: a label means its own things and those of its kinds (an armchair is a cha
 what stands there when the last traversal ends; "earlier" what stood there in a traversal before the last (with one
 traversal: ever); "in NAME" what that traversal saw; the past tense what was ever seen.
 
-Relations are those of the registry (`supermap_cli.relations`), on the true boxes and on the surfaces that were seen, whose
+Relations are those of the registry (`supermap_cli.relations`), on the true boxes and the surfaces that were seen, whose
 measures `slack` widens. Here one holds if it does with `STRICT`, and does not if it fails even with `WIDE`, which is
 more than the graph's own hysteresis of 1.3; a question that depends on anything between is left out.
 
 - On(A, B): half of A's footprint is over B, and A's underside within 6 cm and a quarter of its height (up to 5 cm more)
   of B's surface there.
 - Under(A, B): half of B's surface over A is above A's top; or B is on A, or above it.
-- Inside(A, B): B's box holds 60 % of A's.
-- Near(A, B): the gap between the boxes is at most 0.5 m and 0.6 of the larger one's side (which counts up to 1.5 m).
+- Inside(A, B): B's box holds 60 % of A's, and B is no table, seat or the like.
+- Near(A, B): the gap between the boxes is at most 0.5 m and 0.6 of the larger one's side (which counts up to 1.5 m),
+  and no wall of the building stands between them.
 
 So is a question that depends on things which the images do not determine (see `observed_truth`).
 """
@@ -25,9 +26,10 @@ from itertools import islice
 
 import numpy as np
 
-from supermap_cli.relations.predicates import near, under
+from supermap_cli.relations.predicates import under
 from supermap_cli.relations.registry import RELATIONS
 from supermap_cli.simulation.recording.observed_truth import ObservedTruth, Undetermined
+from supermap_cli.simulation.recording.true_walls import true_walls
 from supermap_cli.types.relations import GraphNode, Pair
 from supermap_cli.types.truth import GroundTruth, TrueQuestion, TrueState
 
@@ -97,6 +99,7 @@ class _QuestionMaker:
         self._labels = {k: thing.label for k, thing in objects}
         rng = np.random.default_rng(truth.seed)
         self._nouns = [str(label) for label in rng.permutation(sorted(set(self._labels.values())))]
+        self._clear_between = true_walls(truth)
         self._relates = cache(self._relates_now)
         self._node = cache(self._node_now)
 
@@ -196,9 +199,9 @@ class _QuestionMaker:
     def _relates_now(self, preposition: str, k: int, other: int) -> bool | None:
         """Whether one object stands in a relation to another now; `None` in between."""
         pair, relation = Pair(self._node(k), self._node(other)), _RELATIONS[preposition]
-        if RELATIONS.measure(relation, pair, STRICT) > 0:
+        if RELATIONS.measure(relation, pair, STRICT, self._clear_between) > 0:
             return True
-        return None if RELATIONS.measure(relation, pair, WIDE) > 0 else False
+        return None if RELATIONS.measure(relation, pair, WIDE, self._clear_between) > 0 else False
 
     def _is_telling(self, preposition: str, k: int, other: int) -> bool:
         """Whether people would put it so: a mug is on the desk rather than near it, a book in the shelf and not under
@@ -208,7 +211,7 @@ class _QuestionMaker:
         stands_there = state is not None and state.on == self._truth.objects[other].id
         match preposition:
             case "near":
-                return pair.overlap_m2 == 0 and near(pair, STRICT) > 0
+                return pair.overlap_m2 == 0 and self._relates(preposition, k, other) is True
             case "under":
                 return not stands_there and under(pair, STRICT) > 0
             case "in":
