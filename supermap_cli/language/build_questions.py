@@ -96,6 +96,15 @@ class BuildQuestions(BuildThings, BuildTimes):
     def find_place(self, parts: list[Any]) -> tree.Find:
         return tree.Find(only(parts, tree.Things), place=True)
 
+    def find_place_so(self, parts: list[Any]) -> tree.Find:
+        return tree.Find(with_condition(only(parts, tree.Things), condition_of(parts)), place=True)
+
+    def find_without(self, parts: list[Any]) -> tree.Find:
+        condition = condition_of(parts)
+        if condition is None:
+            raise NoReading
+        return tree.Find(with_condition(only(parts, tree.Things), tree.Not(condition)))
+
     def find_seen(self, parts: list[Any]) -> Asked:
         sight = [part for part in parts if isinstance(part, (times.First, times.Last))]
         body = tree.Find(only(parts, tree.Things), place=True)
@@ -192,11 +201,14 @@ class BuildQuestions(BuildThings, BuildTimes):
     def exists_use(self, parts: list[Any]) -> tree.Exists:
         return tree.Exists(_usable(parts))
 
-    def holds(self, parts: list[Any]) -> tree.Holds:
+    def holds(self, parts: list[Any]) -> tree.Holds | tree.Exists:
         condition = condition_of(parts)
         if condition is None:
             raise NoReading
-        return tree.Holds(only(parts, tree.Things), condition)
+        things = only(parts, tree.Things)
+        if things.quantity == "any" or things == ANYTHING or _is_anybody(things):
+            return tree.Exists(with_condition(things, condition))
+        return tree.Holds(things, condition)
 
     def holds_still(self, parts: list[Any]) -> tree.Holds:
         return tree.Holds(only(parts, tree.Things), still=True)
@@ -238,6 +250,13 @@ class BuildQuestions(BuildThings, BuildTimes):
     def compare_measure_to(self, parts: list[Any]) -> tree.CompareMeasure:
         first, reference, second = of_type(parts, tree.Things)
         return tree.CompareMeasure(_compared(parts), first, second, to_reference(reference))
+
+    def compare_references(self, parts: list[Any]) -> tree.CompareMeasure:
+        things, first, second = of_type(parts, tree.Things)
+        measure = _compared(parts)
+        if measure not in {"near", "far"}:
+            raise NoReading
+        return tree.CompareMeasure(measure, first, second, to_reference(things))
 
     def compare_alternatives_to(self, parts: list[Any]) -> tree.CompareMeasure:
         either = only(parts, Alternatives)
@@ -378,6 +397,10 @@ def _only_value(parts: list[Any]) -> Any:
 
 def _person() -> tree.Things:
     return tree.Things(tree.Named("person", "who", hypernym=True))
+
+
+def _is_anybody(things: tree.Things) -> bool:
+    return isinstance(things.noun, tree.Named) and things.noun.written in {"anybody", "anyone", "somebody", "someone"}
 
 
 def _usable(parts: list[Any]) -> tree.Things:

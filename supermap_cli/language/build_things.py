@@ -67,6 +67,9 @@ _EVENTS: dict[str, tree.Event] = {
     "CHANGE": "changed",
     "SEEN": "seen",
 }
+PERSONS = frozenset({"person", "human", "man", "woman", "child", "anybody", "anyone", "somebody", "someone"})
+"""Names of those who come by."""
+
 CONDITIONS = get_args(tree.Condition)
 ATTRIBUTES = get_args(tree.Attribute)
 NOUNS = get_args(tree.Noun)
@@ -152,6 +155,9 @@ class BuildThings:
         members = tuple(of_type(parts, tree.Things))
         if any(isinstance(member.noun, tree.Union) for member in members):
             raise NoReading
+        *others, last = members
+        if last.condition is not None and all(member.condition is None for member in others):
+            return tree.Things(tree.Union((*others, replace(last, condition=None))), condition=last.condition)
         return tree.Things(tree.Union(members))
 
     def nothing(self, _parts: list[Any]) -> None:
@@ -217,6 +223,20 @@ class BuildThings:
             raise NoReading
         return tree.Identified(f"{noun.name.replace(' ', '-')}-{number.written}")
 
+    def everything(self, _parts: list[Any]) -> tree.Things:
+        return tree.Things(tree.Anything(), quantity="all")
+
+    def all_of_them(self, parts: list[Any]) -> tree.Things:
+        things = only(parts, tree.Things)
+        if things.quantity is not None:
+            raise NoReading
+        return replace(things, quantity="all")
+
+    def restricted(self, parts: list[Any]) -> tree.Things:
+        if any(part is not None and not isinstance(part, (*CONDITIONS, tree.Things)) for part in parts):
+            raise NoReading
+        return with_condition(only(parts, tree.Things), *conditions_of(parts))
+
     def nothing_at_all(self, _parts: list[Any]) -> tree.Things:
         return tree.Things(tree.Anything(), quantity="no")
 
@@ -230,7 +250,12 @@ class BuildThings:
         return tree.Things(self.a_person_noun(parts))
 
     def a_person_noun(self, parts: list[Any]) -> tree.Named:
-        return tree.Named("person", only(parts, Word).written, hypernym=True)
+        noun = words(parts, "NOUN")
+        if noun:
+            if noun[0].value.name not in PERSONS:
+                raise NoReading
+            return cast("tree.Named", noun[0].value)
+        return tree.Named("person", words(parts, "PERSON", "NOUN_PERSON")[0].written, hypernym=True)
 
     def usable(self, parts: list[Any]) -> tree.Usable:
         return tree.Usable(str(only(parts, Word).value))
@@ -294,6 +319,8 @@ class BuildThings:
         condition = condition_of(parts)
         if condition is None:
             raise NoReading
+        if isinstance(condition, tree.Distant):
+            return replace(condition, farther=not condition.farther)
         return tree.Not(condition)
 
     def neither(self, parts: list[Any]) -> tree.Condition:
@@ -309,6 +336,12 @@ class BuildThings:
 
     def having(self, parts: list[Any]) -> tree.Condition:
         return tree.Having(parts[0])
+
+    def any_attribute(self, parts: list[Any]) -> tree.Condition:
+        return tree.Or(tuple(tree.Having(part) for part in parts if isinstance(part, ATTRIBUTES)))
+
+    def not_having(self, parts: list[Any]) -> tree.Condition:
+        return tree.Not(tree.Having(parts[0]))
 
     def having_material(self, parts: list[Any]) -> tree.Condition:
         return tree.Having(tree.Material(str(only(parts, Word).value)))

@@ -28,7 +28,7 @@ _COMPARATIVES: dict[tree.Measure, str] = {
     "large": "larger",
     "small": "smaller",
     "tall": "taller",
-    "low": "lower",
+    "low": "shorter",
     "wide": "wider",
     "narrow": "narrower",
     "new": "newer",
@@ -146,7 +146,8 @@ def things_in_english(things: tree.Things, *, plural: bool = False) -> str:
     plain, excepted = _without_exceptions(things.condition)
     phrase = _plain_phrase(things, plural=plural)
     if plain is not None:
-        phrase = f"{phrase} {condition_in_english(plain)}"
+        happened = isinstance(plain, tree.Happened)  # in parentheses, a time after it is that of the question
+        phrase = f"{phrase} {_grouped(plain) if happened else condition_in_english(plain)}"
     return phrase if excepted is None else f"{phrase} except {bare_in_english(excepted)}"
 
 

@@ -50,7 +50,7 @@ def singulars(name: str) -> Iterator[str]:
     """
     yield name
     before, space, word = name.rpartition(" ")
-    if len(word) > 3 and not word.endswith("ss"):
+    if len(word) > 2 and not word.endswith("ss"):
         for ending, replacement in PLURALS:
             if word.endswith(ending):
                 yield before + space + word[: len(word) - len(ending)] + replacement

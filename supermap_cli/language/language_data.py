@@ -36,6 +36,7 @@ class LanguageData:
     elisions: frozenset[str]
     joined: bool
     past: frozenset[str]
+    fillers: frozenset[str]
     refusals: Mapping[str, str]
 
     def refusal(
@@ -70,6 +71,7 @@ def language_data(code: str) -> LanguageData:
         frozenset(table.get("elisions", ())),
         table.get("joined", False),
         frozenset(spelt(dict.fromkeys(table["past"], ""))),
+        frozenset(spelt(dict.fromkeys(table.get("fillers", ()), ""))),
         table["refusals"],
     )
 

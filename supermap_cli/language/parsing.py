@@ -101,7 +101,9 @@ def parse(text: str, known: KnownNames, language: str | None = None) -> Question
     tokeniser = Tokeniser(rules.data, rules.phrases, lexicon, known)
     readings = _readings(words, rules, tokeniser)
     mended: tuple[tuple[str, str], ...] = ()
-    if not any(isinstance(reading.value, Asked) for reading in readings):
+    if not _asks(readings) and (fewer := _without_fillers(words, rules.data)) != words:
+        words, readings = fewer, _readings(fewer, rules, tokeniser) or readings
+    if not _asks(readings):
         mended = mended_words(words, tokeniser.unknown(words), rules.phrases, (*known.labels, *known.traversals))
         if mended:
             meant = dict(mended)
@@ -119,6 +121,18 @@ def parse(text: str, known: KnownNames, language: str | None = None) -> Question
     )
     past = not rules.data.past.isdisjoint((*words, *(piece.written for piece in next(tokeniser.cuts(words)))))
     return Question(text, best.body, best.time, past, code, others, mended)
+
+
+def _asks(readings: Sequence[Reading]) -> bool:
+    return any(isinstance(reading.value, Asked) for reading in readings)
+
+
+def _without_fillers(words: Sequence[str], data: LanguageData) -> tuple[str, ...]:
+    """The words without those that say nothing; all of them where one stands before a number ("exactly two")."""
+    numbers = [at for at, word in enumerate(words) if word in data.numbers or word.isdecimal()]
+    if any(words[at - 1] in data.fillers for at in numbers if at):
+        return tuple(words)
+    return tuple(word for word in words if word not in data.fillers) or tuple(words)
 
 
 def _language_of(text: str, known: KnownNames) -> str:

@@ -30,7 +30,7 @@ _CLOCK = re.compile(r"\d{1,2}:\d{2}(:\d{2}(\.\d+)?)?z?|\d{4}-\d{2}-\d{2}t[\d:.]+
 _TWELVE_HOURS = re.compile(r"(\d{1,2})(?::(\d{2}))?\s?(am|pm)")
 _DATE = re.compile(r"\d{4}-\d{2}-\d{2}")
 _NUMBER = re.compile(r"\d{1,9}(?:[.,]\d{1,6})?")
-_TRAVERSAL_TIME = re.compile(r"([@+])(.+)")
+_TRAVERSAL_TIME = re.compile(r"[@+]\S+")
 
 
 class Kinds(str):
@@ -113,9 +113,12 @@ class Tokeniser:
         for length in range(1, min(self._longest, len(words) - start) + 1):
             text = join(words[start : start + length], joined=self.language.joined)
             values = self._values(text)
+            if "USE" in values and self._use_goes_on(words, start, start + length):
+                del values["USE"]
             if values:
                 found.setdefault(length, {}).update(values)
-        noun = self.lexicon.longest_noun(words, start, self._labels)
+        within = words[: next((at for at in range(start, len(words)) if words[at] in PUNCTUATION), len(words))]
+        noun = self.lexicon.longest_noun(within, start, self._labels) if start < len(within) else None
         if noun is not None:
             category = self.lexicon.category(noun.name)
             kind = "PLACE" if category == "place" and noun.name not in self._labels else "NOUN"
@@ -128,6 +131,15 @@ class Tokeniser:
             Piece(start, start + length, join(words[start : start + length], joined=self.language.joined), values)
             for length, values in sorted(found.items(), reverse=True)
         ]
+
+    def _use_goes_on(self, words: Sequence[str], start: int, end: int) -> bool:
+        """Whether the words of a use are the beginning of another one's: "eat" of "eat at", unless what follows closes
+        the question ("sit in the room").
+        """
+        longer = (join(words[start : end + more], joined=self.language.joined) for more in (1, 2))
+        if not any(text in self.lexicon.use_phrases for text in longer if end < len(words)):
+            return False
+        return "_CLOSING" not in self.phrases.get(join(words[end:], joined=self.language.joined), ())
 
     def _values(self, text: str) -> dict[str, object]:
         values: dict[str, object] = dict.fromkeys(self.phrases.get(text, ()), self.language.values.get(text, text))
