@@ -41,6 +41,7 @@ from supermap_cli.query.clock import clock_of, is_time_of_day
 from supermap_cli.query.retention_policy import pruned_evidence_notes
 from supermap_cli.query.time_points import parse_time_point
 from supermap_cli.query.time_selector import TimeSelector, selector_at
+from supermap_cli.query.unseen_words import suggested_labels, with_suggestions
 from supermap_cli.query.views import DEFAULT_LIMIT, InstanceView
 from supermap_cli.relations.map_relations import relations_of_configs
 
@@ -66,20 +67,24 @@ def answer(
 
     Raises `QueryError` if the question is not understood, or has its own time besides `at`.
     """
-    question = _parsed_loosely(text, reader, language) if loose else parse(text, known_names(reader), language)
+    known = known_names(reader)
+    try:
+        question = _parsed_loosely(text, known, language) if loose else parse(text, known, language)
+    except RefusedQuestionError as refusal:
+        raise with_suggestions(refusal, known.labels) from None
     return answer_question(question, reader, at, limit, explain=explain)
 
 
-def _parsed_loosely(text: str, reader: MapReader, language: str | None) -> Question:
-    """The question with each unknown word read as the known one that it is most like, one after the other."""
-    known, read, taken = known_names(reader), text, list[tuple[str, str]]()
+def _parsed_loosely(text: str, known: KnownNames, language: str | None) -> Question:
+    """The question with each unknown word read as the known one that it is most like, one after the other: in spelling,
+    else by an encoder of texts.
+    """
+    read, taken = text, list[tuple[str, str]]()
     while True:
         try:
             question = parse(read, known, language)
         except RefusedQuestionError as refusal:
-            near = (
-                load_lexicon("en").suggest(refusal.part or "", known.labels) if refusal.kind == "unknown word" else ()
-            )
+            near = refusal.near or suggested_labels(refusal, known.labels)
             if not near or len(taken) == MAX_LOOSE_WORDS:
                 raise
             word = re.compile(rf"\b{re.escape(refusal.part or '')}\b", re.IGNORECASE)
