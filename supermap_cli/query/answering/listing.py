@@ -127,7 +127,7 @@ class Lister:
         selector = self.selector
         at_ns = selector.high_ns - 1 if selector.kind == "earlier" else selector.high_ns
         since_ns = None if selector.traversal is None else selector.traversal.start_ns
-        return TimeSelector("at", selector.text, at_ns, at_ns, selector.traversal, since_ns=since_ns)
+        return TimeSelector("at", selector.text, at_ns, at_ns, since_ns=since_ns)
 
     def note_uncertain(self, uncertain: UncertainInstances) -> None:
         """Add notes on what is known of instances whose presence is unknown."""
