@@ -69,7 +69,8 @@ def query(
     ] = None,
     loose: Annotated[bool, typer.Option(help="Read an unknown word as the known one that it is most like.")] = False,
     language: Annotated[
-        str | None, typer.Option(metavar="CODE", help="The language of the question: en, de, es, fr, zh. [default: told]")
+        str | None,
+        typer.Option(metavar="CODE", help="The language of the question: en, de, es, fr, zh. [default: told]"),
     ] = None,
 ) -> None:
     """Ask the map in plain words.

@@ -85,7 +85,9 @@ def _parsed_loosely(text: str, reader: MapReader, language: str | None) -> Quest
         try:
             question = parse(read, known, language)
         except RefusedQuestionError as refusal:
-            near = load_lexicon("en").suggest(refusal.part or "", known.labels) if refusal.kind == "unknown word" else ()
+            near = (
+                load_lexicon("en").suggest(refusal.part or "", known.labels) if refusal.kind == "unknown word" else ()
+            )
             if not near or len(taken) == MAX_LOOSE_WORDS:
                 raise
             word = re.compile(rf"\b{re.escape(refusal.part or '')}\b", re.IGNORECASE)

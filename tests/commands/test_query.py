@@ -47,7 +47,9 @@ def test_answers_follow_the_published_schema(db: Path, question: str) -> None:
 def test_a_question_is_asked_as_of_a_time(db: Path) -> None:
     found = document("answer", "query", "how many cups", "--at", "09:10", "--db", db)
     assert (found["count"], found["count_at_most"]) == (0, 1)
-    assert supermap("query", "how many cups", "--at", "09:10", "--db", db).stdout.startswith("No cups were in the map as of")
+    assert supermap("query", "how many cups", "--at", "09:10", "--db", db).stdout.startswith(
+        "No cups were in the map as of"
+    )
     printed = supermap("query", "cup", "--at", "60 s", "--db", db).stdout
     assert printed.startswith("cup-1 stood on dining-table-1, at (0.50, 0.00, 0.80) m as of 2026-01-05T09:01:00.0Z.\n")
 

@@ -67,7 +67,6 @@ def _about_few(at: str, short: SyntheticTraversal) -> tuple[BenchQuestion, ...]:
             in_a_traversal=f"chairs in {short.name}",
             relation_earlier="chair near the piano earlier",
             no_such_label="trumpet",
-            
             too_far="piano on the globe",
             not_so="piano on the desk",
         ),
