@@ -44,7 +44,8 @@ class _Builders(dict[Rule, Callable[[list[Any]], Any]]):
     """The function that makes the value of a rule, for the rules that were asked for."""
 
     def __missing__(self, rule: Rule) -> Callable[[list[Any]], Any]:
-        made = ParseTreeBuilder([rule], _Inlined, ambiguous=False, maybe_placeholders=False)
+        untyped: Any = ParseTreeBuilder
+        made = untyped([rule], _Inlined, ambiguous=False, maybe_placeholders=False)
         function: Callable[[list[Any]], Any] = made.create_callback(_BUILDER)[rule]
         self[rule] = function
         return function
