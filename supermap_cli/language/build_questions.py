@@ -147,6 +147,9 @@ class BuildQuestions(BuildThings, BuildTimes):
 
     find_support_front = find_support
 
+    def find_upon(self, parts: list[Any]) -> tree.Find:
+        return tree.Find(with_condition(ANYTHING, related_to(parts, only(parts, tree.Things))))
+
     def find_which_support(self, parts: list[Any]) -> tree.Find:
         things, carried = of_type(parts, tree.Things)
         return tree.Find(with_condition(things, _carrying(parts, carried)))
@@ -186,6 +189,13 @@ class BuildQuestions(BuildThings, BuildTimes):
 
     def count_so(self, parts: list[Any]) -> tree.Count:
         return tree.Count(with_condition(only(parts, tree.Things), condition_of(parts)))
+
+    def count_without(self, parts: list[Any]) -> tree.Count:
+        return tree.Count(self.find_without(parts).things)
+
+    def count_except(self, parts: list[Any]) -> tree.Count:
+        things, excepted = of_type(parts, tree.Things)
+        return tree.Count(with_condition(things, condition_of(parts), tree.Except(excepted)))
 
     # --- Yes or no ---
 
@@ -250,6 +260,15 @@ class BuildQuestions(BuildThings, BuildTimes):
     def compare_measure_to(self, parts: list[Any]) -> tree.CompareMeasure:
         first, reference, second = of_type(parts, tree.Things)
         return tree.CompareMeasure(_compared(parts), first, second, to_reference(reference))
+
+    def compare_named_to(self, parts: list[Any]) -> tree.CompareMeasure:
+        _, reference = of_type(parts, tree.Things)
+        either = only(parts, Alternatives)
+        return tree.CompareMeasure(_compared(parts), either.first, either.second, to_reference(reference))
+
+    def compare_named(self, parts: list[Any]) -> tree.CompareMeasure:
+        either = only(parts, Alternatives)
+        return tree.CompareMeasure(_compared(parts), either.first, either.second)
 
     def compare_references(self, parts: list[Any]) -> tree.CompareMeasure:
         things, first, second = of_type(parts, tree.Things)

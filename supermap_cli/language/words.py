@@ -82,6 +82,8 @@ def _parts(word: str, language: LanguageData, kept: Collection[str]) -> list[str
         return [word]
     if (written_out := language.contractions.get(word)) is not None:
         return written_out.split()
+    if word.endswith("'s") and len(word) > 2:
+        return [*_parts(word[:-2], language, kept), "'s"]
     elided, apostrophe, rest = word.partition("'")
     if apostrophe and rest and elided in language.elisions:
         return [*([elided] if elided else []), *_parts(rest, language, kept)]
