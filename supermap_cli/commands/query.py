@@ -50,7 +50,7 @@ def register(app: typer.Typer) -> None:
     app.command(epilog=EXAMPLES)(query)
 
 
-def query(
+def query(  # noqa: PLR0917 - typer makes its options of them
     text: Annotated[
         list[str] | None, typer.Argument(metavar="TEXT", help="e.g. 'cup on the table', 'what changed since monday'")
     ] = None,
@@ -69,8 +69,12 @@ def query(
     ] = None,
     loose: Annotated[bool, typer.Option(help="Read an unknown word as the known one that it is most like.")] = False,
     language: Annotated[
+<<<<<<< HEAD
         str | None,
         typer.Option(metavar="CODE", help="The language of the question: en, de, es, fr, zh. [default: told]"),
+=======
+        str | None, typer.Option(metavar="CODE", help="The question's language: en, de, es, fr, zh. [default: told]")
+>>>>>>> h15-ans
     ] = None,
 ) -> None:
     """Ask the map in plain words.
@@ -103,7 +107,7 @@ def _session(reader: MapReader, ask: Callable[[str], None]) -> None:
     ask_until_the_end(reader, ask)
 
 
-def _ask(  # noqa: PLR0917 - the options of the command
+def _ask(
     reader: MapReader,
     text: str,
     at: str | None,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Literal
 
 from supermap_cli.errors import QueryError
@@ -21,7 +22,10 @@ RefusalKind = Literal[
 
 
 class RefusedQuestionError(QueryError):
-    """A question that is refused; `kind` says why, `part` is the part of it that was the reason."""
+    """A question that is refused; `kind` says why, `part` is the part of it that was the reason.
+
+    `near` are words that may have been meant, `language` is the one (ISO 639-1) that it is refused in.
+    """
 
     def __init__(
         self,
@@ -31,7 +35,11 @@ class RefusedQuestionError(QueryError):
         part: str | None = None,
         where: str | None = None,
         cure: str | None = None,
+        near: Sequence[str] = (),
+        language: str = "en",
     ) -> None:
         self.kind = kind
         self.part = part
+        self.near = tuple(near)
+        self.language = language
         super().__init__(what, where=where, cure=cure)

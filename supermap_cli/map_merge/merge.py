@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from supermap_cli.errors import MemoryStoreError
 from supermap_cli.map_merge.depth_consistency import DepthConsistency, ViewCounts
@@ -17,6 +17,7 @@ from supermap_cli.map_merge.transform import MapTransform
 from supermap_cli.mapping.free_space import FreeSpaceMemory
 from supermap_cli.mapping.objects import ObjectMap
 from supermap_cli.mapping.restoring import restore_objects
+from supermap_cli.mapping.walls import WallMap
 from supermap_cli.memory.checking import check
 from supermap_cli.memory.map_import import MapImport
 from supermap_cli.memory.names import unique_name
@@ -58,6 +59,7 @@ class MapMerge:
     other: MapStore
     again: bool = False
     progress: Progress | None = None
+    _walls: WallMap = field(default_factory=WallMap, init=False, repr=False)
 
     def run(self, align: str = "auto", *, dry_run: bool = False) -> MergeSummary:
         """Merge the other map in one transaction; with `dry_run` nothing is written.
@@ -154,6 +156,7 @@ class MapMerge:
         consistency = DepthConsistency(objects, frozenset(known.number for known, _ in (*pairs, *parts)), displacements)
         for traversal_id, keyframe in self._keyframes(transform):
             consistency.add_keyframe(traversal_id, keyframe)
+            self._walls.add_record(keyframe)
         states = StateMerge(objects, present, self._free_space())
         for known, first in pairs:
             states.merge_in_place(known, matchable[id(first)], displacements.get(known.number))
@@ -182,6 +185,7 @@ class MapMerge:
         for traversal in self.store.traversals():
             for record in self.store.keyframe_depths([traversal.id]):
                 free_space.add_record(traversal.number, record)
+                self._walls.add_record(record)
         return free_space
 
     # Rows
@@ -253,7 +257,7 @@ class MapMerge:
         ]
         changed = merge_edges(held, others, merged.state_ends_ns)
         end_ns = max(transform.time(traversal.mapped_ns or traversal.end_ns) for traversal in later)
-        reevaluate_edges(changed, held, merged.objects, merged.changed, end_ns)
+        reevaluate_edges(changed, held, merged.objects, merged.changed, end_ns, walls=self._walls)
         return list(changed.values())
 
 
@@ -266,7 +270,7 @@ def _check_is_sound(store: MapStore) -> None:
         raise MemoryStoreError(
             f"the map is damaged: {first.table} {first.row} {first.what}",
             where=store.where,
-            cure="see `supermap db check --repair`, and `supermap db recover`",
+            cure="try `supermap db upgrade`, then `supermap db check --repair`; at last `supermap db recover`",
         )
 
 

@@ -7,6 +7,8 @@ from dataclasses import replace
 
 from supermap_cli.graph.scene_graph import SceneGraph
 from supermap_cli.mapping.objects import ObjectMap
+from supermap_cli.mapping.walls import WallMap
+from supermap_cli.stages.session_walls import SessionWalls
 from supermap_cli.types.memory import SpatialEdge
 from supermap_cli.types.relations import GraphNode
 
@@ -41,8 +43,11 @@ def reevaluate_edges(
     objects: ObjectMap,
     changed_objects: set[int],
     stamp_ns: int,
+    *,
+    walls: WallMap | None = None,
 ) -> None:
-    """Evaluate the relations of changed objects at `stamp_ns` and enter the result in `changed`.
+    """Evaluate the relations of changed objects at `stamp_ns` and enter the result in `changed`; `walls` are those that
+    the views of both maps show.
 
     A new edge begins when both of its objects are in their present states, or when it last ended.
     """
@@ -51,10 +56,11 @@ def reevaluate_edges(
     for edge in known.values():
         if edge.until_ns is not None:
             ended_ns[_triple(edge)] = max(edge.until_ns, ended_ns.get(_triple(edge), 0))
-    graph = SceneGraph()
+    nodes: dict[int, GraphNode] = {}
+    graph = SceneGraph(walls=SessionWalls(walls or WallMap(), lambda: nodes))
     graph.resume(edge for edge in known.values() if edge.until_ns is None)
     present = [obj for obj in objects if obj.confirmed and obj.present and not obj.demoted]
-    nodes = {obj.number: GraphNode(obj.number, obj.label, obj.shape.box, obj.shape.points) for obj in present}
+    nodes.update((obj.number, GraphNode(obj.number, obj.label, obj.shape.box, obj.shape.points)) for obj in present)
     for edge in graph.update(nodes, changed_objects, stamp_ns):
         if edge.since_ns == stamp_ns:
             both_ns = max(objects[number].state.first_seen_ns for number in (edge.subject, edge.object))

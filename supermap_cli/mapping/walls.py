@@ -8,7 +8,7 @@ behind it.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -55,7 +55,7 @@ class WallParameters:
     )
     noise_m: float = parameter(0.25, "m", "how far before and behind a face that fullest one is looked for", TUNED)
     least_slope: float = parameter(
-        0.16, "1", "sine of the angle at which a line passes a wall, at least: along it, it only grazes it", "9 deg"
+        0.08, "1", "sine of the angle at which a line passes a wall, at least: along it, it only grazes it", "5 deg"
     )
     inset_m: float = parameter(0.2, "m", "depth in a box from which its nearest point looks at the other", TUNED)
     object_margin_m: float = parameter(
@@ -167,13 +167,18 @@ class WallMap:
         if not self._faces:
             return True
         owners = [first, second, *objects]
-        return any(not self._is_crossed(start, end, owners) for start, end in _lines(first, second, self.parameters))
+        return any(not self._is_crossed(line, first, second, owners) for line in _lines(first, second, self.parameters))
 
-    def _is_crossed(self, start: Point, end: Point, owners: Sequence[Box3D]) -> bool:
-        """Whether a line passes a wall."""
+    def _is_crossed(self, line: tuple[Point, Point], first: Box3D, second: Box3D, owners: Sequence[Box3D]) -> bool:
+        """Whether a line between two boxes passes a wall with the middle of one of them behind it: a box's corner may
+        stick into the wall that it stands against.
+        """
+        middles = (_middle(first), _middle(second))
         return any(
-            self._is_wall(place, normal, sector) and not _is_owned(place, normal, owners, self.parameters)
-            for place, normal, sector in self._passed(start, end)
+            any(_height_above(middle, place, normal) <= -self.parameters.behind_m for middle in middles)
+            and self._is_wall(place, normal, sector)
+            and not _is_owned(place, normal, owners, self.parameters)
+            for place, normal, sector in self._passed(*line)
         )
 
     def _passed(self, start: Point, end: Point) -> Iterator[tuple[Point, Point, int]]:
@@ -182,10 +187,10 @@ class WallMap:
         way_x, way_y = end[0] - start[0], end[1] - start[1]
         least_m = max(parameters.least_slope * math.hypot(way_x, way_y), 1e-9)
         for cell in _cells_along(start, end, parameters.cell_m):
-            for sector, face in self._faces.get(cell, {}).items():
+            for sector, face in _main_faces(self._faces.get(cell, {})):
                 (x, y), (normal_x, normal_y) = face.place(), face.normal()
-                at_start = (start[0] - x) * normal_x + (start[1] - y) * normal_y
-                at_end = (end[0] - x) * normal_x + (end[1] - y) * normal_y
+                at_start = _height_above(start, (x, y), (normal_x, normal_y))
+                at_end = _height_above(end, (x, y), (normal_x, normal_y))
                 if max(at_start, at_end) < -parameters.before_m or min(at_start, at_end) > -parameters.behind_m:
                     continue
                 if abs(at_start - at_end) < least_m:
@@ -254,6 +259,29 @@ def high_between(
         and math.hypot(box.center[0] - middle_x, box.center[1] - middle_y)
         <= reach_m + math.hypot(box.size[0], box.size[1]) / 2 + parameters.near_m
     ]
+
+
+def _main_faces(faces: Mapping[int, _Face]) -> Iterator[tuple[int, _Face]]:
+    """A cell's surfaces with their sectors, each with what noise has put into the sectors beside its own."""
+    for sector, face in faces.items():
+        beside = [faces[other] for other in ((sector + 1) % _SECTORS, (sector - 1) % _SECTORS) if other in faces]
+        if all(face.count >= other.count for other in beside):
+            parts = (face, *beside)
+            yield (
+                sector,
+                _Face(
+                    sum(part.count for part in parts),
+                    sum(part.x for part in parts),
+                    sum(part.y for part in parts),
+                    sum(part.normal_x for part in parts),
+                    sum(part.normal_y for part in parts),
+                ),
+            )
+
+
+def _height_above(point: Point, place: Point, normal: Point) -> float:
+    """How far before a face a point lies, m; negative behind it."""
+    return (point[0] - place[0]) * normal[0] + (point[1] - place[1]) * normal[1]
 
 
 def _is_owned(place: Point, normal: Point, owners: Iterable[Box3D], parameters: WallParameters) -> bool:

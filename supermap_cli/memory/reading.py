@@ -27,6 +27,9 @@ from supermap_schema import models
 
 V = TypeVar("V")
 
+KEPT_INSTANCES = 10_000
+"""Instances that one reader keeps, to be asked for again by the parts of a question; some 20 MB."""
+
 COUNTED = {
     "instances": models.Instance,
     "states": models.State,
@@ -67,6 +70,8 @@ class MapReader:
         self.connection = connection
         self._database = database
         self._presence_queries: dict[tuple[int, int | None], PresenceQuery] = {}
+        self._read_before: dict[int, StoredInstance | None] = {}
+        self._parts_read: dict[int, tuple[int, ...]] = {}
 
     @property
     def where(self) -> str:
@@ -142,12 +147,25 @@ class MapReader:
 
         Faster than `instances_of`; enough for selecting instances.
         """
-        found: dict[int, StoredInstance] = {}
-        for batch in batches(sorted(set(numbers))):
-            parts = self.parts_of(batch) if traversal_ids else {number: number for number in batch}
-            visits = self._visits(parts, traversal_ids) if traversal_ids else defaultdict(list)
-            found |= {instance.number: instance for instance in self._instances(batch, parts, visits)}
-        return found
+        wanted = sorted(set(numbers))
+        if traversal_ids:
+            found: dict[int, StoredInstance] = {}
+            for batch in batches(wanted):
+                parts = self.parts_of(batch)
+                visits = self._visits(parts, traversal_ids)
+                found |= {instance.number: instance for instance in self._instances(batch, parts, visits)}
+            return found
+        if len(self._read_before) > KEPT_INSTANCES:
+            self._read_before.clear()
+        for batch in batches([number for number in wanted if number not in self._read_before]):
+            read = self._instances(batch, {number: number for number in batch}, defaultdict(list))
+            self._read_before |= dict.fromkeys(batch) | {instance.number: instance for instance in read}
+        before = ((number, self._read_before[number]) for number in wanted)
+        return {number: instance for number, instance in before if instance is not None}
+
+    def read_before(self, numbers: Collection[int]) -> dict[int, StoredInstance | None]:
+        """Those of the given instances that were read before, without their visits; `None` for merged ones."""
+        return {number: self._read_before[number] for number in numbers if number in self._read_before}
 
     @cached_property
     def instances(self) -> tuple[StoredInstance, ...]:
@@ -236,6 +254,28 @@ class MapReader:
                 positions[row.id] = parsed_transform(row.T_map_camera, f"the camera of keyframe {row.id}")[:3, 3]
         return positions
 
+    def scored_observations_of(self, instances: Collection[StoredInstance]) -> dict[int, tuple[ScoredObservation, ...]]:
+        """As `scored_observations`, of several instances, by their numbers."""
+        keyframe, observation = models.Keyframe, models.Observation
+        owners = {part: instance.number for instance in instances for part in instance.numbers}
+        found: dict[int, list[ScoredObservation]] = {instance.number: [] for instance in instances}
+        for batch in batches(sorted(owners)):
+            statement = (
+                select(
+                    *(observation.id, observation.score, observation.instance_number),
+                    *(keyframe.traversal_id, keyframe.stamp_ns),
+                )
+                .join(keyframe, keyframe.id == observation.keyframe_id)
+                .where(observation.instance_number.in_(batch))
+            )
+            for row in self.connection.execute(statement):
+                seen = ScoredObservation(row.id, row.traversal_id, row.stamp_ns, row.score)
+                found[owners[row.instance_number]].append(seen)
+        return {
+            number: tuple(sorted(observations, key=lambda seen: (seen.stamp_ns, seen.id)))
+            for number, observations in found.items()
+        }
+
     def scored_observations(self, instance: StoredInstance) -> tuple[ScoredObservation, ...]:
         """As `observations`, with their scores only: all but the stamps come from an index."""
         statement = _ordered_by_time(select(models.Observation.id, models.Observation.score), instance)
@@ -248,15 +288,13 @@ class MapReader:
         self, numbers: Collection[int], relations: Collection[str] | None = None, *, open_only: bool = False
     ) -> tuple[SpatialEdge, ...]:
         """The spatial edges that begin or end at one of the given instances, in the order of their row ids."""
-        ends = list(self.parts_of(numbers))
         edge = models.SpatialEdge
+        named = [] if relations is None else [edge.relation.in_(relations)]
         found: dict[int, Any] = {}
-        for end in (edge.subject_number, edge.object_number):
-            for batch in batches(ends):
-                statement = select(edge.__table__).where(end.in_(batch))
-                if relations is not None:
-                    statement = statement.where(edge.relation.in_(relations))
-                found |= {row.id: row for row in self.connection.execute(statement)}
+        for batch in batches(list(self.parts_of(numbers))):
+            ends = (edge.subject_number, edge.object_number)
+            begun, ended = (select(edge.__table__).where(end.in_(batch), *named) for end in ends)
+            found |= {row.id: row for row in self.connection.execute(begun.union_all(ended))}
         survivors = self.survivors.of({n for row in found.values() for n in (row.subject_number, row.object_number)})
         edges: dict[tuple[int, str, int, int], SpatialEdge] = {}
         for _, row in sorted(found.items()):
@@ -279,7 +317,7 @@ class MapReader:
         return tuple(rows.temporal_edge(row) for _, row in sorted(found.items()))
 
     def temporal_edges_within(self, low_ns: int, high_ns: int) -> tuple[TemporalEdge, ...]:
-        """The temporal edges whose later bound lies in [low_ns, high_ns], or whose bounds hold it, in the order of time."""
+        """The temporal edges whose later bound lies in [low_ns, high_ns], or whose bounds hold it, ordered by time."""
         edge = models.TemporalEdge
         began = or_(edge.not_before_ns.is_(None), edge.not_before_ns <= low_ns, edge.not_after_ns <= high_ns)
         statement = select(edge.__table__).where(edge.not_after_ns >= low_ns, began)
@@ -349,14 +387,17 @@ class MapReader:
     def parts_of(self, numbers: Collection[int]) -> dict[int, int]:
         """The given instances and those merged into them: number -> the given one's number."""
         instance = models.Instance
-        parts: dict[int, int] = {}
-        for batch in batches(sorted(numbers)):
+        if len(self._parts_read) > KEPT_INSTANCES:
+            self._parts_read.clear()
+        for batch in batches(sorted(set(numbers) - self._parts_read.keys())):
             start = select(instance.number, instance.number.label("survivor")).where(instance.number.in_(batch))
             part = start.cte("part", recursive=True)
             merged = select(instance.number, part.c.survivor).join(part, instance.merged_into == part.c.number)
-            found = self.connection.execute(select(part.union(merged)))
-            parts |= {row.number: row.survivor for row in found}
-        return dict(sorted(parts.items()))
+            own: dict[int, list[int]] = {number: [] for number in batch}
+            for row in self.connection.execute(select(part.union(merged))):
+                own[row.survivor].append(row.number)
+            self._parts_read |= {number: tuple(sorted(parts)) for number, parts in own.items()}
+        return dict(sorted((part, number) for number in numbers for part in self._parts_read[number]))
 
     def _survivors(self, numbers: Collection[int]) -> dict[int, int]:
         """Follows merges of merges, one step of all at a time."""
@@ -394,6 +435,7 @@ class MapReader:
         wanted = select(*rows.INSTANCE_WITHOUT_GEOMETRY).where(instance.number.in_(survivors))
         for row in self.connection.execute(wanted.where(instance.merged_into.is_(None)).order_by(instance.number)):
             number = row.number
+            self.survivors[number] = number
             yield rows.stored_instance(row, tuple(numbers[number]), tuple(states[number]), tuple(visits[number]))
 
     def _states(self, numbers: Collection[int]) -> dict[int, list[StateRecord]]:

@@ -10,6 +10,7 @@ from sqlalchemy import Connection
 from sqlalchemy.exc import DatabaseError
 
 from supermap_cli.memory.databases import dialect_of
+from supermap_cli.memory.stale_edges import end_stale_edges
 from supermap_schema import models, sqlite
 
 _COUNTS = (
@@ -47,6 +48,9 @@ def repair(connection: Connection) -> tuple[str, ...]:
         done += _search_tables_and_views(connection)
     for statement in (*_COUNTS, _FEWER):
         connection.exec_driver_sql(statement)
+    ended = end_stale_edges(connection)
+    if ended:
+        done.append(f"{ended} relations ended that an end had left")
     return (*done, "rows counted again")
 
 

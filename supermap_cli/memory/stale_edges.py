@@ -88,7 +88,7 @@ def _left_ns(connection: Connection, numbers: set[int]) -> Mapping[int, list[int
 
 def _doubtful(rows: Any, registry: RelationRegistry, slack: float) -> Iterator[Any]:
     """The rows whose boxes are not surely near enough: their middles are apart by more than the reach."""
-    known = [row for row in rows if row.relation in registry]
+    known = [row for row in rows if row.relation in registry and _is_boxed(row)]
     if not known:
         return
     boxes = np.array(
@@ -102,6 +102,13 @@ def _doubtful(rows: Any, registry: RelationRegistry, slack: float) -> Iterator[A
         offsets[:, 2] - boxes[:, :, 5].sum(axis=1) / 2 > height_m
     )
     yield from (row for row, is_apart in zip(known, apart.tolist(), strict=True) if is_apart)
+
+
+def _is_boxed(row: Any) -> bool:
+    """Whether both ends have a box; that an instance has none is another invariant."""
+    values = [getattr(row, f"{which}_{name}") for which, _ in _ENDS for name in _BOX]
+    sizes = [getattr(row, f"{which}_{name}") for which, _ in _ENDS for name in _BOX[3:6]]
+    return bool(np.isfinite(np.array(values, np.float64)).all()) and min(sizes) >= 0
 
 
 def _box(row: Any, which: str) -> Box3D:

@@ -5,10 +5,9 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
-from typing import Any
+from importlib import import_module
 
 from supermap_cli.errors import QueryError
-from supermap_cli.language.english import body_in_english, question_in_english
 from supermap_cli.language.known_names import KnownNames
 from supermap_cli.language.lexicon import load_lexicon
 from supermap_cli.language.parsing import parse
@@ -30,25 +29,19 @@ from supermap_cli.language.questions import (
     When,
 )
 from supermap_cli.language.refusals import RefusedQuestionError
-from supermap_cli.language.times import AtClock, Earlier, First, Last, Now
+from supermap_cli.language.times import AtClock, AtEvent, Earlier, First, Last, Now
 from supermap_cli.memory.reading import MapReader
 from supermap_cli.query.answering.asking import Asking, Trace
-from supermap_cli.query.answering.changing import changes, moved_where
-from supermap_cli.query.answering.comparing import compare_counts, compare_measure, how_far, most_of
-from supermap_cli.query.answering.dating import when
-from supermap_cli.query.answering.describing import describe
 from supermap_cli.query.answering.document import Answer, AskedRelation, Explanation, NearMiss, Reply
-from supermap_cli.query.answering.events import event_span
 from supermap_cli.query.answering.explaining import tree_text
-from supermap_cli.query.answering.finding import count, exists, find
-from supermap_cli.query.answering.holding import holds
 from supermap_cli.query.answering.phrases import listing, with_article
 from supermap_cli.query.answering.things import ThingsFinder, conditions_of
-from supermap_cli.query.answering.times import QuestionTimes
+from supermap_cli.query.answering.times import MomentSpan, QuestionTimes
 from supermap_cli.query.clock import clock_of, is_time_of_day
 from supermap_cli.query.retention_policy import pruned_evidence_notes
 from supermap_cli.query.time_points import parse_time_point
 from supermap_cli.query.time_selector import TimeSelector, selector_at
+from supermap_cli.query.unseen_words import suggested_labels, with_suggestions
 from supermap_cli.query.views import DEFAULT_LIMIT, InstanceView
 from supermap_cli.relations.map_relations import relations_of_configs
 
@@ -74,20 +67,24 @@ def answer(
 
     Raises `QueryError` if the question is not understood, or has its own time besides `at`.
     """
-    question = _parsed_loosely(text, reader, language) if loose else parse(text, known_names(reader), language)
+    known = known_names(reader)
+    try:
+        question = _parsed_loosely(text, known, language) if loose else parse(text, known, language)
+    except RefusedQuestionError as refusal:
+        raise with_suggestions(refusal, known.labels) from None
     return answer_question(question, reader, at, limit, explain=explain)
 
 
-def _parsed_loosely(text: str, reader: MapReader, language: str | None) -> Question:
-    """The question with each unknown word read as the known one that it is most like, one after the other."""
-    known, read, taken = known_names(reader), text, list[tuple[str, str]]()
+def _parsed_loosely(text: str, known: KnownNames, language: str | None) -> Question:
+    """The question with each unknown word read as the known one that it is most like, one after the other: in spelling,
+    else by an encoder of texts.
+    """
+    read, taken = text, list[tuple[str, str]]()
     while True:
         try:
             question = parse(read, known, language)
         except RefusedQuestionError as refusal:
-            near = (
-                load_lexicon("en").suggest(refusal.part or "", known.labels) if refusal.kind == "unknown word" else ()
-            )
+            near = refusal.near or suggested_labels(refusal, known.labels)
             if not near or len(taken) == MAX_LOOSE_WORDS:
                 raise
             word = re.compile(rf"\b{re.escape(refusal.part or '')}\b", re.IGNORECASE)
@@ -112,10 +109,10 @@ def known_names(reader: MapReader) -> KnownNames:
 def answer_question(
     question: Question, reader: MapReader, at: str | None = None, limit: int = DEFAULT_LIMIT, *, explain: bool = False
 ) -> Answer:
-    """Answer a typed question. Raises `QueryError` for a time, a traversal or a viewpoint that the map does not have."""
+    """Answer a typed question. Raises `QueryError` for a time, traversal or viewpoint that the map does not have."""
     clock = clock_of(reader)
-    asking = Asking(reader, clock, load_lexicon(question.language), limit, Trace() if explain else None)
-    asking.times = QuestionTimes(reader, clock, lambda asked: event_span(asking, asked))
+    asking = Asking(reader, clock, load_lexicon("en"), limit, Trace() if explain else None)
+    asking.times = QuestionTimes(reader, clock, lambda asked: _event_span(asking, asked))
     if at is not None and question.time is not None:
         raise QueryError(
             "the question names a time of its own", where=question.text, cure="leave out --at, or the words"
@@ -133,7 +130,7 @@ def answer_question(
         query=question.text,
         intent=reply.intent,
         time=selector.text,
-        message=_loose_text(asking) + (reply.message.replace("Yes: ", "Perhaps: ", 1) if loosely else reply.message),
+        message=_loose_text(asking) + (reply.message.replace("Yes", "Perhaps", 1) if loosely else reply.message),
         notes=tuple(dict.fromkeys(asking.notes)),
         instances=reply.instances[:limit],
         relation=reply.relation,
@@ -144,33 +141,48 @@ def answer_question(
         verdict="unknown" if loosely else reply.verdict,
         measures=reply.measures or None,
         changes=reply.changes or None,
-        readings=tuple(map(body_in_english, question.others)) or None,
+        readings=(_in_english(question.others) if question.others else None),
         explanation=None if asking.trace is None else _explanation(question, asking.trace),
     )
 
 
 def _reply(finder: ThingsFinder, question: Question, when_text: str) -> Reply:
-    match question.body:
-        case Changes() as body:
-            return changes(finder, body, question.time)
-        case MovedWhere() as body:
-            return moved_where(finder, body)
-        case body:
-            return _HANDLERS[type(body)](finder, body, when_text)
+    """The answer of the module for this kind of question, which is imported now: a process asks one question mostly."""
+    body = question.body
+    module, name = _HANDLERS[type(body)]
+    handler: Callable[..., Reply] = getattr(import_module(f"supermap_cli.query.answering.{module}"), name)
+    return handler(finder, body, question.time if isinstance(body, Changes) else when_text)
 
 
-_HANDLERS: Mapping[type, Callable[[ThingsFinder, Any, str], Reply]] = {
-    Find: find,
-    Count: count,
-    Exists: exists,
-    Holds: holds,
-    MostOf: most_of,
-    CompareCounts: compare_counts,
-    CompareMeasure: compare_measure,
-    HowFar: how_far,
-    Describe: describe,
-    When: when,
+_HANDLERS: Mapping[type, tuple[str, str]] = {
+    Find: ("finding", "find"),
+    Count: ("finding", "count"),
+    Exists: ("finding", "exists"),
+    Holds: ("holding", "holds"),
+    MostOf: ("comparing", "most_of"),
+    CompareCounts: ("comparing", "compare_counts"),
+    CompareMeasure: ("comparing", "compare_measure"),
+    HowFar: ("comparing", "how_far"),
+    Describe: ("describing", "describe"),
+    When: ("dating", "when"),
+    Changes: ("changing", "changes"),
+    MovedWhere: ("changing", "moved_where"),
 }
+"""The module and the function for each kind of question; each takes a finder, the question, and the time in words (that
+of changes as it was asked).
+"""
+
+
+def _event_span(asking: Asking, asked: AtEvent) -> MomentSpan:
+    from supermap_cli.query.answering.events import event_span  # noqa: PLC0415 - few questions name an event
+
+    return event_span(asking, asked)
+
+
+def _in_english(bodies: Iterable[Body]) -> tuple[str, ...]:
+    from supermap_cli.language.english import body_in_english  # noqa: PLC0415 - few questions have further readings
+
+    return tuple(map(body_in_english, bodies))
 
 
 def _selector(asking: Asking, question: Question, at: str | None) -> TimeSelector:
@@ -237,6 +249,8 @@ def _loose_text(asking: Asking) -> str:
 
 
 def _explanation(question: Question, trace: Trace) -> Explanation:
+    from supermap_cli.language.english import question_in_english  # noqa: PLC0415 - only for --explain
+
     time = "" if question.time is None else f", {tree_text(question.time)}"
     tree = f"{tree_text(question.body)}{time}"
     return Explanation(question_in_english(question), tree, tuple(trace.decisions.values()))

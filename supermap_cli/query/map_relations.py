@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 
@@ -61,6 +61,17 @@ class MapRelations:
     def stored_forms(self, name: str) -> tuple[StoredForm, ...]:
         """The stored relations that answer a relation."""
         return stored_forms(self.registry, name)
+
+    def graph_keeps(self, name: str) -> bool:
+        """Whether a scene graph kept this relation (or those that answer it) in all traversals: maps that were written
+        by hand have none.
+        """
+        return self._has_graph and bool(self.stored_forms(name))
+
+    @cached_property
+    def _has_graph(self) -> bool:
+        configs = [traversal.config.get("parameters") for traversal in self.reader.traversals]
+        return bool(configs) and all(isinstance(each, Mapping) and "scene_graph" in each for each in configs)
 
     def measure(
         self, name: str, first: tuple[StoredInstance, StateRecord], second: tuple[StoredInstance, StateRecord]

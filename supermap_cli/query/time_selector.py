@@ -35,7 +35,7 @@ class TimeSelector:
     note: str | None = None
     since_ns: int | None = None
 
-    def states(self, instance: StoredInstance) -> tuple[StateRecord, ...]:
+    def states(self, instance: StoredInstance) -> tuple[StateRecord, ...]:  # noqa: PLR0911 - one case a kind
         """The selected states of an instance, oldest first."""
         states = instance.states
         match self.kind:

@@ -13,7 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from supermap_cli.errors import EncoderError, SupermapError
+from supermap_cli.language.language_data import language_data
 from supermap_cli.language.lexicon import load_lexicon
+from supermap_cli.language.refusals import RefusedQuestionError
 from supermap_cli.plugin_manager import load_plugins
 from supermap_cli.protocols import TextEncoder
 
@@ -71,11 +73,22 @@ def lexicon_agrees(word: str, label: str) -> bool:
     return lexicon.is_kind_of(one, other) or lexicon.is_kind_of(other, one) or other in lexicon.near_kinds(one)
 
 
-def suggestions_or_hint(
-    word: str, labels: Collection[str], options: Mapping[str, object] | None = None
-) -> tuple[tuple[Suggestion, ...], str | None]:
-    """What the encoder suggests; without one nothing, and the line that says how to get one."""
+def suggested_labels(refusal: RefusedQuestionError, labels: Collection[str]) -> tuple[str, ...]:
+    """The labels of the map that the unknown word of a refused question may mean; none without an encoder, which only
+    English is asked for: the words of other languages are no words to it.
+    """
+    if refusal.kind != "unknown word" or refusal.part is None or refusal.language != "en":
+        return ()
     try:
-        return similar_labels(word, labels, load_encoder(options)), None
-    except SupermapError as error:
-        return (), str(error)
+        found = similar_labels(refusal.part, labels, load_encoder())
+    except SupermapError:
+        return ()
+    return tuple(suggestion.label for suggestion in found)
+
+
+def with_suggestions(refusal: RefusedQuestionError, labels: Collection[str]) -> RefusedQuestionError:
+    """A refusal with labels of the map that may have been meant, where the spelling suggests no word."""
+    near = () if refusal.near else suggested_labels(refusal, labels)
+    if not near:
+        return refusal
+    return language_data(refusal.language).refusal(refusal.kind, refusal.part, refusal.where, near)

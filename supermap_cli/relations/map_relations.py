@@ -46,7 +46,8 @@ def relations_of_configs(configs: Iterable[str | Mapping[str, Any]]) -> tuple[Re
     registry, slack = RELATIONS, HELD_SLACK
     for config in configs:
         parsed = _parsed(config)
-        for entry in parsed.get(CONFIG_ENTRY) or ():
+        further = parsed.get(CONFIG_ENTRY)
+        for entry in further if isinstance(further, list) else ():
             if isinstance(entry, dict) and isinstance(entry.get("name"), str):
                 registry = registry.with_further([_relation(entry)])
         parameters = parsed.get("parameters")

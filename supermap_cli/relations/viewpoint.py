@@ -23,7 +23,7 @@ MIN_APART_M = 0.05
 
 
 @dataclass(frozen=True)
-class Viewpoint:
+class StatedViewpoint:
     """From where it is looked at: `position` (3,) metres in the map frame.
 
     `heading_rad` is the direction of looking about z, for a robot's pose; `None` looks at the reference itself.
@@ -44,33 +44,37 @@ class Viewpoint:
         return None if distance_m < MIN_APART_M else offset / distance_m
 
 
-def left_of(subject: Box3D, reference: Box3D, seen_from: Viewpoint) -> float:
+Viewpoint = StatedViewpoint
+"""Its short name, where nothing else is called so."""
+
+
+def left_of(subject: Box3D, reference: Box3D, seen_from: StatedViewpoint) -> float:
     """The subject is to the left of the reference for who looks at it from the viewpoint."""
     return _towards(subject, reference, seen_from, 90.0)
 
 
-def right_of(subject: Box3D, reference: Box3D, seen_from: Viewpoint) -> float:
+def right_of(subject: Box3D, reference: Box3D, seen_from: StatedViewpoint) -> float:
     """The subject is to the right of the reference for who looks at it from the viewpoint."""
     return _towards(subject, reference, seen_from, -90.0)
 
 
-def in_front_of(subject: Box3D, reference: Box3D, seen_from: Viewpoint) -> float:
+def in_front_of(subject: Box3D, reference: Box3D, seen_from: StatedViewpoint) -> float:
     """The subject is on the reference's side that faces the viewpoint."""
     return _towards(subject, reference, seen_from, 180.0)
 
 
-def behind(subject: Box3D, reference: Box3D, seen_from: Viewpoint) -> float:
+def behind(subject: Box3D, reference: Box3D, seen_from: StatedViewpoint) -> float:
     """The subject is on the reference's far side from the viewpoint."""
     return _towards(subject, reference, seen_from, 0.0)
 
 
-def facing(front_rad: float, reference: Box3D) -> Viewpoint:
+def facing(front_rad: float, reference: Box3D) -> StatedViewpoint:
     """The viewpoint of somebody before a thing whose front looks to `front_rad` about z: its left is his left.
 
     In front of a cupboard is where its front looks to, wherever the robot is.
     """
     direction = np.array([np.cos(front_rad), np.sin(front_rad), 0.0])
-    return Viewpoint(reference.center + direction, float(front_rad + np.pi))
+    return StatedViewpoint(reference.center + direction, float(front_rad + np.pi))
 
 
 def between(subject: Box3D, first: Box3D, second: Box3D) -> float:
@@ -85,7 +89,7 @@ def between(subject: Box3D, first: Box3D, second: Box3D) -> float:
     along, across = line / length_m, np.array([-line[1], line[0]]) / length_m
     offset = subject.center[:2] - first.center[:2]
     at_m, aside_m = float(offset @ along), float(offset @ across)
-    if not 0 < at_m < length_m:
+    if not MIN_APART_M < at_m < length_m - MIN_APART_M:
         return 0.0
     low, high = _shared_interval(first, second, across, first.center[:2], at_m / length_m)
     half = (high - low) / 2 + BETWEEN_MARGIN_M
@@ -106,7 +110,7 @@ def _interval(box: Box3D, across: FloatArray, origin: FloatArray) -> tuple[float
     return float(offsets.min()), float(offsets.max())
 
 
-def _towards(subject: Box3D, reference: Box3D, seen_from: Viewpoint, turn_deg: float) -> float:
+def _towards(subject: Box3D, reference: Box3D, seen_from: StatedViewpoint, turn_deg: float) -> float:
     """Whether the subject lies from the reference in the direction of looking, turned to the left by an angle."""
     looking = seen_from.direction_to(reference)
     offset = subject.center[:2] - reference.center[:2]

@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
+from supermap_cli.geometry.boxes import Box3D
 from supermap_cli.graph.predicates import PREDICATES
 from supermap_cli.graph.scene_graph import SceneGraph, neighbours
+from supermap_cli.relations.registry import RELATIONS
 from supermap_cli.types.memory import SpatialEdge
 from supermap_cli.types.relations import GraphNode, Pair, SpatialPredicate
 from support.graph_nodes import node, table
@@ -101,6 +105,103 @@ def test_relations_of_the_old_place_end_when_a_thing_moved_and_those_of_the_new_
     gone = graph.update(scene(cup(x=3.0, z=0.0), table()), [1], 70, {1: 20})
     assert back.since_ns == 60
     assert [edge.until_ns for edge in gone if edge.relation == "on"] == [70]
+
+
+def far_away(number: int = 1) -> GraphNode:
+    return cup(x=25.0, z=0.0, number=number)
+
+
+@pytest.mark.parametrize("changed", [[1], []], ids=["noticed", "unnoticed"])
+def test_a_thing_that_stands_tens_of_metres_away_has_no_relations_of_its_old_place(changed: list[int]) -> None:
+    """Recognised elsewhere within one keyframe, or its shape changed by whoever did not say so."""
+    graph = SceneGraph()
+    show(graph, 10, cup(), table())
+    ended = graph.update(scene(far_away(), table()), changed, 40)
+    assert {edge.relation for edge in ended} >= {"on", "near"}
+    assert all(edge.until_ns == 40 for edge in ended)
+    assert graph.held == {}
+
+
+def test_a_relation_of_things_that_moved_together_ends_and_begins_anew() -> None:
+    graph = SceneGraph()
+    show(graph, 10, cup(), table())
+    moved = (cup(x=9.3), table(foot=(9, 0, 0)))
+    altered = graph.update(scene(*moved), [1, 2], 40, {1: 20, 2: 30})
+    on = [(edge.since_ns, edge.until_ns) for edge in altered if edge.relation == "on"]
+    assert on == [(10, 20), (40, None)]
+
+
+def test_a_relation_that_the_memory_kept_ends_when_its_end_is_found_elsewhere() -> None:
+    graph = SceneGraph()
+    kept = scene(cup(), table())
+    graph.resume([SpatialEdge(1, "on", 2, 5, None, 0.9)], kept)
+    assert graph.update(kept, [], 10) == ()
+    (ended,) = graph.update(scene(far_away(), table()), [], 20)
+    assert (ended.since_ns, ended.until_ns) == (5, 20)
+
+
+moves = st.lists(
+    st.tuples(st.sampled_from([1, 3, 4]), st.sampled_from([0.3, 0.6, 2.0, 12.0, 40.0]), st.booleans(), st.booleans()),
+    max_size=12,
+)
+
+
+@settings(max_examples=100, deadline=None)
+@given(moves)
+def test_however_things_move_no_relation_is_held_across_metres(steps: list[tuple[int, float, bool, bool]]) -> None:
+    things = {1: cup(), 2: table(), 3: cup(x=0.5, number=3), 4: node(4, "chair", (0, 0.8, 0), (0.45, 0.45, 0.9))}
+    graph = SceneGraph()
+    graph.update(things, list(things), 10)
+    for at, (number, x, noticed, left) in enumerate(steps, start=2):
+        things[number] = cup(x=x, number=number)
+        graph.update(things, [number] if noticed else [], 10 * at, {number: 10 * at - 5} if left else None)
+        for edge in graph.held.values():
+            pair = Pair(things[edge.subject], things[edge.object])
+            assert RELATIONS[edge.relation].holds(pair, graph.parameters.held_slack) > 0
+
+
+class WallAtOne:
+    """A wall across x = 1, once `views` have shown it."""
+
+    def __init__(self, views: int) -> None:
+        self.views, self.asked = views, 0
+
+    def clear_between(self, first: Box3D, second: Box3D) -> bool:
+        self.asked += 1
+        return self.views < 10 or (first.center[0] < 1) == (second.center[0] < 1)
+
+
+def test_nothing_is_near_across_a_wall_and_it_is_not_asked_again_and_again() -> None:
+    walls = WallAtOne(10)
+    graph = SceneGraph(walls=walls)
+    things = scene(cup(x=0.9), cup(x=1.1, number=3), cup(x=1.4, number=4))
+    graph.update(things, [1, 3, 4], 10)
+    assert {tuple(sorted((key[0], key[2]))) for key in graph.held} == {(3, 4)}
+    asked = walls.asked
+    graph.update(things, [1, 3, 4], 20)
+    assert walls.asked == asked
+    graph.update(scene(cup(x=1.05), cup(x=1.1, number=3)), [1], 30)
+    assert (1, "near", 3) in graph.held
+
+
+def test_what_turns_out_to_have_a_wall_between_never_held() -> None:
+    walls = WallAtOne(1)
+    graph = SceneGraph(walls=walls)
+    things = scene(cup(x=0.9), cup(x=1.1, number=3))
+    graph.update(things, [1, 3], 10)
+    assert (1, "near", 3) in graph.held
+    walls.views = 10
+    never = graph.end_across_walls(things)
+    assert {(edge.since_ns, edge.until_ns) for edge in never} == {(10, 10)}
+    assert graph.held == {}
+
+
+def test_a_cup_on_a_table_is_near_it_whatever_walls_there_are() -> None:
+    walls = WallAtOne(10)
+    graph = SceneGraph(walls=walls)
+    graph.update(scene(cup(x=1.2), table(foot=(0.6, 0, 0))), [1, 2], 10)
+    assert (1, "on", 2) in graph.held
+    assert (1, "near", 2) in graph.held
 
 
 def test_only_relations_of_changed_things_are_looked_at() -> None:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from difflib import get_close_matches
 
+import numpy as np
+
 from supermap_cli.language.lexicon import load_lexicon
 from supermap_cli.language.parsing import parse
 from supermap_cli.language.questions import Identified, Named, Related, Things
@@ -18,6 +20,7 @@ from supermap_cli.query.clock import clock_of
 from supermap_cli.query.relations import STORED_FORMS, box_distance_m, holds
 from supermap_cli.query.time_selector import TimeSelector
 from supermap_cli.types.memory import SpatialEdge, StateRecord
+from supermap_cli.types.relations import GraphNode
 
 LEXICON = load_lexicon("en")
 Match = tuple[StoredInstance, StateRecord, tuple[tuple[object, ...], ...]]
@@ -141,14 +144,14 @@ class BruteForce:
                 if (edge.subject, edge.relation, edge.object) != (subject.number, form.relation, obj.number):
                     continue
                 if span.overlaps(edge.since_ns, edge.until_ns) and not (
-                    form.checked and not holds(related.name, candidate[1].box, reference[1].box)
+                    form.checked and not holds(related.name, _thing(*candidate), _thing(*reference))
                 ):
                     stored_as = f"{edge.relation}({self.ids[subject.number]}, {self.ids[obj.number]})"
                     return candidate[0].id, reference[0].id, stored_as, edge.since_ns, edge.until_ns
         return None
 
     def _boxes(self, related, candidate, reference, span):  # type: ignore[no-untyped-def]
-        if not holds(related.name, candidate[1].box, reference[1].box):
+        if not holds(related.name, _thing(*candidate), _thing(*reference)):
             return None
         until_ns = None if span.high_ns == float("inf") else int(span.high_ns)
         return (
@@ -209,3 +212,9 @@ class BruteForce:
         labels = {instance.label for instance in self.believed}
         labels |= {state.label for instance in self.believed for state in instance.states}
         return match_labels(Named(noun, noun), labels, LEXICON).labels
+
+
+def _thing(instance: StoredInstance, state: StateRecord) -> GraphNode:
+    """An instance in one of its states: of these memories, whose voxels lie anywhere, only the boxes are known."""
+    label = instance.label if state is instance.states[-1] else state.label
+    return GraphNode(instance.number, label, state.box, np.zeros((0, 3)))

@@ -11,6 +11,7 @@ import numpy as np
 from supermap_cli.graph.scene_graph import SceneGraph
 from supermap_cli.memory import open_store
 from supermap_cli.query.answers import answer
+from supermap_cli.simulation.recording.true_walls import true_walls
 from supermap_cli.types.memory import InstanceRecord, MapDelta, SpatialEdge, StateRecord, Visit
 from supermap_cli.types.relations import GraphNode
 from supermap_cli.types.truth import GroundTruth, TrueState, TrueTraversal
@@ -22,7 +23,7 @@ SUPPORT_PIXELS, SUPPORT_FRAMES = 100, 3
 def write_perfect_map(path: Path, truth: GroundTruth) -> dict[str, str]:
     """Write the map; returns which true object each of its instances is (instance id -> object id)."""
     numbers: dict[int, int] = {}
-    graph = SceneGraph()
+    graph = SceneGraph(walls=TrueWalls(truth))
     with open_store(str(path), create=True) as store:
         for index, traversal in enumerate(truth.traversals):
             delta = _delta(truth, index, numbers, graph)
@@ -41,6 +42,14 @@ def wrong_answers(truth: GroundTruth, path: Path) -> list[str]:
         found = {question.text: answer(question.text, reader).instances for question in truth.questions}
     answers = {text: tuple(sorted(names[instance.id] for instance in instances)) for text, instances in found.items()}
     return [question.text for question in truth.questions if answers[question.text] != question.answer]
+
+
+class TrueWalls:
+    """The walls of the building, known from the start."""
+
+    def __init__(self, truth: GroundTruth) -> None:
+        self.views = 1
+        self.clear_between = true_walls(truth)
 
 
 @dataclass(frozen=True)

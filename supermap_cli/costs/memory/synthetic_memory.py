@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from itertools import pairwise
 from pathlib import Path
 
@@ -23,6 +23,7 @@ from supermap_cli.costs.memory.histories import (
 from supermap_cli.costs.memory.relations import edges_of_room
 from supermap_cli.costs.memory.rooms import SyntheticObject, furnish, room_count
 from supermap_cli.costs.memory.traversals import KEYFRAMES_PER_ROOM, SyntheticTraversal, plan_traversals, visits_by_room
+from supermap_cli.graph.parameters import SceneGraphParameters
 from supermap_cli.memory import rows
 from supermap_cli.memory.bulk import BulkWriter
 from supermap_cli.memory.values import TraversalStart
@@ -144,7 +145,12 @@ def _write_histories(writer: BulkWriter, histories: Sequence[SyntheticHistory], 
 
 def _traversal(traversal: SyntheticTraversal, seen: int) -> dict[str, object]:
     start = TraversalStart(
-        f"{traversal.name}.mcap", f"made-up-{traversal.number}", traversal.start_ns, traversal.end_ns, np.eye(4)
+        f"{traversal.name}.mcap",
+        f"made-up-{traversal.number}",
+        traversal.start_ns,
+        traversal.end_ns,
+        np.eye(4),
+        {"parameters": {"scene_graph": asdict(SceneGraphParameters())}},  # as a build says that it kept relations
     )
     known = {"id": traversal.number, "mapped_ns": traversal.end_ns, "status": "complete", "timings": '{"total":1.0}'}
     counts = {"keyframes": len(traversal.rooms) * KEYFRAMES_PER_ROOM, "observations": seen * KEYFRAMES_PER_ROOM}

@@ -9,7 +9,7 @@ from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.language.questions import Anything, Identified, Named, Noun, Robot, Union, Usable
 from supermap_cli.memory.reading import MapReader
 from supermap_cli.memory.values import StoredInstance
-from supermap_cli.query.answering.nouns import LabelMatch, Words, match_labels, noun_text
+from supermap_cli.query.answering.nouns import LabelMatch, Words, match_labels, noun_text, wider_note
 from supermap_cli.query.answering.times import QuestionTimes
 from supermap_cli.query.clock import Clock
 from supermap_cli.query.map_relations import MapRelations
@@ -89,6 +89,8 @@ class Asking:
             match = match_labels(noun, self._map_labels, self.words)
             if not match.labels and match.dynamic:
                 match = match_labels(noun, self._map_labels | self._doubted_labels, self.words)
+            if not match.labels:
+                self.note(wider_note(noun, self._map_labels, self.words))
             if match.loosely:
                 self.loosely[noun_text(noun)] = match.labels
             self._labels[noun] = match

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from dataclasses import replace
-from itertools import chain
+from itertools import chain, pairwise
 
 from supermap_cli.language.questions import Anything, Changes, Identified, MovedWhere, Things
 from supermap_cli.language.times import Time
@@ -27,6 +27,7 @@ from supermap_cli.query.answering.phrases import (
     head_text,
     listing,
     lowered,
+    short_list,
     time_phrase,
 )
 from supermap_cli.query.answering.places import place_of
@@ -89,14 +90,14 @@ def changes(finder: ThingsFinder, question: Changes, asked: Time | None) -> Repl
     )
 
 
-def moved_where(finder: ThingsFinder, question: MovedWhere) -> Reply:
+def moved_where(finder: ThingsFinder, question: MovedWhere, when: str) -> Reply:
     """Where things came from, or went to."""
     lister = Lister(finder)
     ever = ThingsFinder(finder.asking, TimeSelector("last", "last"))
     candidates = ever.all_candidates(question.things)
     if not candidates:
         nearest = lister.nearest(question.things)
-        return Reply("moved where", missing_sentence(finder, question.things, nearest, "now"), (), nearest)
+        return Reply("moved where", missing_sentence(finder, question.things, nearest, when), (), nearest)
     instances = [candidate.instance for candidate in candidates]
     left = [instance for instance in instances if _last_move(instance) is not None or _is_gone(instance)]
     chosen = left or instances
@@ -181,10 +182,7 @@ def _undecided_text(undecided: list[Change], window: Window, *, of_some: bool) -
     by_kind: dict[str, list[str]] = defaultdict(list)
     for change in told:
         by_kind[change.kind].append(change.id)
-    parts = [
-        f"{listing(ids[:MAX_TOLD])}{f' and {len(ids) - MAX_TOLD} more' if len(ids) > MAX_TOLD else ''} {_OPEN_TEXT[kind]}"
-        for kind, ids in by_kind.items()
-    ]
+    parts = [f"{short_list(ids, MAX_TOLD)} {_OPEN_TEXT[kind]}" for kind, ids in by_kind.items()]
     return f" {'; '.join(parts)}."
 
 
@@ -193,7 +191,7 @@ def _undecided_text(undecided: list[Change], window: Window, *, of_some: bool) -
 
 def _last_move(instance: StoredInstance) -> tuple[StateRecord, StateRecord] | None:
     """The last two places of an instance that differ."""
-    pairs = list(zip(instance.states, instance.states[1:], strict=False))
+    pairs = list(pairwise(instance.states))
     for old, new in reversed(pairs):
         if state_distance_m(old, new) >= MIN_MOVE_M:
             return old, new

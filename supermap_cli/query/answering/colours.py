@@ -12,7 +12,7 @@ from functools import cache
 
 import numpy as np
 
-from supermap_cli.geometry.arrays import FloatArray, UInt8Array
+from supermap_cli.geometry.arrays import FloatArray, IntArray, UInt8Array
 from supermap_cli.types.memory import VoxelCloud
 
 TYPICAL_SRGB = {
@@ -74,7 +74,7 @@ def read_colour(cloud: VoxelCloud) -> ColourReading:
     return ColourReading(name, also, words if name else f"no one colour: {words}", dict(ranked))
 
 
-def nearest_terms(rgb: UInt8Array) -> np.ndarray:
+def nearest_terms(rgb: UInt8Array) -> IntArray:
     """(n,) the index of the term nearest to each colour; `rgb` is (n, 3), sRGB 0-255."""
     lab, terms = to_lab(np.asarray(rgb, np.float64)), _typical_lab()
     lightness = (terms[None, :, 0] - lab[:, None, 0]) / LIGHTNESS_WEIGHT
@@ -86,9 +86,9 @@ def nearest_terms(rgb: UInt8Array) -> np.ndarray:
         + ((chromas - chroma) / (1 + CHROMA_WEIGHT * chromas)) ** 2
         + squared_hue / (1 + HUE_WEIGHT * chromas) ** 2
     )
-    return np.repeat(np.arange(len(TYPICAL_SRGB)), [len(shades) for shades in TYPICAL_SRGB.values()])[
-        distance.argmin(axis=1)
-    ]
+    term_of_shade = np.repeat(np.arange(len(TYPICAL_SRGB)), [len(shades) for shades in TYPICAL_SRGB.values()])
+    nearest: IntArray = term_of_shade[distance.argmin(axis=1)].astype(np.int64)
+    return nearest
 
 
 def to_lab(rgb: FloatArray) -> FloatArray:

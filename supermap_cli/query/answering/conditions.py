@@ -27,7 +27,6 @@ from supermap_cli.language.questions import (
     Things,
 )
 from supermap_cli.query.answering.attributes import Verdict
-from supermap_cli.query.answering.happenings import happened_to
 from supermap_cli.query.answering.phrases import condition_text, things_text
 from supermap_cli.query.answering.sources import Candidates
 from supermap_cli.query.answering.viewpoints import between, in_direction, robot_distance_m
@@ -75,14 +74,16 @@ class ConditionJudge:
         for condition in conditions:
             open_ones = [judgement.candidate for judgement in judgements.values() if judgement.verdict != "no"]
             for judgement in self.judge(condition, open_ones):
-                key = judgement.candidate.key
-                if judgement.verdict == "yes" and judgements[key].verdict == "unsure":
-                    judgement = replace(judgements[key], candidate=judgement.candidate)
-                judgements[key] = judgement
+                before = judgements[judgement.candidate.key]
+                stays_unsure = judgement.verdict == "yes" and before.verdict == "unsure"
+                now = replace(before, candidate=judgement.candidate) if stays_unsure else judgement
+                judgements[judgement.candidate.key] = now
         self._trace(conditions, judgements.values())
         return list(judgements.values())
 
-    def judge(self, condition: Condition, batch: Candidates) -> list[Judgement]:
+    def judge(  # noqa: PLR0911 - one case a kind of condition
+        self, condition: Condition, batch: Candidates
+    ) -> list[Judgement]:
         """Candidates judged by one condition."""
         match condition:
             case And(conditions):
@@ -107,16 +108,11 @@ class ConditionJudge:
                 return self._directed(condition, batch)
             case Between():
                 return self._between(condition, batch)
-            case Happened(event, when):
-                return [
-                    Judgement(candidate, verdict, reason)
-                    for candidate, (verdict, reason) in zip(
-                        batch, happened_to(self.finder.asking, batch, event, when), strict=True
-                    )
-                ]
+            case Happened():
+                return self._happened(condition, batch)
 
     def _any_of(self, conditions: Sequence[Condition], batch: Candidates) -> list[Judgement]:
-        """ "yes" by any of the conditions, else "unsure" by any, else "no"."""
+        """Candidates judged by any of the conditions: "yes" by one, else "unsure" by one, else "no"."""
         order = {"no": 0, "unsure": 1, "yes": 2}
         best = {candidate.key: Judgement(candidate, "no", "") for candidate in batch}
         for condition in conditions:
@@ -148,6 +144,12 @@ class ConditionJudge:
             )
             for candidate in batch
         ]
+
+    def _happened(self, condition: Happened, batch: Candidates) -> list[Judgement]:
+        from supermap_cli.query.answering.happenings import happened_to  # noqa: PLC0415 - most questions compare nothing
+
+        told = happened_to(self.finder.asking, batch, condition.event, condition.when)
+        return [Judgement(candidate, verdict, reason) for candidate, (verdict, reason) in zip(batch, told, strict=True)]
 
     # -- relations
 
@@ -216,8 +218,8 @@ class ConditionJudge:
                 reason, verdict = f"nothing of it within {condition.metres:g} m", condition.farther
             else:
                 reason, verdict = f"{view.distance_m:.2f} m from {view.object}", not condition.farther
-                candidate = replace(candidate, relations=(*candidate.relations, view))
-            judged.append(Judgement(candidate, "yes" if verdict else "no", reason))
+            told = candidate if view is None else replace(candidate, relations=(*candidate.relations, view))
+            judged.append(Judgement(told, "yes" if verdict else "no", reason))
         return judged
 
     def _nearest_within(

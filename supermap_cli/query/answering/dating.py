@@ -1,6 +1,8 @@
-"""When something was so: since when, until when, how long, how often. Times are bounds: what nobody saw is not dated."""
+"""When something was so: since when, until when, how long, how often. What nobody saw is dated by bounds."""
 
 from __future__ import annotations
+
+from itertools import pairwise
 
 from supermap_cli.language.questions import When
 from supermap_cli.language.times import Event, First
@@ -103,7 +105,7 @@ def happenings(instance: StoredInstance, event: Event) -> list[Happening]:
             return [] if last.gone_ns is None else [("left {}", last.last_seen_ns, last.gone_ns)]
         case "moved":
             pairs = [
-                (old, new) for old, new in zip(states, states[1:], strict=False)
+                (old, new) for old, new in pairwise(states)
                 if state_distance_m(old, new) >= MIN_MOVE_M
             ]  # fmt: skip
             return [
@@ -112,7 +114,7 @@ def happenings(instance: StoredInstance, event: Event) -> list[Happening]:
             ]
         case "returned":
             pairs = [
-                (old, new) for old, new in zip(states, states[1:], strict=False)
+                (old, new) for old, new in pairwise(states)
                 if old.gone_ns is not None and state_distance_m(old, new) < MIN_MOVE_M
             ]  # fmt: skip
             return [("came back {}", old.gone_ns, new.first_seen_ns) for old, new in pairs]
@@ -161,7 +163,8 @@ def _how_long(finder: ThingsFinder, instance: StoredInstance, state: StateRecord
     least_s = (state.last_seen_ns - state.first_seen_ns) / SECOND_NS
     came_ns = state.empty_before_ns
     end_ns = state.gone_ns if instance.presence != "present" else finder.asking.times.end_ns
-    text = f"{instance.id} {'has stood' if instance.presence == 'present' else 'stood'} there for at least {duration_text(least_s)}"
+    stood = "has stood" if instance.presence == "present" else "stood"
+    text = f"{instance.id} {stood} there for at least {duration_text(least_s)}"
     measures = [Measurement(instance.id, "at least", round(least_s, 3), "s")]
     if came_ns is not None and end_ns is not None:
         most_s = (end_ns - came_ns) / SECOND_NS

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from supermap_cli.query.answering.asking import Decision
-from supermap_cli.query.answering.happenings import Change
 from supermap_cli.query.presence_at import PresenceValue
 from supermap_cli.query.views import BoxView, InstanceView, Vector
 from supermap_cli.types.memory import Presence
+
+if TYPE_CHECKING:  # what compares visits is imported where changes are asked for
+    from supermap_cli.query.answering.happenings import Change
 
 Intent = Literal[
     "find", "count", "exists", "holds", "most of", "compare", "distance", "describe", "when", "changes", "moved where"

@@ -35,6 +35,7 @@ from supermap_cli.query.answering.phrases import (
     listing,
     lowered,
     plural,
+    short_list,
     superlative_text,
     things_text,
     time_phrase,
@@ -116,7 +117,7 @@ def exists(finder: ThingsFinder, question: Exists, when: str) -> Reply:
     lister.note_uncertain(uncertain)
     nearest = () if instances else lister.nearest(things, found.dropped)
     negated = things.quantity == "no"
-    verdict = _existence(finder, things, found, wanted, bool(uncertain.count), nearest)
+    verdict = _existence(finder, things, found, wanted, uncertain=bool(uncertain.count), nearest=nearest)
     if instances:
         sentence = _found_sentence(finder, things, instances, found, when, place=False)
     else:
@@ -136,7 +137,7 @@ def exists(finder: ThingsFinder, question: Exists, when: str) -> Reply:
 
 
 def _existence(
-    finder: ThingsFinder, things: Things, found: Found, wanted: int, uncertain: bool, nearest: Sequence[NearMiss]
+    finder: ThingsFinder, things: Things, found: Found, wanted: int, *, uncertain: bool, nearest: Sequence[NearMiss]
 ) -> Truth:
     """Whether so many exist. What was lost without being seen to leave, or is doubted, may be there."""
     if found.certain >= wanted:
@@ -187,16 +188,10 @@ def unsure_text(unsure: Sequence[Judgement]) -> str:
     by_reason: dict[str, list[str]] = {}
     for each in unsure:
         by_reason.setdefault(each.reason, []).append(each.candidate.instance.id)
-    groups = [(_short_list(ids), reason) for reason, ids in by_reason.items()]
+    groups = [(short_list(ids, MAX_GROUPS), reason) for reason, ids in by_reason.items()]
     told = "; ".join(f"{ids}: {reason}" for ids, reason in groups[:MAX_PLACED])
     more = f"; and {len(groups) - MAX_PLACED} more" if len(groups) > MAX_PLACED else ""
     return f" Nobody can say of {told}{more}."
-
-
-def _short_list(ids: Sequence[str]) -> str:
-    """The first few of some ids."""
-    shown = listing(ids[:MAX_GROUPS])
-    return shown if len(ids) <= MAX_GROUPS else f"{', '.join(ids[:MAX_GROUPS])} and {len(ids) - MAX_GROUPS} more"
 
 
 def _found_sentence(

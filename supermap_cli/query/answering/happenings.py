@@ -90,7 +90,7 @@ class Change:
     may_be: tuple[IdentityCandidateView, ...] = ()
 
 
-def window_of(asking: Asking, when: Time | None) -> Window:
+def window_of(asking: Asking, when: Time | None) -> Window:  # noqa: PLR0911 - one case a kind of time
     """The window of a time; without one, from the last visit but one to the last.
 
     Raises `QueryError` where nobody has looked since.
@@ -135,9 +135,8 @@ def changes_of(asking: Asking, window: Window, numbers: Collection[int] | None =
     """
     if window.before is None or window.after is None:
         return _events(asking, window, numbers)
-    times = compared_times(
-        *sorted((window.before, window.after), key=lambda side: side.at_ns), asking.reader.traversals
-    )
+    before, after = sorted((window.before, window.after), key=lambda side: side.at_ns)
+    times = compared_times(before, after, asking.reader.traversals)
     chosen = sorted(numbers) if numbers is not None else instances_to_compare(asking.reader, times)[0]
     builder = DiffBuilder(asking.reader, times)
     found = [change for batch in batches(chosen) for change in builder.changes(batch)]
@@ -149,8 +148,9 @@ def happened_to(
 ) -> list[tuple[Verdict, str]]:
     """Whether something happened to each candidate, with the reason."""
     if event == "seen":
-        span = None if when is None else asking.times.interval(when)
-        return [_seen(asking, candidate.instance, span and (span.low_ns, span.high_ns)) for candidate in batch]
+        asked = None if when is None else asking.times.interval(when)
+        span = None if asked is None else (asked.low_ns, asked.high_ns)
+        return [_seen(asking, candidate.instance, span) for candidate in batch]
     window = window_of(asking, when)
     asking.note(window.note)
     changes = changes_of(asking, window, {candidate.instance.number for candidate in batch})
@@ -275,8 +275,10 @@ def _of_edge(edge: TemporalEdge, instance: StoredInstance) -> Change | None:
 
 def of_event(changes: Iterable[Change], events: Collection[Event]) -> tuple[list[Change], list[Change]]:
     """The changes that are one of some events (none: any), and those of which nobody can say."""
-    wanted = frozenset[str]().union(*(KINDS_OF_EVENT[event] for event in events or ("changed",)))
-    undecided = frozenset[str]().union(*(OPEN_KINDS[event] for event in events or ("changed",)))
+    any_event: tuple[Event, ...] = ("changed",)
+    asked = tuple(events) or any_event
+    wanted = frozenset[str]().union(*(KINDS_OF_EVENT[event] for event in asked))
+    undecided = frozenset[str]().union(*(OPEN_KINDS[event] for event in asked))
     listed = list(changes)
     return (
         [change for change in listed if change.kind in wanted],

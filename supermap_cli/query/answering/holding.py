@@ -42,20 +42,13 @@ def holds(finder: ThingsFinder, question: Holds, when: str) -> Reply:
         )
         verdict: Truth = "unknown" if unknown else "no"
         return Reply("holds", _LEADS[verdict] + lowered(missing), (), nearest, verdict=verdict)
-    related = replace(question.things, condition=question.condition)
-    return _weighed(finder, question, judgements, lister, related, when)
+    return _weighed(lister, question, judgements, when)
 
 
-def _weighed(
-    finder: ThingsFinder,
-    question: Holds,
-    judgements: list[Judgement],
-    lister: Lister,
-    related: Things,
-    when: str,
-) -> Reply:
+def _weighed(lister: Lister, question: Holds, judgements: list[Judgement], when: str) -> Reply:
     """The verdict over all things of the phrase: all of them with "all" and "both", else any."""
     assert question.condition is not None  # noqa: S101 - its caller has asked
+    finder, related = lister.finder, replace(question.things, condition=question.condition)
     yes, no, unsure = ([each for each in judgements if each.verdict == kind] for kind in ("yes", "no", "unsure"))
     every = question.things.quantity in {"all", "every", "both"}
     if question.things.quantity == "no":

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from itertools import chain
+from itertools import chain, islice
 
 from supermap_cli.language.questions import Anything, Identified, Named, Noun, Related, Things, Union, Usable
-from supermap_cli.memory.values import StoredInstance
+from supermap_cli.memory.values import ScoredObservation, StoredInstance
 from supermap_cli.query.answering.conditions import Judgement
 from supermap_cli.query.answering.document import AskedRelation, NearMiss
 from supermap_cli.query.answering.nouns import noun_text
@@ -49,7 +49,10 @@ class Lister:
         for candidate in candidates:
             by_instance.setdefault(candidate.instance.number, []).append(candidate)
         instances = {instance.number: instance for instance in self.reader.instances_of(list(by_instance))}
-        return tuple(self._view(instances[number], of_one) for number, of_one in sorted(by_instance.items()))
+        observed = self.reader.scored_observations_of(instances.values())
+        return tuple(
+            self._view(instances[number], of_one, observed[number]) for number, of_one in sorted(by_instance.items())
+        )
 
     def instances(self, instances: Iterable[StoredInstance]) -> tuple[InstanceView, ...]:
         """Whole instances in their newest state."""
@@ -84,10 +87,7 @@ class Lister:
         related = first_relation(things)
         if related is not None and (out_of_reach := self._out_of_reach(things, related)):
             return out_of_reach
-        return tuple(
-            self.near_miss(instance, instance.states[-1], self.presence_text(instance))
-            for instance in self._first_named(things.noun)
-        )
+        return self._told(self._first_named(things.noun))
 
     def near_miss(
         self, instance: StoredInstance, state: StateRecord, reason: str, distance_m: float | None = None
@@ -161,32 +161,29 @@ class Lister:
         """What may be of an unknown noun: doubted instances, uncertain labels, similar names."""
         match noun:
             case Identified(text_id):
-                doubted = self.reader.instance(text_id)
-                if doubted is not None and doubted.states:
-                    return (self.near_miss(doubted, doubted.states[-1], self.presence_text(doubted)),)
-                head = text_id.rsplit("-", 1)[0].replace("-", " ")
-                alike = self._first_named(Named(head, head))
-                if alike:
-                    told = ((each, each.states[-1], self.presence_text(each)) for each in alike)
-                    return tuple(self.near_miss(*each) for each in told)
-                return self._maybe(Named(head, head))
+                return self._alike(text_id)
+            case Named() if doubted_labels := self.asking.doubted_labels(noun):
+                doubted = islice(self.reader.search.labelled(doubted_labels, ["doubted"]), MAX_NEAR_MISSES)
+                return self._told(sorted_by_number(self.reader.instances_by_number(list(doubted))))
             case Named():
-                doubted_labels = self.asking.doubted_labels(noun)
-                if doubted_labels:
-                    numbers = chain.from_iterable(
-                        [number] for number in self.reader.search.labelled(doubted_labels, ["doubted"])
-                    )
-                    instances = self.reader.instances_by_number(list(numbers)[:MAX_NEAR_MISSES])
-                    return tuple(
-                        self.near_miss(instance, instance.states[-1], self.presence_text(instance))
-                        for instance in sorted_by_number(instances)
-                        if instance.states
-                    )
                 return self._maybe(noun)
             case Union(members):
                 return tuple(chain.from_iterable(self._possible(member.noun) for member in members))[:MAX_NEAR_MISSES]
             case _:
                 return ()
+
+    def _alike(self, text_id: str) -> tuple[NearMiss, ...]:
+        """The doubted instance with an id; else others that are called so."""
+        doubted = self.reader.instance(text_id)
+        if doubted is not None and doubted.states:
+            return self._told([doubted])
+        head = text_id.rsplit("-", 1)[0].replace("-", " ")
+        return self._told(self._first_named(Named(head, head))) or self._maybe(Named(head, head))
+
+    def _told(self, instances: Iterable[StoredInstance]) -> tuple[NearMiss, ...]:
+        """Instances with what is known of their presence."""
+        known = (each for each in instances if each.states)
+        return tuple(self.near_miss(each, each.states[-1], self.presence_text(each)) for each in known)
 
     def _maybe(self, noun: Named) -> tuple[NearMiss, ...]:
         possible = maybe_labelled(self.reader, noun.name, self.asking.words)
@@ -225,7 +222,9 @@ class Lister:
             for pair in pairs
         )
 
-    def _view(self, instance: StoredInstance, candidates: Candidates) -> InstanceView:
+    def _view(
+        self, instance: StoredInstance, candidates: Candidates, observed: Sequence[ScoredObservation]
+    ) -> InstanceView:
         newest = max(candidates, key=lambda candidate: candidate.state.index)
         states = tuple(candidate.state for candidate in candidates)
         of_traversal = None if self.selector.traversal is None else {self.selector.traversal.id}
@@ -239,7 +238,7 @@ class Lister:
             confidence=round(newest.state.confidence, 4),
             intervals=tuple(interval_view(state) for state in states),
             relations=tuple(view for candidate in candidates for view in candidate.relations),
-            evidence=evidence_view(self.reader, instance, support_spans(states), of_traversal),
+            evidence=evidence_view(self.reader, instance, support_spans(states), of_traversal, observed),
             standing=None
             if presence is None
             else presence_view(presence, int(self.selector.low_ns), self.asking.clock),

@@ -28,6 +28,10 @@ class Words(Protocol):
         """What a coarse detector may call it."""
         ...
 
+    def wider_names(self, name: str) -> frozenset[str]:
+        """The words for the classes that it belongs to."""
+        ...
+
     @property
     def uses(self) -> Mapping[str, frozenset[str]]:
         """The names of things by what they serve for."""
@@ -72,6 +76,20 @@ def match_labels(noun: Named | Usable, labels: Collection[str], words: Words) ->
     if not loosely:
         return LabelMatch(frozenset(), dynamic=bool(wanted & DYNAMIC_CLASSES))
     return LabelMatch(loosely, loosely=True)
+
+
+def wider_note(noun: Noun, labels: Collection[str], words: Words) -> str | None:
+    """What is said where a map has none of a noun, but labels that are wider words for it: what is called so may be it,
+    since a detector gives the words that it has.
+    """
+    if not isinstance(noun, Named):
+        return None
+    wider = words.wider_names(noun.name)
+    found = sorted(label for label in labels if _name_of_label(label, words) in wider)
+    if not found:
+        return None
+    told = " or ".join(f"'{label}'" for label in found)
+    return f"'{noun.written}' would be a kind of {told}: what is called so in the map may be one"
 
 
 def noun_text(noun: Noun, anything: str = "thing") -> str:

@@ -106,8 +106,13 @@ def listing(parts: Sequence[str], joint: str = "and") -> str:
     return f"{', '.join(parts[:-1])} {joint} {parts[-1]}"
 
 
+def short_list(ids: Sequence[str], most: int) -> str:
+    """The first few of some ids."""
+    return listing(ids) if len(ids) <= most else f"{', '.join(ids[:most])} and {len(ids) - most} more"
+
+
 def verb(stem: str, number: int, *, past: bool) -> str:
-    """ "is" or "stand" in number and tense."""
+    """A form of "is" or "stand", in number and tense."""
     form = {"is": "is" if number == 1 else "are", "stand": "stands" if number == 1 else "stand"}[stem]
     return _PAST[form] if past else form
 
@@ -161,12 +166,12 @@ def things_text(things: Things, *, article: bool = True) -> str:
 
 
 def superlative_text(superlative: Superlative) -> str:
-    """ "second closest" and the like, without its reference."""
+    """A superlative without its reference: "second closest"."""
     rank = _RANK_WORDS.get(superlative.rank, f"{superlative.rank}th ")
     return f"{rank}{_SUPERLATIVES[superlative.measure]}"
 
 
-def condition_text(condition: Condition) -> str:
+def condition_text(condition: Condition) -> str:  # noqa: PLR0911 - one case a kind of condition
     """A condition as it follows a noun."""
     match condition:
         case Related(relation, reference, inverse):

@@ -1,4 +1,4 @@
-"""Superlatives: which of the things is closest, largest, newest. Those that differ by no more than the map is exact tie."""
+"""Superlatives: which thing is closest, largest, newest. Those that differ by less than the map is exact tie."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Sets of candidates made of others: filtered, united, or of what moves by itself. None is held in memory as a whole."""
+"""Sets of candidates: filtered, united, or of what moves by itself. None is held in memory as a whole."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from itertools import islice
 from supermap_cli.memory.reading import MapReader
 from supermap_cli.query.candidates import BATCH_SIZE, CandidateSource, InstanceCandidate
 from supermap_cli.query.time_selector import TimeSelector
-from supermap_cli.types.memory import StateRecord
+from supermap_cli.types.memory import Presence, StateRecord
 
 Candidates = list[InstanceCandidate]
-ANY_PRESENCE = ("present", "absent", "doubted")
+ANY_PRESENCE: tuple[Presence, ...] = ("present", "absent", "doubted")
 
 
 @dataclass(frozen=True)

@@ -73,7 +73,9 @@ class ThingsFinder:
 
     # -- sources
 
-    def named(self, noun: Noun, *, as_reference: bool = False, any_state: bool = False) -> CandidateSource:
+    def named(  # noqa: PLR0911 - one case a kind of noun
+        self, noun: Noun, *, as_reference: bool = False, any_state: bool = False
+    ) -> CandidateSource:
         """The candidates that a noun names, whatever else is said of them."""
         match noun:
             case Union(members):

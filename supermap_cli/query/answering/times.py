@@ -71,7 +71,9 @@ class QuestionTimes:
     clock: Clock
     event_span: EventSpan
 
-    def selector(self, asked: Time | None, *, past: bool) -> TimeSelector:
+    def selector(  # noqa: PLR0911 - one case a kind of time
+        self, asked: Time | None, *, past: bool
+    ) -> TimeSelector:
         """The states that a time selects; without words for one: the current ones, or the last ones in the past tense.
 
         Raises `QueryError` for an unknown traversal or time, or a day on which nothing was recorded.
@@ -125,7 +127,7 @@ class QuestionTimes:
             case _:
                 return self.moment(asked)
 
-    def moment(self, moment: Moment) -> MomentSpan:
+    def moment(self, moment: Moment) -> MomentSpan:  # noqa: PLR0911 - one case a kind of moment
         """The interval that a moment covers."""
         match moment:
             case InTraversal(name):

@@ -110,7 +110,7 @@ def _viewpoint(finder: ThingsFinder, asked: Directed) -> FloatArray:
                 "viewpoint",
                 f"{asked.direction} the {reference}, seen from where?",
                 part=asked.direction,
-                cure=f"add a viewpoint: '... {asked.direction} the {reference} seen from the door', or 'seen by the robot'",
+                cure=f"add from where: '{asked.direction} the {reference} seen from the door', or 'seen by the robot'",
             )
         case Robot():
             finder.asking.note("seen by the robot at its last pose")
