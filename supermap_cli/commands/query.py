@@ -69,12 +69,7 @@ def query(  # noqa: PLR0917 - typer makes its options of them
     ] = None,
     loose: Annotated[bool, typer.Option(help="Read an unknown word as the known one that it is most like.")] = False,
     language: Annotated[
-<<<<<<< HEAD
-        str | None,
-        typer.Option(metavar="CODE", help="The language of the question: en, de, es, fr, zh. [default: told]"),
-=======
         str | None, typer.Option(metavar="CODE", help="The question's language: en, de, es, fr, zh. [default: told]")
->>>>>>> h15-ans
     ] = None,
 ) -> None:
     """Ask the map in plain words.
