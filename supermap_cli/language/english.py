@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from supermap_cli.language import questions as tree
 from supermap_cli.language.english_times import time_in_english
+from supermap_cli.language.times import Event
 
 _SUPERLATIVES: dict[tree.Measure, str] = {
     "near": "closest",
@@ -36,7 +37,7 @@ _COMPARATIVES: dict[tree.Measure, str] = {
     "seen": "newer",
 }
 _ORDINALS = ("first", "second", "third", "fourth", "fifth", "sixth", "seventh", "eighth", "ninth", "tenth")
-_PAST: dict[tree.Event, str] = {
+_PAST: dict[Event, str] = {
     "appeared": "appeared",
     "disappeared": "disappeared",
     "moved": "moved",
@@ -44,14 +45,14 @@ _PAST: dict[tree.Event, str] = {
     "returned": "returned",
     "seen": "seen",
 }
-_BASE: dict[tree.Event, str] = {
+_BASE: dict[Event, str] = {
     "appeared": "appear",
     "disappeared": "disappear",
     "moved": "move",
     "changed": "change",
     "returned": "return",
 }
-_PARTICIPLE: dict[tree.Event, str] = {**_PAST, "appeared": "appeared"}
+_PARTICIPLE: dict[Event, str] = {**_PAST, "appeared": "appeared"}
 
 
 def question_in_english(question: tree.Question) -> str:
@@ -60,7 +61,7 @@ def question_in_english(question: tree.Question) -> str:
     return body if question.time is None else f"{body} {time_in_english(question.time, bare_in_english)}"
 
 
-def body_in_english(body: tree.Body) -> str:  # noqa: C901, PLR0911 - one case a kind of question
+def body_in_english(body: tree.Body) -> str:  # noqa: C901, PLR0911, PLR0912 - one case a kind of question
     """What is asked, without its time."""
     match body:
         case tree.Find(things, place):
@@ -106,7 +107,7 @@ def _describing(things: str, what: str) -> str:
             return f"describe {things}"
 
 
-def _when(body: tree.When) -> str:
+def _when(body: tree.When) -> str:  # noqa: PLR0911 - one case a kind
     things = bare_in_english(body.things)
     match body.what, body.event:
         case "at", "seen":
@@ -155,7 +156,7 @@ def bare_in_english(things: tree.Things, *, plural: bool = False) -> str:
     """A noun phrase, in parentheses where it has conditions or several members."""
     whole = things_in_english(things, plural=plural)
     superlative = things.superlative is not None and things.superlative.to is not None
-    return f"({whole})" if things.condition is not None or superlative or isinstance(things.noun, tree.Union) else whole
+    return f"({whole})" if things.condition is not None or superlative else whole
 
 
 def _reference_in_english(things: tree.Things | None) -> str:
@@ -185,6 +186,8 @@ def _attribute(attribute: tree.Attribute) -> str:
     match attribute:
         case tree.Size(word):
             return word
+        case tree.Material("wood"):
+            return "wooden"  # "wood mouse" is an animal
         case tree.Colour(name) | tree.Material(name):
             return name
 
@@ -203,7 +206,7 @@ def _noun(noun: tree.Noun, *, plural: bool) -> str:
             return "you"
         case tree.Union(members):
             *firsts, last = (bare_in_english(member, plural=plural) for member in members)
-            return f"{', '.join(firsts)} and {last}"
+            return f"({', '.join(firsts)} and {last})"
 
 
 def _plural(name: str) -> str:
@@ -217,7 +220,7 @@ def _plural(name: str) -> str:
 # --- Conditions ---
 
 
-def condition_in_english(condition: tree.Condition) -> str:  # noqa: PLR0911 - one case a kind of condition
+def condition_in_english(condition: tree.Condition) -> str:  # noqa: C901, PLR0911 - one case a kind of condition
     """A condition as it follows a noun."""
     match condition:
         case tree.Related(relation, reference, inverse):
