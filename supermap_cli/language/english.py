@@ -155,7 +155,7 @@ def bare_in_english(things: tree.Things, *, plural: bool = False) -> str:
     """A noun phrase, in parentheses where it has conditions or several members."""
     whole = things_in_english(things, plural=plural)
     superlative = things.superlative is not None and things.superlative.to is not None
-    return f"({whole})" if things.condition is not None or superlative or isinstance(things.noun, tree.Union) else whole
+    return f"({whole})" if things.condition is not None or superlative else whole
 
 
 def _reference_in_english(things: tree.Things | None) -> str:
@@ -185,6 +185,8 @@ def _attribute(attribute: tree.Attribute) -> str:
     match attribute:
         case tree.Size(word):
             return word
+        case tree.Material("wood"):
+            return "wooden"  # "wood mouse" is an animal
         case tree.Colour(name) | tree.Material(name):
             return name
 
@@ -203,7 +205,7 @@ def _noun(noun: tree.Noun, *, plural: bool) -> str:
             return "you"
         case tree.Union(members):
             *firsts, last = (bare_in_english(member, plural=plural) for member in members)
-            return f"{', '.join(firsts)} and {last}"
+            return f"({', '.join(firsts)} and {last})"
 
 
 def _plural(name: str) -> str:

@@ -11,13 +11,24 @@ class NounMatch(Protocol):
     """A noun found in a question: its English name in the singular, as it was written, and its length in words."""
 
     @property
-    def name(self) -> str: ...
+    def name(self) -> str:
+        """English, singular."""
+        ...
+
     @property
-    def written(self) -> str: ...
+    def written(self) -> str:
+        """As it stands in the question."""
+        ...
+
     @property
-    def length(self) -> int: ...
+    def length(self) -> int:
+        """Words."""
+        ...
+
     @property
-    def hypernym(self) -> bool: ...
+    def hypernym(self) -> bool:
+        """Whether kinds of it have names of their own."""
+        ...
 
 
 class Nouns(Protocol):

@@ -84,7 +84,12 @@ def test_names_of_the_same_thing_find_each_other(lexicon: Lexicon, first: str, s
 
 @pytest.mark.parametrize(
     ("name", "other"),
-    [("table", "tabular array"), ("mouse", "rodent"), ("bank", "depository financial institution"), ("plant", "factory")],
+    [
+        ("table", "tabular array"),
+        ("mouse", "rodent"),
+        ("bank", "depository financial institution"),
+        ("plant", "factory"),
+    ],
 )
 def test_other_senses_of_a_word_give_no_synonyms(lexicon: Lexicon, name: str, other: str) -> None:
     assert other not in lexicon.synonyms(name)
@@ -142,7 +147,13 @@ def test_a_chair_is_nothing_to_drink_from(lexicon: Lexicon) -> None:
 
 @pytest.mark.parametrize(
     ("typed", "meant"),
-    [("chiar", "chair"), ("keybaord", "keyboard"), ("suticase", "suitcase"), ("cabnet", "cabinet"), ("coutch", "couch")],
+    [
+        ("chiar", "chair"),
+        ("keybaord", "keyboard"),
+        ("suticase", "suitcase"),
+        ("cabnet", "cabinet"),
+        ("coutch", "couch"),
+    ],
 )
 def test_misspellings_of_the_maps_words_are_mended_first(lexicon: Lexicon, typed: str, meant: str) -> None:
     assert lexicon.suggest(typed, LABELS)[0] == meant

@@ -6,6 +6,7 @@ from hypothesis import strategies as st
 
 from supermap_cli.language import questions as tree
 from supermap_cli.language import times
+from supermap_cli.language.build_things import BuildThings
 from supermap_cli.relations.registry import RelationRegistry
 
 from .typed_questions import LABELS
@@ -89,7 +90,7 @@ _REFERENCES = _phrases(_conditions(_NAMED))
 CONDITIONS = _combined(_conditions(st.one_of(_NAMED, _NAMED, _REFERENCES)))
 THINGS = _phrases(CONDITIONS)
 _UNIONS = st.lists(_phrases(_conditions(_NAMED)), min_size=2, max_size=3).map(
-    lambda members: tree.Things(tree.Union(tuple(members)))
+    lambda members: BuildThings().union(members)
 )
 _SOME_THINGS = st.one_of(THINGS, THINGS, THINGS, _UNIONS)
 _OBJECTS = st.one_of(_NAMED, _REFERENCES)
@@ -101,6 +102,9 @@ _NOT_ANYTHING = THINGS.filter(lambda things: things != _DEFAULT)
 _ONE_EVENT = st.sampled_from(((), ("moved",), ("appeared",), ("disappeared",), ("returned",)))
 
 
+_CERTAIN = _OBJECTS.filter(lambda things: things.quantity != "any" and things != _DEFAULT)
+
+
 def _find(things: tree.Things, place: bool) -> tree.Body:
     return tree.Exists(things) if things.quantity == "any" and not place else tree.Find(things, place)
 
@@ -109,7 +113,7 @@ BODIES = st.one_of(
     st.builds(_find, _SOME_THINGS.filter(lambda things: things.quantity != "any"), st.booleans()),
     st.builds(tree.Count, _SOME_THINGS),
     st.builds(tree.Exists, _SOME_THINGS),
-    st.builds(tree.Holds, _OBJECTS, CONDITIONS),
+    st.builds(tree.Holds, _CERTAIN, CONDITIONS),
     st.builds(tree.Holds, _OBJECTS, still=st.just(True)),
     st.builds(tree.MostOf, _NAMED, _OBJECTS, st.sampled_from(RELATIONS), st.booleans()),
     st.builds(tree.CompareCounts, _OBJECTS, _OBJECTS, st.booleans()),
