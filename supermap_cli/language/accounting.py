@@ -13,6 +13,14 @@ from supermap_cli.language.forest import Word
 
 _COLOURS = frozenset({"black", "white", "grey", "red", "green", "blue", "yellow", "orange", "brown", "pink", "purple"})
 
+_NAMED_BY = {
+    **dict.fromkeys(("NOUN", "NOUN_PERSON", "PERSON", "ID"), "noun"),
+    **dict.fromkeys(("USE", "USE_VERB"), "use"),
+    **dict.fromkeys(("TRAVERSAL", "CLOCK", "DATE", "WEEKDAY"), "time"),
+    "MATERIAL": "attribute",
+}
+"""Terminals, and what they put into the tree."""
+
 
 def lost_words(words: Sequence[Word], asked: Any) -> tuple[str, ...]:
     """The words whose meaning is nowhere in the typed question (its body and its time)."""
@@ -30,22 +38,13 @@ def lost_words(words: Sequence[Word], asked: Any) -> tuple[str, ...]:
 
 def _meaning(word: Word) -> tuple[str, str] | None:
     """What a terminal must have put into the tree; `None` for one that only shapes it."""
-    match word.kind:
-        case "NOUN" | "NOUN_PERSON" | "PERSON":
-            return ("noun", "")
-        case "ID":
-            return ("noun", "")
-        case "RELATION":
-            return ("relation", str(word.value).partition("|")[0])
-        case "MATERIAL":
-            return ("attribute", str(word.value))
-        case "USE" | "USE_VERB":
-            return ("use", str(word.value))
-        case "TRAVERSAL" | "CLOCK" | "DATE" | "WEEKDAY":
-            return ("time", "")
-        case kind if kind.lower() in _COLOURS:
-            return ("attribute", kind.lower())
-    return None
+    kind = word.kind
+    if kind == "RELATION":
+        return "relation", str(word.value).partition("|")[0]
+    if kind.lower() in _COLOURS:
+        return "attribute", kind.lower()
+    named = _NAMED_BY.get(kind)
+    return None if named is None else (named, "" if named in {"noun", "time"} else str(word.value))
 
 
 def _held(value: Any) -> Iterator[tuple[str, str]]:

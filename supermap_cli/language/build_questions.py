@@ -9,7 +9,6 @@ from typing import Any, cast, get_args
 from supermap_cli.language import questions as tree
 from supermap_cli.language import times
 from supermap_cli.language.build_things import (
-    ATTRIBUTES,
     TIMES,
     BuildThings,
     Happening,
@@ -22,6 +21,7 @@ from supermap_cli.language.build_times import BuildTimes
 from supermap_cli.language.forest import NoReading, Word
 from supermap_cli.language.parts import Comparative, maybe, of_type, only, words
 from supermap_cli.language.refusals import RefusalKind
+from supermap_cli.language.times import Event
 
 BODIES = get_args(tree.Body)
 ANYTHING = tree.Things(tree.Anything())
@@ -47,7 +47,7 @@ class Asked:
 
 @dataclass(frozen=True)
 class Alternatives:
-    """ "chair-1 or chair-2" after a comparison."""
+    """The two things after a comparison."""
 
     first: tree.Things
     second: tree.Things
@@ -80,7 +80,7 @@ class BuildQuestions(BuildThings, BuildTimes):
             body = body.body
         if len(found) > 1:
             raise NoReading
-        return Asked(body, cast("times.Time | None", found[0] if found else None))
+        return Asked(cast("tree.Body", body), cast("times.Time | None", found[0] if found else None))
 
     timed_front = timed
 
@@ -147,6 +147,9 @@ class BuildQuestions(BuildThings, BuildTimes):
 
     find_support_front = find_support
 
+    def find_upon(self, parts: list[Any]) -> tree.Find:
+        return tree.Find(with_condition(ANYTHING, related_to(parts, only(parts, tree.Things))))
+
     def find_which_support(self, parts: list[Any]) -> tree.Find:
         things, carried = of_type(parts, tree.Things)
         return tree.Find(with_condition(things, _carrying(parts, carried)))
@@ -186,6 +189,13 @@ class BuildQuestions(BuildThings, BuildTimes):
 
     def count_so(self, parts: list[Any]) -> tree.Count:
         return tree.Count(with_condition(only(parts, tree.Things), condition_of(parts)))
+
+    def count_without(self, parts: list[Any]) -> tree.Count:
+        return tree.Count(self.find_without(parts).things)
+
+    def count_except(self, parts: list[Any]) -> tree.Count:
+        things, excepted = of_type(parts, tree.Things)
+        return tree.Count(with_condition(things, condition_of(parts), tree.Except(excepted)))
 
     # --- Yes or no ---
 
@@ -250,6 +260,15 @@ class BuildQuestions(BuildThings, BuildTimes):
     def compare_measure_to(self, parts: list[Any]) -> tree.CompareMeasure:
         first, reference, second = of_type(parts, tree.Things)
         return tree.CompareMeasure(_compared(parts), first, second, to_reference(reference))
+
+    def compare_named_to(self, parts: list[Any]) -> tree.CompareMeasure:
+        _, reference = of_type(parts, tree.Things)
+        either = only(parts, Alternatives)
+        return tree.CompareMeasure(_compared(parts), either.first, either.second, to_reference(reference))
+
+    def compare_named(self, parts: list[Any]) -> tree.CompareMeasure:
+        either = only(parts, Alternatives)
+        return tree.CompareMeasure(_compared(parts), either.first, either.second)
 
     def compare_references(self, parts: list[Any]) -> tree.CompareMeasure:
         things, first, second = of_type(parts, tree.Things)
@@ -359,7 +378,7 @@ class BuildQuestions(BuildThings, BuildTimes):
     changes_exist_fragment = changes_exist
 
     def changes_exist_by(self, parts: list[Any]) -> tree.Changes:
-        events = _events(parts) or ("disappeared",) * len(words(parts, "TAKE"))
+        events = _events(parts)
         things = only(parts, tree.Things)
         return tree.Changes(events, None if things == ANYTHING else things, exists=True)
 
@@ -416,9 +435,9 @@ def _compared(parts: list[Any]) -> tree.Measure:
     return cast("tree.Measure", only(parts, Comparative).measure)
 
 
-def _events(parts: list[Any]) -> tuple[tree.Event, ...]:
+def _events(parts: list[Any]) -> tuple[Event, ...]:
     """The events named; none for "changed", which is any of them."""
-    kinds: dict[str, tree.Event] = {"GONE": "disappeared", "PUT_DONE": "appeared"}
+    kinds: dict[str, Event] = {"TAKE": "disappeared", "GONE": "disappeared", "PUT_DONE": "appeared"}
     found = [part.event for part in parts if isinstance(part, Happening)]
     found += [kinds[word.kind] for word in words(parts, *kinds)]
     return tuple(event for event in found if event != "changed")

@@ -9,7 +9,7 @@ from typing import Any, cast, get_args
 from supermap_cli.language import questions as tree
 from supermap_cli.language.forest import NoReading, Word
 from supermap_cli.language.parts import Comparative, Length, maybe, of_type, only, words
-from supermap_cli.language.times import Time
+from supermap_cli.language.times import Event, Time
 
 METRES = {"METRE": 1.0, "CENTIMETRE": 0.01, "FOOT": 0.3048, "INCH": 0.0254, "METRE_ALONE": 1.0}
 """Metres of a unit; the international foot and inch."""
@@ -53,7 +53,7 @@ _DIRECTIONS: dict[str, tree.Direction] = {
     "IN_FRONT_OF": "in front of",
     "BEHIND": "behind",
 }
-_EVENTS: dict[str, tree.Event] = {
+_EVENTS: dict[str, Event] = {
     "MOVED": "moved",
     "MOVE": "moved",
     "GONE": "disappeared",
@@ -79,7 +79,7 @@ NOUNS = get_args(tree.Noun)
 class Happening:
     """What happened, as the words of an event say it."""
 
-    event: tree.Event
+    event: Event
 
 
 def condition_of(parts: Sequence[Any]) -> tree.Condition | None:
@@ -113,7 +113,7 @@ class BuildThings:
         nouns = [part for part in parts if isinstance(part, (*NOUNS, tree.Things))]
         if len(nouns) != 1:
             raise NoReading
-        things = nouns[0] if isinstance(nouns[0], tree.Things) else tree.Things(nouns[0])
+        things = nouns[0] if isinstance(nouns[0], tree.Things) else tree.Things(cast("tree.Noun", nouns[0]))
         numbers = words(parts, "NUMBER", "AT_LEAST")
         quantities = words(parts, *_QUANTITIES)
         if len(numbers) > 1 or len(quantities) > 1 or any(word.value != int(word.value) for word in numbers):
@@ -290,10 +290,10 @@ class BuildThings:
         return tree.Between(first, second[0] if second else None)
 
     def within(self, parts: list[Any]) -> tree.Condition:
-        return tree.Distant(only(parts, Length).metres, False, to_reference(maybe(parts, tree.Things)))
+        return tree.Distant(only(parts, Length).metres, reference=to_reference(maybe(parts, tree.Things)))
 
     def beyond(self, parts: list[Any]) -> tree.Condition:
-        return tree.Distant(only(parts, Length).metres, True, to_reference(maybe(parts, tree.Things)))
+        return tree.Distant(only(parts, Length).metres, farther=True, reference=to_reference(maybe(parts, tree.Things)))
 
     def length(self, parts: list[Any]) -> Length:
         numbers = words(parts, "NUMBER")

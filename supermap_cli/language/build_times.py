@@ -109,7 +109,7 @@ class BuildTimes:
 
     def this_part(self, parts: list[Any]) -> times.OnDay:
         written = str(only(parts, Word).value)
-        part = "night" if written == "tonight" else written.split()[-1]
+        part = "night" if written == "tonight" else written.rpartition(" ")[2]
         return times.OnDay("today", cast("Any", part))
 
     def last_night(self, _parts: list[Any]) -> times.OnDay:

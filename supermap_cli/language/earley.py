@@ -6,6 +6,7 @@ sentence does not have. Leaving those out changes no reading, and makes parsing 
 
 from __future__ import annotations
 
+import re
 from collections import defaultdict
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -13,6 +14,7 @@ from functools import cached_property
 from typing import Any
 
 from lark import Token
+from lark.common import LexerConf
 from lark.grammar import NonTerminal, Rule, Terminal
 from lark.parsers.earley import Parser
 from lark.parsers.earley_forest import StableSymbolNode
@@ -61,7 +63,8 @@ class RuleSet:
     def forest(self, tokens: Sequence[Token], kinds: Collection[str]) -> Any:
         """The parse forest of tokens that are of some kinds. Raises `lark.UnexpectedInput` where no rule fits."""
         usable = [self.rules[index] for index in self._usable(kinds)]
-        return _SentenceParser(usable).parse(Tokens(tokens), "start")
+        parser: Any = _SentenceParser(usable)  # lark's parsers have no types
+        return parser.parse(Tokens(tokens), "start")
 
     def _usable(self, kinds: Collection[str]) -> list[int]:
         """The rules whose terminals are all among `kinds`, and whose other parts can be made of such."""
@@ -89,7 +92,7 @@ class _SentenceParser(Parser):
 
     def __init__(self, rules: Sequence[Rule]) -> None:
         symbols = {symbol for rule in rules for symbol in rule.expansion}
-        self.lexer_conf = _NoTerminals()
+        self.lexer_conf = LexerConf([], re)  # tokens are made beforehand
         self.debug = False
         self.Tree = None
         self.Set = OrderedSet
@@ -97,15 +100,13 @@ class _SentenceParser(Parser):
         self.NULLABLE = set()
         self.TERMINALS = {symbol for symbol in symbols if isinstance(symbol, Terminal)}
         self.NON_TERMINALS = {symbol for symbol in symbols if isinstance(symbol, NonTerminal)}
-        self.predictions: dict[NonTerminal, list[Rule]] = {symbol: [] for symbol in self.NON_TERMINALS}
-        self.predictions[NonTerminal("start")] = []
+        self.predictions: dict[NonTerminal, list[Rule]] = {NonTerminal("start"): []}
+        for symbol in symbols:
+            if isinstance(symbol, NonTerminal):
+                self.predictions[symbol] = []
         for rule in rules:
             self.predictions.setdefault(rule.origin, []).append(rule)
         self.term_matcher = _matches
-
-
-class _NoTerminals:
-    terminals_by_name: Mapping[str, object] = {}
 
 
 def _matches(terminal: Terminal, token: Token) -> bool:

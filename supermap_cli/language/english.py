@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from supermap_cli.language import questions as tree
 from supermap_cli.language.english_times import time_in_english
+from supermap_cli.language.times import Event
 
 _SUPERLATIVES: dict[tree.Measure, str] = {
     "near": "closest",
@@ -36,7 +37,7 @@ _COMPARATIVES: dict[tree.Measure, str] = {
     "seen": "newer",
 }
 _ORDINALS = ("first", "second", "third", "fourth", "fifth", "sixth", "seventh", "eighth", "ninth", "tenth")
-_PAST: dict[tree.Event, str] = {
+_PAST: dict[Event, str] = {
     "appeared": "appeared",
     "disappeared": "disappeared",
     "moved": "moved",
@@ -44,14 +45,14 @@ _PAST: dict[tree.Event, str] = {
     "returned": "returned",
     "seen": "seen",
 }
-_BASE: dict[tree.Event, str] = {
+_BASE: dict[Event, str] = {
     "appeared": "appear",
     "disappeared": "disappear",
     "moved": "move",
     "changed": "change",
     "returned": "return",
 }
-_PARTICIPLE: dict[tree.Event, str] = {**_PAST, "appeared": "appeared"}
+_PARTICIPLE: dict[Event, str] = {**_PAST, "appeared": "appeared"}
 
 
 def question_in_english(question: tree.Question) -> str:
@@ -60,7 +61,7 @@ def question_in_english(question: tree.Question) -> str:
     return body if question.time is None else f"{body} {time_in_english(question.time, bare_in_english)}"
 
 
-def body_in_english(body: tree.Body) -> str:  # noqa: C901, PLR0911 - one case a kind of question
+def body_in_english(body: tree.Body) -> str:  # noqa: C901, PLR0911, PLR0912 - one case a kind of question
     """What is asked, without its time."""
     match body:
         case tree.Find(things, place):
@@ -106,7 +107,7 @@ def _describing(things: str, what: str) -> str:
             return f"describe {things}"
 
 
-def _when(body: tree.When) -> str:
+def _when(body: tree.When) -> str:  # noqa: PLR0911 - one case a kind
     things = bare_in_english(body.things)
     match body.what, body.event:
         case "at", "seen":
@@ -219,7 +220,7 @@ def _plural(name: str) -> str:
 # --- Conditions ---
 
 
-def condition_in_english(condition: tree.Condition) -> str:  # noqa: PLR0911 - one case a kind of condition
+def condition_in_english(condition: tree.Condition) -> str:  # noqa: C901, PLR0911 - one case a kind of condition
     """A condition as it follows a noun."""
     match condition:
         case tree.Related(relation, reference, inverse):

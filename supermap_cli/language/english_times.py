@@ -42,7 +42,7 @@ def time_in_english(time: times.Time, phrase: Phrase) -> str:  # noqa: C901, PLR
             return _moment(time, phrase)
 
 
-def _moment(moment: times.Moment, phrase: Phrase) -> str:
+def _moment(moment: times.Moment, phrase: Phrase) -> str:  # noqa: PLR0911 - one case a kind
     match moment:
         case times.InTraversal(name):
             return _traversal(name)

@@ -87,7 +87,7 @@ class Forest:
         ]
         return best(both)
 
-    def _before(self, node: SymbolNode | TokenNode) -> tuple[Reading, ...]:
+    def _before(self, node: SymbolNode) -> tuple[Reading, ...]:
         """The parts before the last one: an intermediate node, which is a sequence of parts."""
         if id(node) not in self._partly:
             found = [parts for packed in node.children for parts in self._parts(packed)]

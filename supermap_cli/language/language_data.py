@@ -20,9 +20,9 @@ class LanguageData:
     """What the tokeniser knows of a language. `code` is its ISO 639-1 code.
 
     `elisions` are what an apostrophe separates from the next word ("l" of French "l'armoire"). A language is `joined`
-    if it writes no spaces between words: then every character is looked at as a word. `values` are what
-    words stand for that are no English ("montag": "monday"). `past` are the words of which one
-    tells that a question is in the past tense.
+    if it writes no spaces between words: then every character is looked at as a word. `values` are what words stand
+    for that are no English ("montag": "monday"). `past` are the words of which one tells that a question is in the past
+    tense, `fillers` those that say nothing wherever they stand.
     """
 
     code: str

@@ -8,12 +8,12 @@ from itertools import pairwise
 from supermap_cli.language.spelling import close_words
 
 LEAST_SIMILARITY = 0.75
-"""Normalised Damerau-Levenshtein similarity from which a word is replaced: one edit in four letters, as in "waht". More
-than is needed for a suggestion, since nobody confirms it."""
+"""Normalised Damerau-Levenshtein similarity from which a word is replaced: one edit in four letters, as in "waht".
+More than is needed for a suggestion, since nobody confirms it."""
 
 LEAST_LETTERS = 4
-"""Letters of the shortest word that is replaced, one less for a word of the map; shorter ones are one edit away from too
-many."""
+"""Letters of the shortest word that is replaced, one less for a word of the map; shorter ones are one edit away from
+too many."""
 
 MOST_MENDED = 3
 """Words of one question that are replaced; with more of them it is no English, or no question."""

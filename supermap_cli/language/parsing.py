@@ -18,6 +18,7 @@ from supermap_cli.language.earley import RuleSet
 from supermap_cli.language.forest import Builder, Forest, Reading
 from supermap_cli.language.known_names import KnownNames
 from supermap_cli.language.language_data import LanguageData, language_data
+from supermap_cli.language.lexicon import load_lexicon
 from supermap_cli.language.mending import mended_words
 from supermap_cli.language.prepared import Phrases, load_grammar
 from supermap_cli.language.questions import Question
@@ -44,7 +45,8 @@ class _Builders(dict[Rule, Callable[[list[Any]], Any]]):
     """The function that makes the value of a rule, for the rules that were asked for."""
 
     def __missing__(self, rule: Rule) -> Callable[[list[Any]], Any]:
-        made = ParseTreeBuilder([rule], _Inlined, ambiguous=False, maybe_placeholders=False)
+        untyped: Any = ParseTreeBuilder
+        made = untyped([rule], _Inlined, ambiguous=False, maybe_placeholders=False)
         function: Callable[[list[Any]], Any] = made.create_callback(_BUILDER)[rule]
         self[rule] = function
         return function
@@ -104,7 +106,7 @@ def parse(text: str, known: KnownNames, language: str | None = None) -> Question
     if not _asks(readings) and (fewer := _without_fillers(words, rules.data)) != words:
         words, readings = fewer, _readings(fewer, rules, tokeniser) or readings
     if not _asks(readings):
-        mended = mended_words(words, tokeniser.unknown(words), rules.phrases, (*known.labels, *known.traversals))
+        mended = mended_words(words, tokeniser.unknown(words), rules.phrases, _names_of_map(known, code))
         if mended:
             meant = dict(mended)
             words = tuple(meant.get(word, word) for word in words)
@@ -121,6 +123,15 @@ def parse(text: str, known: KnownNames, language: str | None = None) -> Question
     )
     past = not rules.data.past.isdisjoint((*words, *(piece.written for piece in next(tokeniser.cuts(words)))))
     return Question(text, best.body, best.time, past, code, others, mended)
+
+
+def _names_of_map(known: KnownNames, code: str) -> tuple[str, ...]:
+    """Labels and traversals, and in English the other names of the labels: "televison" of a map that has a tv."""
+    names = (*known.labels, *known.traversals)
+    if code != "en":
+        return names
+    lexicon = load_lexicon(code)
+    return (*names, *(name for label in known.labels for name in lexicon.synonyms(label)))
 
 
 def _asks(readings: Sequence[Reading]) -> bool:

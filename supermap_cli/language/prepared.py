@@ -1,7 +1,7 @@
-"""Grammars as plain rules: compiled from a `.lark` file by lark, and kept beside it as JSON, which loads faster.
+"""Grammars as plain rules: compiled from a `.lark` file by lark, and kept beside it as JSON that loads faster.
 
-Reading the English grammar takes lark 0.25 s, its JSON 10 ms. The JSON names the text that it was made from; if that has
-changed, the grammar is compiled anew. `tools/build_grammars.py` writes it.
+It takes lark 0.25 s to read the English grammar, and 10 ms to load its JSON, which names the text that it was made
+from: if that has changed, the grammar is compiled anew. `tools/build_grammars.py` writes it.
 """
 
 from __future__ import annotations

@@ -41,6 +41,7 @@ class Kinds(str):
     names: frozenset[str]
 
     def __new__(cls, names: frozenset[str]) -> Kinds:
+        """The kinds of these names."""
         made = super().__new__(cls, "|".join(sorted(names)))
         made.names = names
         return made
@@ -170,18 +171,16 @@ class Tokeniser:
             return {"NUMBER": float(self.language.numbers[text])}
         if text in self.language.ordinals:
             return {"ORDINAL": self.language.ordinals[text]}
-        if _DATE.fullmatch(text):
-            return {"DATE": text}
-        if _CLOCK.fullmatch(text):
-            return {"CLOCK": text.upper()}
         if _NUMBER.fullmatch(text):
             return {"NUMBER": float(text.replace(",", "."))}
+        return {"DATE": text} if _DATE.fullmatch(text) else self._clock_times(text)
+
+    def _clock_times(self, text: str) -> dict[str, object]:
+        """Times of day and of a traversal: "10:21", "3 pm", "monday@10:21", "monday+12s", "first+2.5s"."""
+        if _CLOCK.fullmatch(text):
+            return {"CLOCK": text.upper()}
         if (hours := _TWELVE_HOURS.fullmatch(text)) is not None and 1 <= int(hours[1]) <= 12:
             return {"CLOCK": f"{int(hours[1]) % 12 + 12 * (hours[3] == 'pm'):02d}:{hours[2] or '00'}"}
-        return self._traversal_times(text)
-
-    def _traversal_times(self, text: str) -> dict[str, object]:
-        """ "monday@10:21", "monday+12s", "first+2.5s"."""
         for name, written in (*self._traversals.items(), ("first", "first"), ("last", "last")):
             rest = text.removeprefix(name)
             if rest != text and _TRAVERSAL_TIME.fullmatch(rest):

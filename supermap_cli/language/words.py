@@ -17,10 +17,13 @@ MOST_WORDS = 60
 LONGEST_PHRASE = 7
 """Words of the longest phrase of a grammar that is looked for."""
 
-_QUOTES = str.maketrans({"’": "'", "‘": "'", "`": "'", "´": "'", "“": " ", "”": " ", '"': " ", "„": " ", "…": " "})
+_QUOTES = str.maketrans({"’": "'", "‘": "'", "`": "'", "´": "'", "“": " ", "”": " ", '"': " ", "„": " ", "…": " "})  # noqa: RUF001 - these are what is replaced
 _NUMBER_WITH_UNIT = re.compile(r"(\d+(?:[.,]\d+)?)([a-zäöüéèñ]+)")
 _INSTANCE = re.compile(r"[^\W\d_][\w]*(?:-[\w]+)*-\d+")
 _KEPT_WHOLE = re.compile(r"[\d.:,+@tz-]+|.*[@:].*|.*\+\d.*")
+_OF_ONE_WORD = frozenset({"st", "nd", "rd", "th", "am", "pm"})
+"""What may follow a number in one word, without being a unit: "2nd", "3pm"."""
+
 _COMMA = ","
 _PARENTHESIS = re.compile(r"[()]")
 
@@ -79,17 +82,19 @@ def _parts(word: str, language: LanguageData, kept: Collection[str]) -> list[str
         return [word]
     if (written_out := language.contractions.get(word)) is not None:
         return written_out.split()
+    if word.endswith("'s") and len(word) > 2:
+        return [*_parts(word[:-2], language, kept), "'s"]
     elided, apostrophe, rest = word.partition("'")
     if apostrophe and rest and elided in language.elisions:
         return [*([elided] if elided else []), *_parts(rest, language, kept)]
-    if is_instance(word):
+    return _split(word)
+
+
+def _split(word: str) -> list[str]:
+    """A word at its hyphens and slashes, and a number from its unit; ids, times and dates stay whole."""
+    measure = _NUMBER_WITH_UNIT.fullmatch(word)
+    if measure is not None and measure[2] not in _OF_ONE_WORD:
+        return [measure[1], measure[2]]
+    if measure is not None or is_instance(word) or _KEPT_WHOLE.fullmatch(word):
         return [word]
-    if (measure := _NUMBER_WITH_UNIT.fullmatch(word)) is not None:
-        return [word] if measure[2] in {"st", "nd", "rd", "th", "am", "pm"} else [measure[1], measure[2]]
-    if _KEPT_WHOLE.fullmatch(word):
-        return [word]
-    if "-" in word or "/" in word or "," in word:
-        return [part for part in re.split(r"[-/,]+", word) if part]
-    if "'" in word and word.rstrip("'") in kept:
-        return [word.rstrip("'")]
-    return [word]
+    return [part for part in re.split(r"[-/,]+", word) if part] or [word]

@@ -65,7 +65,7 @@ def test_a_folder_without_a_model_is_refused(folder: Path) -> None:
 
 def test_a_folder_without_a_tokenizer_is_refused(tmp_path: Path) -> None:
     pytest.importorskip("tokenizers")
-    with pytest.raises(EncoderError, match="no folder with a tokenizer.json"):
+    with pytest.raises(EncoderError, match=r"no folder with a tokenizer\.json"):
         encoder(tmp_path)
 
 

@@ -105,16 +105,16 @@ _ONE_EVENT = st.sampled_from(((), ("moved",), ("appeared",), ("disappeared",), (
 _CERTAIN = _OBJECTS.filter(lambda things: things.quantity != "any" and things != _DEFAULT)
 
 
-def _find(things: tree.Things, place: bool) -> tree.Body:
-    return tree.Exists(things) if things.quantity == "any" and not place else tree.Find(things, place)
+def _find(things: tree.Things, where: str) -> tree.Body:
+    return tree.Find(things, place=where == "where")
 
 
 BODIES = st.one_of(
-    st.builds(_find, _SOME_THINGS.filter(lambda things: things.quantity != "any"), st.booleans()),
+    st.builds(_find, _SOME_THINGS.filter(lambda things: things.quantity != "any"), st.sampled_from(("", "where"))),
     st.builds(tree.Count, _SOME_THINGS),
     st.builds(tree.Exists, _SOME_THINGS),
     st.builds(tree.Holds, _CERTAIN, CONDITIONS),
-    st.builds(tree.Holds, _OBJECTS, still=st.just(True)),
+    st.builds(tree.Holds, _OBJECTS, still=st.just(value=True)),
     st.builds(tree.MostOf, _NAMED, _OBJECTS, st.sampled_from(RELATIONS), st.booleans()),
     st.builds(tree.CompareCounts, _OBJECTS, _OBJECTS, st.booleans()),
     st.builds(tree.CompareMeasure, _COMPARED, _OBJECTS, _OBJECTS),
@@ -124,8 +124,8 @@ BODIES = st.one_of(
     st.builds(tree.When, _OBJECTS, _EVENTS, st.sampled_from(("at", "how often"))),
     st.builds(tree.When, _OBJECTS, st.just("seen"), st.sampled_from(("at", "since", "until", "how long", "how often"))),
     st.builds(tree.Changes, _ONE_EVENT, st.none() | _NOT_ANYTHING),
-    st.builds(tree.Changes, _ONE_EVENT, st.none() | _NOT_ANYTHING, exists=st.just(True)),
-    st.builds(tree.Changes, _ONE_EVENT, THINGS, count=st.just(True)),
+    st.builds(tree.Changes, _ONE_EVENT, st.none() | _NOT_ANYTHING, exists=st.just(value=True)),
+    st.builds(tree.Changes, _ONE_EVENT, THINGS, count=st.just(value=True)),
     st.builds(tree.MovedWhere, _OBJECTS, st.sampled_from(("from", "to"))),
 )
 QUESTIONS = st.builds(tree.Question, st.just(""), BODIES, st.none() | TIMES)
