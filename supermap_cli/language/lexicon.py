@@ -37,6 +37,9 @@ _CATEGORIES: Mapping[str, Category] = {
     "m": "material",
 }
 
+LEAST_JOINED = 3
+"""Letters of the second of two words that may have been written for one: shorter ones are prepositions mostly."""
+NEVER_JOINED = frozenset({"the", "and", "for", "off", "out", "near", "are", "was", "any", "all", "not", "has", "with"})
 LONGEST_NAME = 5
 """Words of the longest name that is looked for ("case of water bottles" has 4)."""
 
@@ -302,10 +305,11 @@ def load_lexicon(language: str = "en") -> Lexicon:
 
 
 def _spellings(phrase: str) -> Iterable[str]:
-    """The phrase, and as one word what was written as two ("book shelf": "bookshelf")."""
+    """The phrase, and as one word what was written as two ("book shelf": "bookshelf", but not "cart on": "carton")."""
     yield phrase
-    if phrase.count(" ") == 1:
-        yield phrase.replace(" ", "")
+    first, _, second = phrase.partition(" ")
+    if phrase.count(" ") == 1 and len(second) >= LEAST_JOINED and {first, second}.isdisjoint(NEVER_JOINED):
+        yield first + second
 
 
 @lru_cache(maxsize=16)

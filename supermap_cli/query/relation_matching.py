@@ -96,7 +96,7 @@ class RelationMatcher:
                 return
 
     def _bases(self, candidates: CandidateSource) -> tuple[Basis, ...]:
-        """What may decide. Boxes only where the scene graph does not keep the relation now: where it does, it judged all
+        """What may decide: boxes only where the scene graph does not keep the relation now. Where it does, it judged all
         that stands there by the same geometry.
         """
         stored = BASES[:1] if self._any_stored_edge(candidates) else ()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from dataclasses import replace
 from itertools import chain, pairwise
 
 from supermap_cli.language.questions import Anything, Changes, Identified, MovedWhere, Things
@@ -20,7 +19,7 @@ from supermap_cli.query.answering.happenings import (
 )
 from supermap_cli.query.answering.listing import Lister
 from supermap_cli.query.answering.phrases import (
-    EVENT_VERBS,
+    PARTICIPLES,
     capitalised,
     condition_text,
     counted,
@@ -51,6 +50,7 @@ _OPEN_TEXT = {
     "first observed": "may be new: nobody had looked at the place before",
     "not observed again": "may have gone: nobody saw the place again well enough",
     "not looked at": "was not looked at",
+    "disappeared": "disappeared, and may stand elsewhere",
 }
 
 
@@ -134,9 +134,12 @@ def _views(lister: Lister, happened: list[Change]) -> tuple[InstanceView, ...]:
 
 def _sentence(happened: list[Change], question: Changes, window: Window) -> str:
     if not happened:
-        of = "" if question.things is None else f" of {_phrase(question.things)}"
-        verbs = listing([EVENT_VERBS[event] for event in question.events], "or") or "changed"
-        return f"Nothing{of} is known to have {_participle(verbs)} {time_phrase(window.text).strip()}."
+        subject = "nothing" if question.things is None else _subject(question.things)
+        if question.things is not None and isinstance(question.things.noun, Identified):
+            verbs = listing([PARTICIPLES[event] for event in question.events], "or") or "changed"
+            return f"{question.things.noun.id} is not known to have {verbs} {time_phrase(window.text).strip()}."
+        verbs = listing([PARTICIPLES[event] for event in question.events], "or") or "changed"
+        return capitalised(f"{subject} is known to have {verbs} {time_phrase(window.text).strip()}.")
     by_kind: dict[str, list[Change]] = defaultdict(list)
     for change in happened:
         by_kind[change.kind].append(change)
@@ -152,16 +155,10 @@ def _sentence(happened: list[Change], question: Changes, window: Window) -> str:
     )
 
 
-def _participle(verbs: str) -> str:
-    return {"came back": "come back", "were seen": "been seen"}.get(verbs, verbs)
-
-
-def _phrase(things: Things) -> str:
-    if isinstance(things.noun, Identified):
-        return things.noun.id
-    if isinstance(things.noun, Anything) and things.condition is not None:
-        return f"what is {condition_text(things.condition)}"
-    return f"the {head_text(replace(things, condition=None))}s"
+def _subject(things: Things) -> str:
+    """What did not change, in words."""
+    rest = "" if things.condition is None else f" {condition_text(things.condition)}"
+    return f"nothing{rest}" if isinstance(things.noun, Anything) else f"no {head_text(things)}{rest}"
 
 
 def _change_text(change: Change) -> str:

@@ -20,6 +20,7 @@ from supermap_cli.language.questions import (
     Or,
     Related,
     Things,
+    Usable,
 )
 from supermap_cli.query.answering.conditions import Judgement
 from supermap_cli.query.answering.document import NearMiss, Reply, Truth
@@ -160,10 +161,13 @@ def missing_sentence(finder: ThingsFinder, things: Things, nearest: Sequence[Nea
     if unknown is not None and any(miss.presence == "doubted" for miss in nearest):
         sentence = f"the map believes in no {noun_text(unknown)} any more"
     elif unknown is not None:
-        sentence = f"there is no {noun_text(unknown)} in the map"
+        none = f"nothing to {unknown.use}" if isinstance(unknown, Usable) else f"no {noun_text(unknown)}"
+        sentence = f"there is {none} in the map"
     else:
         noun = head_text(things)
         subject = "nothing" if isinstance(things.noun, Anything) else f"no {noun}"
+        if isinstance(things.noun, Usable):
+            subject = f"nothing to {things.noun.use}"
         if things.superlative is not None:
             subject = f"no {superlative_text(things.superlative)} {noun}"
         sentence = f"{subject} {_told(things, finder)}{time_phrase(when)}"
@@ -303,7 +307,9 @@ def clause_text(condition: Condition, number: int, *, past: bool) -> str:
     match condition:
         case Happened(event, _):
             return f"{verb('is', number, past=True)} seen" if event == "seen" else EVENT_VERBS[event]
-        case Not() | Except() | And() | Or() | Having():
+        case Not(Related(inverse=True)) | Except():
+            return f"{is_or_are} known {condition_text(condition)}"
+        case Not() | And() | Or() | Having():
             return f"{is_or_are} known that {verb('is', number, past=past)} {condition_text(condition)}"
         case Related(relation, reference, True):
             have = ("had" if past else "has") if number == 1 else ("had" if past else "have")
@@ -341,7 +347,8 @@ def _superlative_sentence(
         return capitalised(
             f"{listing(told)} tie: they {is_or_are} the {rank} {plural(noun)}{rest}, by what the map measures."
         )
-    return f"{told[0]} {is_or_are} the {rank} {noun}{rest}."
+    most = f"{rank} {noun}" if len(told) == 1 else f"{counted(len(told), noun).replace(' ', f' {rank} ', 1)}"
+    return f"{listing(told)} {is_or_are} the {most}{rest}."
 
 
 def _ids(instances: Sequence[InstanceView], found: Found, more: str) -> str:

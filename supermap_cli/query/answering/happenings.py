@@ -51,7 +51,7 @@ KINDS_OF_EVENT: dict[Event, frozenset[str]] = {
 OPEN_KINDS: dict[Event, frozenset[str]] = {
     "appeared": frozenset({"first observed"}),
     "disappeared": frozenset({"not observed again", "not looked at"}),
-    "moved": frozenset({"not observed again", "not looked at"}),
+    "moved": frozenset({"not observed again", "not looked at", "disappeared"}),
     "returned": frozenset(),
     "changed": frozenset({"first observed", "not observed again", "not looked at"}),
     "seen": frozenset(),
@@ -118,7 +118,8 @@ def window_of(asking: Asking, when: Time | None) -> Window:  # noqa: PLR0911 - o
         case AtClock() | Ago() | AtEvent():
             span = asking.times.moment(when)
             if span.traversal is None:
-                return Window(f"at {span.text}", None, None, span.low_ns, span.high_ns, span.note)
+                word = "when" if isinstance(when, AtEvent) else "at"
+                return Window(f"{word} {span.text}", None, None, span.low_ns, span.high_ns, span.note)
     span = asking.times.interval(when)
     if span.traversal is not None:
         return _visit(asking, span.traversal.number - traversals[0].number, span.note)

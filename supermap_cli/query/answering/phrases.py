@@ -83,7 +83,11 @@ def number_text(number: int) -> str:
 
 
 def plural(noun: str) -> str:
-    """The plural of an English noun phrase: its head is its last word, or the one before "of", "to"."""
+    """The plural of an English noun phrase: its head is its last word, or the one before "of", "to"; of several joined
+    by "or", that of each.
+    """
+    if " or " in noun:
+        return " or ".join(map(plural, noun.split(" or ")))
     for joint in (" of ", " to "):
         head, found, rest = noun.partition(joint)
         if found:
@@ -189,6 +193,8 @@ def condition_text(condition: Condition) -> str:  # noqa: PLR0911 - one case a k
             return f"{'more than' if farther else 'within'} {metres:g} m {'from' if farther else 'of'} {to}"
         case Happened(event, _):
             return f"that {EVENT_VERBS[event]}"
+        case Not(Related(relation, reference, True)):
+            return f"without {things_text(reference)} {relation} it"
         case Not(negated):
             return f"not {condition_text(negated)}"
         case Except(things):
@@ -207,7 +213,7 @@ def _viewpoint_text(viewpoint: Robot | SeenFrom) -> str:
 
 def _noun(noun: Noun) -> str:
     if isinstance(noun, Union):
-        return listing([things_text(member) for member in noun.members], "or")
+        return " or ".join(head_text(member) for member in noun.members)
     return noun_text(noun)
 
 

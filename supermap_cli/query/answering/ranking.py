@@ -35,12 +35,16 @@ class Ranked:
     tied: tuple[str, ...] = ()
 
 
-def ranked(finder: ThingsFinder, candidates: Candidates, superlative: Superlative) -> Ranked:
-    """The candidate that a superlative chooses, by its newest state."""
+def ranked(
+    finder: ThingsFinder, candidates: Candidates, superlative: Superlative, number: int = 1, *, anything: bool = False
+) -> Ranked:
+    """The candidates that a superlative chooses, by their newest state: so many from its rank on. Of `anything`, the
+    references of a distance are not meant.
+    """
     newest: dict[int, InstanceCandidate] = {}
     for candidate in candidates:
         newest[candidate.instance.number] = candidate
-    measured = measure_all(finder, list(newest.values()), superlative.measure, superlative.to)
+    measured = measure_all(finder, list(newest.values()), superlative.measure, superlative.to, anything=anything)
     smallest_first = superlative.measure in SMALLEST_FIRST
     measured.sort(key=lambda pair: (pair[1].value if smallest_first else -pair[1].value, pair[0].instance.number))
     if finder.asking.trace is not None:
@@ -49,19 +53,26 @@ def ranked(finder: ThingsFinder, candidates: Candidates, superlative: Superlativ
             finder.asking.trace.add(candidate.instance.id, reason, kept=at == superlative.rank)
     if len(measured) < superlative.rank:
         return Ranked([])
-    _, wanted = measured[superlative.rank - 1]
-    same = [(candidate, value) for candidate, value in measured if _tie(value, wanted)]
+    first = superlative.rank - 1
+    best = measured[first : first + number]
+    same = [pair for pair in measured if pair in best or _tie(pair[1], best[-1][1])]
     chosen = [replace(candidate, relations=(*candidate.relations, *_views(candidate, value, superlative)))
               for candidate, value in same]  # fmt: skip
     finder.asking.measures |= {candidate.instance.id: value for candidate, value in same}
-    return Ranked(chosen, tuple(candidate.instance.id for candidate in chosen) if len(chosen) > 1 else ())
+    tied = chosen if len(chosen) > len(best) else []
+    return Ranked(chosen, tuple(candidate.instance.id for candidate in tied))
 
 
 def measure_all(
-    finder: ThingsFinder, candidates: Sequence[InstanceCandidate], measure: Measure, to: Things | None
+    finder: ThingsFinder,
+    candidates: Sequence[InstanceCandidate],
+    measure: Measure,
+    to: Things | None,
+    *,
+    anything: bool = False,
 ) -> list[tuple[InstanceCandidate, Value]]:
     """The value of each candidate by a measure; those without one (no reference) are left out."""
-    measure_of = _measure(finder, measure, to)
+    measure_of = _measure(finder, measure, to, anything=anything)
     values = ((candidate, measure_of(candidate)) for candidate in candidates)
     return [(candidate, value) for candidate, value in values if value is not None]
 
@@ -74,10 +85,12 @@ def value_text(value: Value, finder: ThingsFinder) -> str:
     return f"{value.value:.2f} {value.unit}{other}"
 
 
-def _measure(finder: ThingsFinder, measure: Measure, to: Things | None) -> Callable[[InstanceCandidate], Value | None]:
+def _measure(
+    finder: ThingsFinder, measure: Measure, to: Things | None, *, anything: bool
+) -> Callable[[InstanceCandidate], Value | None]:
     match measure:
         case "near" | "far":
-            return _distance_measure(finder, to)
+            return _distance_measure(finder, to, anything=anything)
         case "large" | "small" | "tall" | "low" | "wide" | "narrow":
             return lambda candidate: Value(size_of(candidate.state.box, measure), size_unit(measure))
         case "new" | "old":
@@ -86,15 +99,20 @@ def _measure(finder: ThingsFinder, measure: Measure, to: Things | None) -> Calla
             return lambda candidate: Value(float(candidate.instance.last_seen_ns), "ns")
 
 
-def _distance_measure(finder: ThingsFinder, to: Things | None) -> Callable[[InstanceCandidate], Value | None]:
+def _distance_measure(
+    finder: ThingsFinder, to: Things | None, *, anything: bool
+) -> Callable[[InstanceCandidate], Value | None]:
     """The distance to the nearest reference; without one, to the robot at its last pose."""
     if to is None or isinstance(to.noun, Robot):
         distance_m = robot_distance_m(finder.asking)
         finder.asking.note("measured from the robot at its last pose")
         return lambda candidate: Value(distance_m(candidate), "m", "the robot")
     references = list(chain.from_iterable(finder.source(to).batches()))
+    own = {reference.instance.number for reference in references} if anything else set[int]()
 
     def nearest(candidate: InstanceCandidate) -> Value | None:
+        if candidate.instance.number in own:
+            return None
         others = [other for other in references if other.instance.number != candidate.instance.number]
         distances = [(box_distance_m(candidate.state.box, other.state.box), other.instance.id) for other in others]
         return Value(*min(distances)[:1], "m", min(distances)[1]) if distances else None

@@ -18,6 +18,7 @@ from supermap_cli.language.questions import (
     Having,
     Identified,
     Noun,
+    Or,
     Related,
     Robot,
     Things,
@@ -41,6 +42,8 @@ from supermap_cli.query.relation_matching import Basis, RelationMatcher
 from supermap_cli.query.time_selector import TimeSelector
 from supermap_cli.types.labels import DYNAMIC_CLASSES
 
+AT_ONE_PLACE = frozenset({"on", "inside", "attached to"})
+"""Relations that a thing is in to one other thing: "on the desk and the table" asks for what is on either."""
 MAX_DROPPED = 3
 """Things that the conditions deny, told where nothing matches."""
 
@@ -205,7 +208,8 @@ class ThingsFinder:
             for judgement in judge.all_of(conditions, batch)
             if judgement.verdict == "yes"
         ]
-        chosen = ranked(self, fulfilling, things.superlative)
+        anything = isinstance(things.noun, Anything)
+        chosen = ranked(self, fulfilling, things.superlative, things.number or 1, anything=anything)
         certain = sum(self._is_certain(candidate) for candidate in chosen.candidates)
         return Found(chosen.candidates, 0, certain, tied=chosen.tied)
 
@@ -264,6 +268,8 @@ def conditions_of(things: Things) -> tuple[Condition, ...]:
     attributes: Iterable[Attribute] = things.attributes
     condition = things.condition
     parts = () if condition is None else condition.conditions if isinstance(condition, And) else (condition,)
+    if len(parts) > 1 and all(isinstance(part, Related) and part.relation in AT_ONE_PLACE for part in parts):
+        parts = (Or(parts),) if len({part.relation for part in parts if isinstance(part, Related)}) == 1 else parts
     return (*map(Having, attributes), *parts)
 
 

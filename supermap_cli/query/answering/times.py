@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, date, datetime, time, timedelta
 
 from supermap_cli.errors import QueryError
@@ -107,7 +107,7 @@ class QuestionTimes:
             return TimeSelector("traversal", text, traversal.start_ns, traversal.end_ns, traversal, span.note)
         return TimeSelector("during", span.text, span.low_ns, span.high_ns, note=span.note)
 
-    def interval(self, asked: Time) -> MomentSpan:
+    def interval(self, asked: Time) -> MomentSpan:  # noqa: PLR0911 - one case a kind of time
         """The interval of map time that a time covers."""
         match asked:
             case Since(moment):
@@ -124,6 +124,9 @@ class QuestionTimes:
                 return self._within(seconds, from_start=from_start)
             case Earlier():
                 return MomentSpan("earlier", self.clock.origin_ns, self.earlier_ns - 1)
+            case AtEvent():
+                span = self.moment(asked)
+                return replace(span, text=f"when {span.text}")
             case _:
                 return self.moment(asked)
 
