@@ -83,7 +83,8 @@ class Lister:
         if (unknown := self.unknown_noun(things)) is not None:
             return self._possible(unknown)
         if dropped:
-            return tuple(self.near_miss(each.candidate.instance, each.candidate.state, each.reason) for each in dropped)
+            telling = [each for each in dropped if things.noun != Anything() or not each.reason.startswith("not ")]
+            return tuple(self.near_miss(each.candidate.instance, each.candidate.state, each.reason) for each in telling)
         related = first_relation(things)
         if related is not None and (out_of_reach := self._out_of_reach(things, related)):
             return out_of_reach
