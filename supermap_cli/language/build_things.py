@@ -359,6 +359,12 @@ class BuildThings:
     def inverse(self, parts: list[Any]) -> tree.Condition:
         return related_to(parts, only(parts, tree.Things), inverse=True)
 
+    def inverse_all(self, parts: list[Any]) -> tree.Condition:
+        return tree.And(tuple(related_to(parts, things, inverse=True) for things in of_type(parts, tree.Things)))
+
+    def inverse_any(self, parts: list[Any]) -> tree.Condition:
+        return tree.Or(tuple(related_to(parts, things, inverse=True) for things in of_type(parts, tree.Things)))
+
 
 @dataclass(frozen=True)
 class Measured:
