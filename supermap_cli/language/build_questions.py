@@ -331,6 +331,12 @@ class BuildQuestions(BuildThings, BuildTimes):
     def when_last(self, parts: list[Any]) -> Asked:
         return Asked(tree.When(only(parts, tree.Things), "seen"), times.Last())
 
+    def when_latest(self, parts: list[Any]) -> Asked:
+        return Asked(self.when(parts), times.Last())
+
+    def when_come_by(self, parts: list[Any]) -> tree.When:
+        return tree.When(only(parts, tree.Things), "seen")
+
     def when_sight(self, parts: list[Any]) -> Asked:
         sight = next(part for part in parts if isinstance(part, (times.First, times.Last)))
         return Asked(self.when(parts), sight)

@@ -137,6 +137,9 @@ class BuildThings:
         )
         return with_condition(made, *conditions_of(parts))
 
+    def one(self, parts: list[Any]) -> tree.Things:
+        return self.phrase([*parts, tree.Anything()])
+
     def phrase_except(self, parts: list[Any]) -> tree.Things:
         *rest, excepted = parts
         if not isinstance(excepted, tree.Things):
@@ -268,6 +271,10 @@ class BuildThings:
     def related_all(self, parts: list[Any]) -> tree.Condition:
         return tree.And(tuple(related_to(parts, things) for things in of_type(parts, tree.Things)))
 
+    def related_either(self, parts: list[Any]) -> tree.Condition:
+        things = only(parts, tree.Things)
+        return tree.Or(tuple(related_to([word], things) for word in words(parts, "RELATION")))
+
     def related_any(self, parts: list[Any]) -> tree.Condition:
         return tree.Or(tuple(related_to(parts, things) for things in of_type(parts, tree.Things)))
 
@@ -351,6 +358,12 @@ class BuildThings:
 
     def inverse(self, parts: list[Any]) -> tree.Condition:
         return related_to(parts, only(parts, tree.Things), inverse=True)
+
+    def inverse_all(self, parts: list[Any]) -> tree.Condition:
+        return tree.And(tuple(related_to(parts, things, inverse=True) for things in of_type(parts, tree.Things)))
+
+    def inverse_any(self, parts: list[Any]) -> tree.Condition:
+        return tree.Or(tuple(related_to(parts, things, inverse=True) for things in of_type(parts, tree.Things)))
 
 
 @dataclass(frozen=True)

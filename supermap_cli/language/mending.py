@@ -7,9 +7,11 @@ from itertools import pairwise
 
 from supermap_cli.language.spelling import close_words
 
-LEAST_SIMILARITY = 0.75
-"""Normalised Damerau-Levenshtein similarity from which a word is replaced: one edit in four letters, as in "waht".
-More than is needed for a suggestion, since nobody confirms it."""
+LEAST_SIMILARITY = (0.75, 0.8)
+"""Normalised Damerau-Levenshtein similarity from which a word is replaced by one of the map, and by one of the language:
+one edit in four letters, or in five. More than is needed for a suggestion, since nobody confirms it; "charging" is 0.75
+from "hanging". Two letters that are swapped ("waht") are always put right.
+"""
 
 LEAST_LETTERS = 4
 """Letters of the shortest word that is replaced, one less for a word of the map; shorter ones are one edit away from
@@ -38,7 +40,12 @@ def _meant(word: str, known: Sequence[Collection[str]]) -> str | None:
     if len(word) < LEAST_LETTERS - 1 or not word.isalpha():
         return None
     groups = known if len(word) >= LEAST_LETTERS else known[:1]
-    ranked = [hit for group in groups for hit in close_words(word, group) if hit[1] >= LEAST_SIMILARITY]
+    ranked = [
+        (name, score)
+        for group, least in zip(groups, LEAST_SIMILARITY, strict=False)
+        for name, score in close_words(word, group)
+        if score >= least or _is_transposition(word, name)
+    ]
     if not ranked:
         return None
     transposed = [name for name, _ in ranked if _is_transposition(word, name)]

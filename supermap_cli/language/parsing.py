@@ -143,7 +143,10 @@ def _without_fillers(words: Sequence[str], data: LanguageData) -> tuple[str, ...
     numbers = [at for at, word in enumerate(words) if word in data.numbers or word.isdecimal()]
     if any(words[at - 1] in data.fillers for at in numbers if at):
         return tuple(words)
-    return tuple(word for word in words if word not in data.fillers) or tuple(words)
+    said = [word for word in words if word not in data.fillers]
+    while said and said[0] == ",":
+        del said[0]
+    return tuple(said) or tuple(words)
 
 
 def _language_of(text: str, known: KnownNames) -> str:
