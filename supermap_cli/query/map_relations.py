@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property, partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,12 +13,14 @@ from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.geometry.boxes import Box3D
 from supermap_cli.memory.reading import MapReader
 from supermap_cli.memory.values import StoredInstance
-from supermap_cli.query.map_walls import MapWalls
 from supermap_cli.query.relations import StoredForm, stored_forms
 from supermap_cli.relations.map_relations import relations_of_configs
 from supermap_cli.relations.registry import RelationRegistry
 from supermap_cli.types.memory import StateRecord
 from supermap_cli.types.relations import GraphNode, Pair
+
+if TYPE_CHECKING:
+    from supermap_cli.query.map_walls import MapWalls
 
 SAME_SIZE = 0.3
 """Share by which the sizes of two boxes of a thing may differ for its shape to be taken from one to the other."""
@@ -56,6 +59,8 @@ class MapRelations:
     @cached_property
     def walls(self) -> MapWalls:
         """Where walls stand in it."""
+        from supermap_cli.query.map_walls import MapWalls  # noqa: PLC0415 - keeps start-up light
+
         return MapWalls(self.reader)
 
     def stored_forms(self, name: str) -> tuple[StoredForm, ...]:
@@ -79,7 +84,10 @@ class MapRelations:
         """A confidence in (0, 1] that a relation holds between two instances in one of their states each, else 0."""
         pair = Pair(self.thing(*first), self.thing(*second), self.registry.parameters)
         ends = (first[0].number, second[0].number)
-        return self.registry.measure(name, pair, 1.0, partial(self.walls.clear_between, ends))
+        return self.registry.measure(name, pair, 1.0, partial(self._clear_between, ends))
+
+    def _clear_between(self, ends: tuple[int, int], first: Box3D, second: Box3D) -> bool:
+        return self.walls.clear_between(ends, first, second)
 
     def thing(self, instance: StoredInstance, state: StateRecord) -> StoredThing:
         """An instance in one of its states.
