@@ -29,10 +29,13 @@ SMALLEST_FIRST: frozenset[Measure] = frozenset({"near", "small", "low", "narrow"
 
 @dataclass(frozen=True)
 class Ranked:
-    """The chosen candidates, several where they tie (`tied`: their ids)."""
+    """The chosen candidates, several where they tie (`tied`: their ids), and how far the last of them and those that
+    tie with it may be (`farthest_m`), where distances decide.
+    """
 
     candidates: Candidates
     tied: tuple[str, ...] = ()
+    farthest_m: float = 0.0
 
 
 def ranked(
@@ -60,7 +63,7 @@ def ranked(
               for candidate, value in same]  # fmt: skip
     finder.asking.measures |= {candidate.instance.id: value for candidate, value in same}
     tied = chosen if len(chosen) > len(best) else []
-    return Ranked(chosen, tuple(candidate.instance.id for candidate in tied))
+    return Ranked(chosen, tuple(candidate.instance.id for candidate in tied), best[-1][1].value + TIE_M)
 
 
 def measure_all(

@@ -6,21 +6,25 @@ there where that can be done; anything else is judged batch by batch.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from itertools import chain
 
+from supermap_cli.geometry.boxes import Reach
 from supermap_cli.language.questions import (
     And,
     Anything,
     Attribute,
     Condition,
+    Distant,
     Having,
     Identified,
     Noun,
     Or,
     Related,
     Robot,
+    Superlative,
     Things,
     Union,
 )
@@ -44,6 +48,8 @@ from supermap_cli.types.labels import DYNAMIC_CLASSES
 
 AT_ONE_PLACE = frozenset({"on", "inside", "attached to"})
 """Relations that a thing is in to one other thing: "on the desk and the table" asks for what is on either."""
+SEARCH_REACHES_M = (2.0, 8.0, 32.0)
+"""Distances (m) within which the closest is looked for, one after the other, before all are measured."""
 MAX_DROPPED = 3
 """Things that the conditions deny, told where nothing matches."""
 
@@ -172,6 +178,7 @@ class ThingsFinder:
     ) -> Found:
         """Any other phrase: its candidates judged batch by batch."""
         judge = ConditionJudge(self, source, noun)
+        source = self._within_reach(source, conditions)
         listed: dict[int, Candidates] = {}
         unsure: dict[int, Judgement] = {}
         dropped: dict[int, Judgement] = {}
@@ -202,14 +209,19 @@ class ThingsFinder:
         """The one that a superlative chooses among those that fulfil the conditions; several where they tie."""
         assert things.superlative is not None  # noqa: S101 - callers have asked
         judge = ConditionJudge(self, source, things.noun)
-        fulfilling = [
-            judgement.candidate
-            for batch in source.batches()
-            for judgement in judge.all_of(conditions, batch)
-            if judgement.verdict == "yes"
-        ]
-        anything = isinstance(things.noun, Anything)
-        chosen = ranked(self, fulfilling, things.superlative, things.number or 1, anything=anything)
+        number, anything = things.number or 1, isinstance(things.noun, Anything)
+        before = dict(self.asking.measures)
+        for part, reach_m in self._nearest_first(source, things.superlative):
+            self.asking.measures = dict(before)
+            fulfilling = [
+                judgement.candidate
+                for batch in part.batches()
+                for judgement in judge.all_of(conditions, batch)
+                if judgement.verdict == "yes"
+            ]
+            chosen = ranked(self, fulfilling, things.superlative, number, anything=anything)
+            if len(chosen.candidates) >= number and chosen.farthest_m <= reach_m:
+                break
         certain = sum(self._is_certain(candidate) for candidate in chosen.candidates)
         return Found(chosen.candidates, 0, certain, tied=chosen.tied)
 
@@ -230,6 +242,35 @@ class ThingsFinder:
         )
 
     # -- parts
+
+    def _within_reach(self, source: CandidateSource, conditions: tuple[Condition, ...]) -> CandidateSource:
+        """The candidates that can be within the distance of a condition: found from its references where these are
+        fewer.
+        """
+        for condition in conditions:
+            if isinstance(condition, Distant) and not condition.farther and condition.reference is not None:
+                references = self.references(condition.reference)
+                if references.size() < source.size() and not isinstance(condition.reference.noun, Robot):
+                    numbers = self._near(references, condition.metres)
+                    return CandidateList(source.with_numbers(numbers))
+        return source
+
+    def _nearest_first(
+        self, source: CandidateSource, superlative: Superlative
+    ) -> Iterator[tuple[CandidateSource, float]]:
+        """Ever more of the candidates, with the distance (m) up to which they are all; at last all of them."""
+        to = superlative.to
+        if superlative.measure == "near" and to is not None and not isinstance(to.noun, Robot):
+            references = self.references(to)
+            if references.size() < source.size():
+                for reach_m in SEARCH_REACHES_M:
+                    yield CandidateList(source.with_numbers(self._near(references, reach_m))), reach_m
+        yield source, math.inf
+
+    def _near(self, references: CandidateSource, reach_m: float) -> set[int]:
+        """The instances whose boxes may be within a distance of a reference's."""
+        reach = Reach(reach_m, reach_m)
+        return {there for batch in references.numbers() for _, there in self.reader.search.near(batch, reach)}
 
     def _driving_relation(self, conditions: tuple[Condition, ...]) -> tuple[Related | None, tuple[Condition, ...]]:
         """The first relation, by which candidates are found instead of judged, and the other conditions."""
