@@ -101,7 +101,9 @@ class BruteForce:
                 return [(doubted.id, None)]
             head, dash, _ = missing.partition("-")
             alike = [instance for instance in self._labelled(NounPhrase(head)) if instance.states] if dash else []
-            return [(each.id, None) for each in alike[:3]] or [(each, None) for each in self._maybe_labelled(head)]
+            doubted_ones = [] if dash else self._doubted(head)
+            told = [each.id for each in alike[:3]] or doubted_ones or self._maybe_labelled(head)
+            return [(text_id, None) for text_id in told]
         if self.phrase.relation is not None and (out_of_reach := self._out_of_reach(self.phrase, self.phrase.relation)):
             return out_of_reach
         return [(instance.id, None) for instance in self._labelled(self.phrase) if instance.states][:3]
@@ -174,6 +176,14 @@ class BruteForce:
         for distance_m, _, text_id in pairs:
             nearest.setdefault(text_id, round(distance_m, 4))
         return list(nearest.items())[:3]
+
+    def _doubted(self, noun: str) -> list[str]:
+        """The ids of instances of that label that are believed in no more: those seen last."""
+        doubted = [instance for instance in self.everything if instance.presence == "doubted"]
+        labels = match_labels(Named(noun, noun), {instance.label for instance in doubted}, LEXICON).labels
+        named = [instance for instance in doubted if instance.label in labels]
+        named.sort(key=lambda instance: (-instance.last_seen_ns, -instance.number))
+        return [each.id for each in sorted(named[:3], key=lambda instance: instance.number) if each.states]
 
     def _maybe_labelled(self, noun: str) -> list[str]:
         names = {noun} | LEXICON.synonyms(noun)

@@ -119,7 +119,8 @@ class Lister:
         source = self.finder.named(things.noun, any_state=True)
         if conditions_of(things) or not isinstance(source, LabelCandidates):
             return NO_UNCERTAIN
-        if self.selector.kind in {"traversal", "earlier", "during"} and not source_is_everything(source):
+        over_time = self.selector.kind in {"traversal", "earlier", "during"}
+        if over_time and not counting and not source_is_everything(source):
             source = replace(source, selector=self._at_end())
         return uncertain_instances(source, matches, counting=counting)
 
