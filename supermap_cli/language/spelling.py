@@ -6,8 +6,8 @@ from collections.abc import Collection
 
 LEAST_SIMILARITY = 0.72
 """Normalised Damerau-Levenshtein similarity (1 - edits / length of the longer word; a transposition of neighbours is
-one edit) from which a known word is suggested. Measured on typed misspellings: it mends 8 of 10, with one false hit in
-15; docs/internals-queries.md has the figures.
+one edit) from which a known word is suggested: it mended 8 of 10 misspellings, with one false hit in 15. docs/words.md
+has the figures for other words.
 """
 
 MOST_SUGGESTIONS = 3

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import cached_property, partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,12 +13,14 @@ from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.geometry.boxes import Box3D
 from supermap_cli.memory.reading import MapReader
 from supermap_cli.memory.values import StoredInstance
-from supermap_cli.query.map_walls import MapWalls
 from supermap_cli.query.relations import StoredForm, stored_forms
 from supermap_cli.relations.map_relations import relations_of_configs
 from supermap_cli.relations.registry import RelationRegistry
 from supermap_cli.types.memory import StateRecord
-from supermap_cli.types.relations import GraphNode, Pair
+from supermap_cli.types.relations import GraphNode, Pair, PredicateParameters
+
+if TYPE_CHECKING:
+    from supermap_cli.query.map_walls import MapWalls
 
 SAME_SIZE = 0.3
 """Share by which the sizes of two boxes of a thing may differ for its shape to be taken from one to the other."""
@@ -56,6 +59,8 @@ class MapRelations:
     @cached_property
     def walls(self) -> MapWalls:
         """Where walls stand in it."""
+        from supermap_cli.query.map_walls import MapWalls  # noqa: PLC0415 - keeps start-up light
+
         return MapWalls(self.reader)
 
     def stored_forms(self, name: str) -> tuple[StoredForm, ...]:
@@ -63,15 +68,16 @@ class MapRelations:
         return stored_forms(self.registry, name)
 
     def graph_keeps(self, name: str) -> bool:
-        """Whether a scene graph kept this relation (or those that answer it) in all traversals: maps that were written
-        by hand have none.
+        """Whether a scene graph kept this relation (or those that answer it) in all traversals, by today's definitions:
+        maps that were written by hand have none, and older versions of the program judged otherwise.
         """
         return self._has_graph and bool(self.stored_forms(name))
 
     @cached_property
     def _has_graph(self) -> bool:
-        configs = [traversal.config.get("parameters") for traversal in self.reader.traversals]
-        return bool(configs) and all(isinstance(each, Mapping) and "scene_graph" in each for each in configs)
+        every = {parameter.name for parameter in fields(PredicateParameters)}
+        used = [_predicate_parameters(traversal.config) for traversal in self.reader.traversals]
+        return bool(used) and all(every <= names for names in used)
 
     def measure(
         self, name: str, first: tuple[StoredInstance, StateRecord], second: tuple[StoredInstance, StateRecord]
@@ -79,7 +85,10 @@ class MapRelations:
         """A confidence in (0, 1] that a relation holds between two instances in one of their states each, else 0."""
         pair = Pair(self.thing(*first), self.thing(*second), self.registry.parameters)
         ends = (first[0].number, second[0].number)
-        return self.registry.measure(name, pair, 1.0, partial(self.walls.clear_between, ends))
+        return self.registry.measure(name, pair, 1.0, partial(self._clear_between, ends))
+
+    def _clear_between(self, ends: tuple[int, int], first: Box3D, second: Box3D) -> bool:
+        return self.walls.clear_between(ends, first, second)
 
     def thing(self, instance: StoredInstance, state: StateRecord) -> StoredThing:
         """An instance in one of its states.
@@ -105,6 +114,13 @@ class MapRelations:
         cloud = self.reader.voxels(instance)
         points = measure_shape(voxel_map_from_cloud(cloud)).points if len(cloud) else np.zeros((0, 3))
         return points if _fill(instance.states[-1].box, points, cloud.voxel_m) else np.zeros((0, 3))
+
+
+def _predicate_parameters(config: Mapping[str, object]) -> set[str]:
+    """The names of the parameters by which a build judged relations."""
+    parameters = config.get("parameters")
+    predicates = parameters.get("predicates") if isinstance(parameters, Mapping) else None
+    return set(predicates) if isinstance(predicates, Mapping) else set()
 
 
 def _fill(box: Box3D, points: FloatArray, voxel_m: float) -> bool:

@@ -96,8 +96,8 @@ class RelationMatcher:
                 return
 
     def _bases(self, candidates: CandidateSource) -> tuple[Basis, ...]:
-        """What may decide: boxes only where the scene graph does not keep the relation now. Where it does, it judged all
-        that stands there by the same geometry.
+        """What may decide: boxes only where the scene graph does not keep the relation now. Where it does, it judged
+        all that stands there by the same geometry.
         """
         stored = BASES[:1] if self._any_stored_edge(candidates) else ()
         decides = self.selector.kind == "now" and bool(self._forms) and self._relations.graph_keeps(self.name)

@@ -26,8 +26,8 @@ PROMPT = "a photo of a {}"
 """What word and labels are put into (Radford et al. 2021, CLIP, sec. 3.1.4): bare words have no context to go by."""
 
 LEAST_SIMILARITY = 0.57
-"""Cosine from which a label is worth a suggestion, chosen on 40 words for 20 labels; docs/internals-queries.md has the
-figures for others.
+"""Cosine from which a label is worth a suggestion, chosen on 40 words for 20 labels; docs/words.md has the figures for
+others.
 """
 
 MOST_SUGGESTIONS = 3

@@ -13,16 +13,33 @@ from supermap_cli.types.relations import Pair
 
 
 def on(pair: Pair, slack: float) -> float:
-    """On(A, B): the lower side of A is near the surface of B beneath it, and A's footprint lies mostly within B's."""
+    """On(A, B): the lower side of A is near the surface of B beneath it, and A's footprint lies mostly within B's.
+
+    Of a surface that nobody has seen there (a desk full of things), the top of B's box tells the height.
+    """
     parameters = pair.parameters
-    if pair.overlap_share < parameters.on_overlap / slack or not len(pair.surface_heights):
+    if pair.overlap_share < parameters.on_overlap / slack:
         return 0.0
-    surface = float(np.percentile(pair.surface_heights, parameters.on_surface_percentile))
-    box = pair.subject.box
+    heights, other = pair.surface_heights, pair.other
+    if len(heights):
+        surface_m = float(np.percentile(heights, parameters.on_surface_percentile))
+        confidence = _rests_at(pair, surface_m, slack)
+        if confidence > 0:
+            return confidence
+    confidence = _rests_at(pair, other.box.z_max, slack)
+    if confidence > 0 and len(heights):
+        seen = other.seen_share_over(pair.subject.box, surface_m, parameters)
+        return confidence if seen < parameters.on_seen_share else 0.0
+    return confidence
+
+
+def _rests_at(pair: Pair, surface_m: float, slack: float) -> float:
+    """The confidence that the subject rests on a surface at a height."""
+    parameters, box = pair.parameters, pair.subject.box
     height_m = min(float(box.size[2]), parameters.on_reach_height_m)
     reach = (parameters.contact_m + parameters.on_reach_share * height_m) * slack
-    higher = box.center[2] > surface - parameters.on_higher_m * slack
-    return pair.falling(abs(box.z_min - surface), reach) if higher else 0.0
+    higher = box.center[2] > surface_m - parameters.on_higher_m * slack
+    return pair.falling(abs(box.z_min - surface_m), reach) if higher else 0.0
 
 
 def under(pair: Pair, slack: float) -> float:

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from supermap_cli.geometry.arrays import FloatArray
+from supermap_cli.geometry.arrays import BoolArray, FloatArray
 from supermap_cli.geometry.boxes import Box3D, Reach, footprint_gap_m, footprint_overlap_m2
 from supermap_cli.types.parameters import parameter
 
@@ -37,6 +37,10 @@ class PredicateParameters:
         0.25, "1", "on: share of the subject's height that the gap may be larger", _DESIGN
     )
     on_reach_height_m: float = parameter(0.2, "m", "on: height of the subject, at most, that this share is of", _DESIGN)
+    on_seen_share: float = parameter(
+        0.7, "1", "on: share of the other's surface below that must be seen for it to count alone", _DESIGN, at_most=1
+    )
+    on_cell_m: float = parameter(0.05, "m", "on: edge of the cells of that share", "coarsest voxels", at_least=0.01)
     on_higher_m: float = parameter(0.02, "m", "on: how far the subject's middle may lie below the surface", _DESIGN)
     under_overlap: float = parameter(0.3, "1", "under: share below the other, at least", _DESIGN)
     under_covered: float = parameter(0.5, "1", "under: share of the other's heights above the top, at least", _DESIGN)
@@ -89,11 +93,25 @@ class GraphNode:
         """(k,) heights of this node's points over another's footprint, and a margin: what is covered is not seen."""
         if not len(self.points):
             return np.full(int(footprint_gap_m(self.box, other) <= margin_m), self.box.z_max)
+        heights: FloatArray = self.points[self._is_over(other, margin_m), 2]
+        return heights
+
+    def seen_share_over(self, other: Box3D, height_m: float, parameters: PredicateParameters = DEFAULT) -> float:
+        """Share of the cells of another's footprint, and the margin about it, in which this node has points at about a
+        height: the rest of a surface there nobody has seen.
+        """
+        margin_m, cell_m = parameters.footprint_margin_m, parameters.on_cell_m
+        points = self.points[self._is_over(other, margin_m)]
+        points = points[np.abs(points[:, 2] - height_m) <= parameters.contact_m]
+        cells = np.unique(np.floor(points[:, :2] / cell_m), axis=0)
+        return min(len(cells) / float(np.prod((other.size[:2] + 2 * margin_m) / cell_m)), 1.0)
+
+    def _is_over(self, other: Box3D, margin_m: float) -> BoolArray:
+        """(n,) which of its points lie over or under another's footprint, and a margin."""
         c, s = np.cos(other.yaw), np.sin(other.yaw)
         local = (self.points[:, :2] - other.center[:2]) @ np.array([[c, -s], [s, c]])
-        within = (np.abs(local) <= other.size[:2] / 2 + margin_m).all(axis=1)
-        heights: FloatArray = self.points[within, 2]
-        return heights
+        within: BoolArray = (np.abs(local) <= other.size[:2] / 2 + margin_m).all(axis=1)
+        return within
 
 
 @dataclass(frozen=True)

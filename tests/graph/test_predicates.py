@@ -69,6 +69,23 @@ def test_what_lies_on_a_seat_is_on_the_chair_though_its_back_is_higher() -> None
     assert holds("on", node(1, "book", (0.08, 0, 0.45), (0.2, 0.25, 0.05)), chair)
 
 
+def test_what_stands_where_a_desk_was_not_seen_is_on_it_by_the_top_of_its_box() -> None:
+    whole = table()
+    away = np.linalg.norm(whole.points[:, :2] - [0.3, 0.1], axis=1) > 0.25
+    partly = GraphNode(2, "desk", whole.box, whole.points[away])
+    panel = node(2, "desk", (0.3, 0.1, 0.0), (0.02, 0.3, 0.5)).points
+    for points in (partly.points, np.concatenate([partly.points, panel])):
+        desk = GraphNode(2, "desk", whole.box, points)
+        assert holds("on", node(1, "mug", (0.3, 0.1, 0.77), CUP), desk)
+        assert not holds("on", node(1, "mug", (0.3, 0.1, 0.95), CUP), desk)
+
+
+def test_what_is_as_high_as_a_chairs_back_is_not_on_the_chair() -> None:
+    seat, back = node(2, "chair", (0, 0, 0), (0.45, 0.45, 0.45)), node(2, "chair", (-0.2, 0, 0.45), (0.05, 0.45, 0.45))
+    chair = GraphNode(2, "chair", node(2, "chair", (0, 0, 0), CHAIR).box, np.concatenate([seat.points, back.points]))
+    assert not holds("on", node(1, "book", (0.08, 0, 0.9), (0.2, 0.25, 0.05)), chair)
+
+
 def test_a_stack_is_a_chain() -> None:
     lower, upper = node(1, "book", (0, 0, 0.75), (0.3, 0.2, 0.05)), node(3, "book", (0, 0, 0.8), (0.25, 0.2, 0.05))
     assert holds("on", upper, lower)

@@ -59,7 +59,7 @@ def test_plurals_hyphens_and_compounds_are_understood(lexicon: Lexicon, written:
 
 
 def test_the_longest_noun_is_found(lexicon: Lexicon) -> None:
-    words = "where is the fire extinguisher sign".split()
+    words = ["where", "is", "the", "fire", "extinguisher", "sign"]
     found = lexicon.longest_noun(words, 3)
     assert found is not None
     assert (found.name, found.length) == ("fire extinguisher", 2)

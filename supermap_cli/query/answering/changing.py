@@ -12,7 +12,7 @@ from supermap_cli.query.answering.document import Reply, Truth
 from supermap_cli.query.answering.finding import missing_sentence
 from supermap_cli.query.answering.happenings import (
     Change,
-    Window,
+    ChangeWindow,
     changes_of,
     of_event,
     window_of,
@@ -111,7 +111,7 @@ def moved_where(finder: ThingsFinder, question: MovedWhere, when: str) -> Reply:
 # -- changes
 
 
-def _concerned(finder: ThingsFinder, things: Things, window: Window) -> set[int]:
+def _concerned(finder: ThingsFinder, things: Things, window: ChangeWindow) -> set[int]:
     """The instances that a phrase names before or after the window."""
     selectors = [TimeSelector("last", "last")]
     if conditions_of(things):
@@ -132,7 +132,7 @@ def _views(lister: Lister, happened: list[Change]) -> tuple[InstanceView, ...]:
     return lister.instances({each.number: each for each in found if each is not None}.values())
 
 
-def _sentence(happened: list[Change], question: Changes, window: Window) -> str:
+def _sentence(happened: list[Change], question: Changes, window: ChangeWindow) -> str:
     if not happened:
         subject = "nothing" if question.things is None else _subject(question.things)
         if question.things is not None and isinstance(question.things.noun, Identified):
@@ -167,7 +167,7 @@ def _change_text(change: Change) -> str:
     return f"{change.id}{distance}{f', may be {candidates}' if candidates else ''}"
 
 
-def _undecided_text(undecided: list[Change], window: Window, *, of_some: bool) -> str:
+def _undecided_text(undecided: list[Change], window: ChangeWindow, *, of_some: bool) -> str:
     """What may have changed: each thing asked about; of all things, those that may be new, and between two visits
     those that may be gone.
     """

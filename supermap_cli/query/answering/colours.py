@@ -37,7 +37,7 @@ LIGHTNESS_WEIGHT, CHROMA_WEIGHT, HUE_WEIGHT = 2.0, 0.048, 0.014
 MIN_VOXELS = 20
 """Solid voxels from which a colour is told. Chosen."""
 MIN_SHARE = 0.5
-"""Share of the voxels that a colour needs to be the thing's colour. Chosen: more than half of it."""
+"""More than this share of the voxels has the thing's colour. Chosen: half of them."""
 ALSO_SHARE = 0.2
 """Share of the voxels from which a colour is named beside another one. Chosen."""
 
@@ -70,7 +70,7 @@ def read_colour(cloud: VoxelCloud) -> ColourReading:
     ranked = sorted(shares.items(), key=lambda item: -item[1])
     also = tuple(name for name, share in ranked if share >= ALSO_SHARE) or (ranked[0][0],)
     words = " and ".join(f"{name} ({shares[name]:.0%})" for name in also)
-    name = also[0] if shares[also[0]] >= MIN_SHARE else None
+    name = also[0] if shares[also[0]] > MIN_SHARE else None
     return ColourReading(name, also, words if name else f"no one colour: {words}", dict(ranked))
 
 

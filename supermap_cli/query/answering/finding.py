@@ -259,7 +259,7 @@ def _related_sentence(
     clause, ids = _clause(things, instances, found, max(number, 1), past=past)
     rest = f"{'' if _happened(things) else time_phrase(when)}{_basis_text(instances)}"
     if len(instances) == 1 and certain and found.more == 0:
-        return f"{instances[0].id} {clause}{rest}."
+        return f"{instances[0].id} {clause.replace(' known that is ', ' ', 1)}{rest}."
     noun = counted(number, head_text(things)) + ("" if found.more is not None else " and more")
     lead = f"{noun} {clause}" if certain else "perhaps"
     return capitalised(f"{lead}{rest}: {ids}.")

@@ -60,7 +60,7 @@ OPEN_KINDS: dict[Event, frozenset[str]] = {
 
 
 @dataclass(frozen=True)
-class Window:
+class ChangeWindow:
     """The time over which changes are asked for: from one visit (`before`) to another (`after`), or, where `before` is
     `None`, what was seen to happen within [low_ns, high_ns].
     """
@@ -90,7 +90,7 @@ class Change:
     may_be: tuple[IdentityCandidateView, ...] = ()
 
 
-def window_of(asking: Asking, when: Time | None) -> Window:  # noqa: PLR0911 - one case a kind of time
+def window_of(asking: Asking, when: Time | None) -> ChangeWindow:  # noqa: PLR0911 - one case a kind of time
     """The window of a time; without one, from the last visit but one to the last.
 
     Raises `QueryError` where nobody has looked since.
@@ -114,23 +114,23 @@ def window_of(asking: Asking, when: Time | None) -> Window:  # noqa: PLR0911 - o
             earlier = [at for at, traversal in enumerate(traversals) if traversal.end_ns < span.low_ns]
             if earlier:
                 return _visit(asking, earlier[-1])
-            return Window(f"before {span.text}", None, None, asking.clock.origin_ns, span.low_ns - 1, span.note)
+            return ChangeWindow(f"before {span.text}", None, None, asking.clock.origin_ns, span.low_ns - 1, span.note)
         case AtClock() | Ago() | AtEvent():
             span = asking.times.moment(when)
             if span.traversal is None:
                 word = "when" if isinstance(when, AtEvent) else "at"
-                return Window(f"{word} {span.text}", None, None, span.low_ns, span.high_ns, span.note)
+                return ChangeWindow(f"{word} {span.text}", None, None, span.low_ns, span.high_ns, span.note)
     span = asking.times.interval(when)
     if span.traversal is not None:
         return _visit(asking, span.traversal.number - traversals[0].number, span.note)
     if span.low_ns <= asking.clock.origin_ns:
-        return Window(span.text, None, None, span.low_ns, span.high_ns, span.note)
+        return ChangeWindow(span.text, None, None, span.low_ns, span.high_ns, span.note)
     sides = (TimePoint(asking.clock.text(at_ns), at_ns, at_ns) for at_ns in (span.low_ns, span.high_ns))
     before, after = sides
-    return Window(span.text, before, after, span.low_ns, span.high_ns, span.note)
+    return ChangeWindow(span.text, before, after, span.low_ns, span.high_ns, span.note)
 
 
-def changes_of(asking: Asking, window: Window, numbers: Collection[int] | None = None) -> list[Change]:
+def changes_of(asking: Asking, window: ChangeWindow, numbers: Collection[int] | None = None) -> list[Change]:
     """The changes of some instances within a window, or of all (`None`); of those asked for also where nothing
     changed. People and animals come and go, and are left out.
     """
@@ -159,7 +159,7 @@ def happened_to(
     return [_verdict(by_id.get(candidate.instance.id), event, window) for candidate in batch]
 
 
-def _verdict(change: Change | None, event: Event, window: Window) -> tuple[Verdict, str]:
+def _verdict(change: Change | None, event: Event, window: ChangeWindow) -> tuple[Verdict, str]:
     if change is None:
         return "no", f"nothing is known to have happened to it {window.text}"
     reason = f"{change.kind} {window.text}: {change.reason}"
@@ -178,20 +178,20 @@ def _seen(asking: Asking, instance: StoredInstance, span: tuple[int, int] | None
     return ("yes" if seen else "no"), last
 
 
-def _visit(asking: Asking, at: int, note: str | None = None) -> Window:
+def _visit(asking: Asking, at: int, note: str | None = None) -> ChangeWindow:
     """What a traversal found changed since the one before it; of the first one, what happened in it."""
     traversals = asking.reader.traversals
     after = traversal_end(traversals[at])
     if at == 0:
-        return Window(f"in {after.text}", None, None, traversals[0].start_ns, after.at_ns, note)
+        return ChangeWindow(f"in {after.text}", None, None, traversals[0].start_ns, after.at_ns, note)
     return _two(traversal_end(traversals[at - 1]), after, note)
 
 
-def _two(before: TimePoint, after: TimePoint, note: str | None = None) -> Window:
-    return Window(f"from {before.text} to {after.text}", before, after, before.at_ns, after.at_ns, note)
+def _two(before: TimePoint, after: TimePoint, note: str | None = None) -> ChangeWindow:
+    return ChangeWindow(f"from {before.text} to {after.text}", before, after, before.at_ns, after.at_ns, note)
 
 
-def _since(asking: Asking, before: TimePoint, text: str, note: str | None) -> Window:
+def _since(asking: Asking, before: TimePoint, text: str, note: str | None) -> ChangeWindow:
     after = traversal_end(asking.reader.traversals[-1])
     if before.at_ns >= after.at_ns:
         one = len(asking.reader.traversals) == 1
@@ -200,7 +200,7 @@ def _since(asking: Asking, before: TimePoint, text: str, note: str | None) -> Wi
             cure=f"ask 'what changed{time_phrase(f'in {after.text}')}'"
             + ("" if one else ", or since an earlier traversal"),
         )
-    return Window(f"since {text}", before, after, before.at_ns, after.at_ns, note)
+    return ChangeWindow(f"since {text}", before, after, before.at_ns, after.at_ns, note)
 
 
 def _of_diff(asking: Asking, change: ObjectChange, before_ns: int) -> Change:
@@ -224,7 +224,7 @@ def _of_diff(asking: Asking, change: ObjectChange, before_ns: int) -> Change:
     )
 
 
-def _events(asking: Asking, window: Window, numbers: Collection[int] | None) -> list[Change]:
+def _events(asking: Asking, window: ChangeWindow, numbers: Collection[int] | None) -> list[Change]:
     """The temporal edges within a window, as changes: the last one of each instance and kind."""
     edges = asking.reader.temporal_edges_within(window.low_ns, window.high_ns)
     ends = asking.reader.survivors.of({number for edge in edges for number in (edge.from_number, edge.to_number)})

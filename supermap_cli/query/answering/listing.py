@@ -83,7 +83,8 @@ class Lister:
         if (unknown := self.unknown_noun(things)) is not None:
             return self._possible(unknown)
         if dropped:
-            return tuple(self.near_miss(each.candidate.instance, each.candidate.state, each.reason) for each in dropped)
+            telling = [each for each in dropped if things.noun != Anything() or not each.reason.startswith("not ")]
+            return tuple(self.near_miss(each.candidate.instance, each.candidate.state, each.reason) for each in telling)
         related = first_relation(things)
         if related is not None and (out_of_reach := self._out_of_reach(things, related)):
             return out_of_reach
@@ -127,7 +128,7 @@ class Lister:
         selector = self.selector
         at_ns = selector.high_ns - 1 if selector.kind == "earlier" else selector.high_ns
         since_ns = None if selector.traversal is None else selector.traversal.start_ns
-        return TimeSelector("at", selector.text, at_ns, at_ns, selector.traversal, since_ns=since_ns)
+        return TimeSelector("at", selector.text, at_ns, at_ns, since_ns=since_ns)
 
     def note_uncertain(self, uncertain: UncertainInstances) -> None:
         """Add notes on what is known of instances whose presence is unknown."""

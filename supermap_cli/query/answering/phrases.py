@@ -63,7 +63,7 @@ _SUPERLATIVES = {
     "wide": "widest",
     "narrow": "narrowest",
     "new": "newest",
-    "old": "oldest",
+    "old": "first seen",
     "seen": "most recently seen",
 }
 EVENT_VERBS = {
@@ -207,7 +207,7 @@ def condition_text(condition: Condition) -> str:  # noqa: PLR0911 - one case a k
 
 def _viewpoint_text(viewpoint: Robot | SeenFrom) -> str:
     if isinstance(viewpoint, Robot):
-        return ", seen by the robot at its last pose"
+        return ", seen from the robot's last place"
     return f", seen from {things_text(viewpoint.things)}"
 
 

@@ -19,7 +19,7 @@ from supermap_cli.language.refusals import RefusedQuestionError
 from supermap_cli.query.answering.asking import Asking
 from supermap_cli.query.answering.phrases import head_text, things_text
 from supermap_cli.query.candidates import InstanceCandidate
-from supermap_cli.query.relations import box_distance_m
+from supermap_cli.query.relations import box_distance_m, covered_share
 from supermap_cli.query.views import RelationView
 from supermap_cli.relations.viewpoint import Viewpoint, behind, in_front_of, left_of, right_of
 from supermap_cli.relations.viewpoint import between as between_boxes
@@ -37,6 +37,9 @@ DIRECTION_REACH_M = 3.0
 """Gap between two boxes, at most, of which one is said to stand left of the other or behind it. Chosen: what is farther
 off is hardly said so.
 """
+
+MOST_OVER_END = 0.5
+"""Share of its footprint that may lie over one of two things it is between: what stands on a desk is not. Chosen."""
 
 
 def robot_distance_m(asking: Asking) -> Callable[[InstanceCandidate], float]:
@@ -93,9 +96,11 @@ def between(
             numbers = {one.instance.number, other.instance.number}
             if len(numbers) < 2 or candidate.instance.number in numbers or (first is second and one.key > other.key):
                 continue
-            confidence = between_boxes(candidate.state.box, one.state.box, other.state.box)
-            if confidence > 0:
-                gap_m = min(box_distance_m(candidate.state.box, end.state.box) for end in (one, other))
+            box = candidate.state.box
+            confidence = between_boxes(box, one.state.box, other.state.box)
+            apart = all(covered_share(box, end.state.box) <= MOST_OVER_END for end in (one, other))
+            if confidence > 0 and apart:
+                gap_m = min(box_distance_m(box, end.state.box) for end in (one, other))
                 both = f"{one.instance.id} and {other.instance.id}"
                 views.append(_view("between", candidate, both, gap_m, confidence))
     return tuple(views)
@@ -110,7 +115,7 @@ def _viewpoint(finder: ThingsFinder, asked: Directed) -> FloatArray:
                 "viewpoint",
                 f"{asked.direction} the {reference}, seen from where?",
                 part=asked.direction,
-                cure=f"add from where: '{asked.direction} the {reference} seen from the door', or 'seen by the robot'",
+                cure=f"add from where: '{asked.direction} the {reference} seen from the door', or '... from the robot'",
             )
         case Robot():
             finder.asking.note("seen by the robot at its last pose")

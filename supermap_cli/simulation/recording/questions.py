@@ -9,7 +9,7 @@ measures `slack` widens. Here one holds if it does with `STRICT`, and does not i
 more than the graph's own hysteresis of 1.3; a question that depends on anything between is left out.
 
 - On(A, B): half of A's footprint is over B, and A's underside within 6 cm and a quarter of its height (up to 5 cm more)
-  of B's surface there.
+  of B's surface there (of the top of B's box where the images do not show that surface).
 - Under(A, B): half of B's surface over A is above A's top; or B is on A, or above it.
 - Inside(A, B): B's box holds 60 % of A's, and B is no table, seat or the like.
 - Near(A, B): the gap between the boxes is at most 0.5 m and 0.6 of the larger one's side (which counts up to 1.5 m),
