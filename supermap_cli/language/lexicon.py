@@ -91,9 +91,11 @@ class Lexicon:
         if not phrase:
             return None
         for spelling in _spellings(phrase):
-            for form in (self.irregular_singular(spelling), *singulars(spelling)):
-                if form is not None and (form in extra or self.category(form) is not None):
-                    return form
+            forms = [form for form in (self.irregular_singular(spelling), *singulars(spelling)) if form is not None]
+            known = [form for form in forms if form in extra or self.category(form) is not None]
+            if known:  # "clocks" is a plant, too, and more likely some clocks
+                things = (form for form in known if form in extra or self.category(form) == "thing")
+                return next(things, known[0])
         return None
 
     def irregular_singular(self, phrase: str) -> str | None:

@@ -18,7 +18,7 @@ from supermap_cli.language.questions import Identified, Named
 from supermap_cli.language.translations import Nouns
 from supermap_cli.language.words import LONGEST_PHRASE, is_instance, join
 
-MOST_CUTS = 24
+MOST_CUTS = 32
 """Ways to cut a question into tokens that are tried; more than three were needed by none of the tests' questions."""
 
 PUNCTUATION = {",": "_COMMA", "(": "_LPAR", ")": "_RPAR"}

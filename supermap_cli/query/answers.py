@@ -12,6 +12,7 @@ from supermap_cli.language.known_names import KnownNames
 from supermap_cli.language.lexicon import load_lexicon
 from supermap_cli.language.parsing import parse
 from supermap_cli.language.questions import (
+    Anything,
     Body,
     Changes,
     CompareCounts,
@@ -23,9 +24,12 @@ from supermap_cli.language.questions import (
     Happened,
     Holds,
     HowFar,
+    Measure,
     MostOf,
     MovedWhere,
     Question,
+    Superlative,
+    Things,
     When,
 )
 from supermap_cli.language.refusals import RefusedQuestionError
@@ -125,7 +129,7 @@ def answer_question(
     written = at or (question.time.written if isinstance(question.time, AtClock) else "")
     asking.note(*(f"'{written}' was read as '{meant}'" for written, meant in question.mended))
     _add_time_notes(asking, selector, written)
-    reply = _reply(finder, question, selector.text)
+    reply = _reply(finder, _first_or_last_of_all(question), selector.text)
     _note_departures(asking, selector, reply.instances, written)
     asking.note(*pruned_evidence_notes((instance.evidence for instance in reply.instances), clock))
     loosely = bool(asking.loosely) and reply.verdict == "yes"
@@ -174,6 +178,17 @@ _HANDLERS: Mapping[type, tuple[str, str]] = {
 """The module and the function for each kind of question; each takes a finder, the question, and the time in words (that
 of changes as it was asked).
 """
+
+
+def _first_or_last_of_all(question: Question) -> Question:
+    """The question; "what did you see first" asks for the one thing that was seen first."""
+    match question:
+        case Question(body=Find(Things(Anything(), (), None, None, None, None)), time=First() | Last()):
+            measure: Measure = "old" if isinstance(question.time, First) else "seen"
+            things = Things(Anything(), superlative=Superlative(measure))
+            return replace(question, body=Find(things))
+        case _:
+            return question
 
 
 def _event_span(asking: Asking, asked: AtEvent) -> MomentSpan:

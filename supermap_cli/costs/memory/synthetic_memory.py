@@ -23,12 +23,12 @@ from supermap_cli.costs.memory.histories import (
 from supermap_cli.costs.memory.relations import edges_of_room
 from supermap_cli.costs.memory.rooms import SyntheticObject, furnish, room_count
 from supermap_cli.costs.memory.traversals import KEYFRAMES_PER_ROOM, SyntheticTraversal, plan_traversals, visits_by_room
-from supermap_cli.graph.parameters import SceneGraphParameters
 from supermap_cli.memory import rows
 from supermap_cli.memory.bulk import BulkWriter
 from supermap_cli.memory.values import TraversalStart
 from supermap_cli.types.engine_state import EngineState
 from supermap_cli.types.memory import InstanceRecord, KeyframeRecord, VoxelCloud
+from supermap_cli.types.relations import PredicateParameters
 
 Progress = Callable[[str], None]
 
@@ -150,7 +150,7 @@ def _traversal(traversal: SyntheticTraversal, seen: int) -> dict[str, object]:
         traversal.start_ns,
         traversal.end_ns,
         np.eye(4),
-        {"parameters": {"scene_graph": asdict(SceneGraphParameters())}},  # as a build says that it kept relations
+        {"parameters": {"predicates": asdict(PredicateParameters())}},  # as a build says that it kept relations
     )
     known = {"id": traversal.number, "mapped_ns": traversal.end_ns, "status": "complete", "timings": '{"total":1.0}'}
     counts = {"keyframes": len(traversal.rooms) * KEYFRAMES_PER_ROOM, "observations": seen * KEYFRAMES_PER_ROOM}

@@ -7,6 +7,7 @@ from functools import cached_property
 
 from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.language.questions import Anything, Identified, Named, Noun, Robot, Union, Usable
+from supermap_cli.language.refusals import RefusedQuestionError
 from supermap_cli.memory.reading import MapReader
 from supermap_cli.memory.values import StoredInstance
 from supermap_cli.query.answering.nouns import LabelMatch, Words, match_labels, noun_text, wider_note
@@ -91,10 +92,21 @@ class Asking:
                 match = match_labels(noun, self._map_labels | self._doubted_labels, self.words)
             if not match.labels:
                 self.note(wider_note(noun, self._map_labels, self.words))
+            if not match.labels and isinstance(noun, Named) and self._is_no_thing(noun):
+                raise RefusedQuestionError(
+                    "unknowable",
+                    f"'{noun.written}': a map holds things, not the parts, rooms and walls of a place",
+                    part=noun.written,
+                    cure="ask for things",
+                )
             if match.loosely:
                 self.loosely[noun_text(noun)] = match.labels
             self._labels[noun] = match
         return self._labels[noun]
+
+    def _is_no_thing(self, noun: Named) -> bool:
+        """Whether a noun names what no map holds, so that its absence from one says nothing."""
+        return self.words.category(noun.name) is not None and not self.words.knows(noun.name)
 
     def doubted_labels(self, noun: Noun) -> frozenset[str]:
         """The labels of demoted instances that a noun names."""

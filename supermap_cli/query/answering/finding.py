@@ -112,7 +112,7 @@ def exists(finder: ThingsFinder, question: Exists, when: str) -> Reply:
     """Whether there are any, or as many as asked for."""
     things, lister = question.things, Lister(finder)
     wanted = things.number or 1
-    found = finder.find(things, counting=wanted > 1)
+    found = finder.find(things, counting=wanted > 1 or things.quantity == "only")
     instances = lister.views(found.candidates)
     uncertain = lister.uncertain(things, instances, counting=False)
     lister.note_uncertain(uncertain)
@@ -141,6 +141,8 @@ def _existence(
     finder: ThingsFinder, things: Things, found: Found, wanted: int, *, uncertain: bool, nearest: Sequence[NearMiss]
 ) -> Truth:
     """Whether so many exist. What was lost without being seen to leave, or is doubted, may be there."""
+    if things.quantity == "only" and things.number is not None and found.certain > wanted:
+        return "no"
     if found.certain >= wanted:
         return "yes"
     if found.unsure or uncertain or len(found.candidates) > found.certain:
@@ -259,7 +261,7 @@ def _related_sentence(
     clause, ids = _clause(things, instances, found, max(number, 1), past=past)
     rest = f"{'' if _happened(things) else time_phrase(when)}{_basis_text(instances)}"
     if len(instances) == 1 and certain and found.more == 0:
-        return f"{instances[0].id} {clause}{rest}."
+        return f"{instances[0].id} {clause.replace(' known that is ', ' ', 1)}{rest}."
     noun = counted(number, head_text(things)) + ("" if found.more is not None else " and more")
     lead = f"{noun} {clause}" if certain else "perhaps"
     return capitalised(f"{lead}{rest}: {ids}.")

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from supermap_cli.language.questions import Anything, Holds, Things
+from supermap_cli.language.questions import Anything, Condition, Holds, Related, Things
 from supermap_cli.memory.values import StoredInstance
 from supermap_cli.query.answering.conditions import ConditionJudge, Judgement
 from supermap_cli.query.answering.document import Reply, Truth
-from supermap_cli.query.answering.finding import missing_sentence, unsure_text
+from supermap_cli.query.answering.finding import clause_text, missing_sentence, unsure_text
 from supermap_cli.query.answering.listing import Lister
 from supermap_cli.query.answering.phrases import condition_text, listing, lowered, time_phrase, verb
 from supermap_cli.query.answering.places import place_of
@@ -62,7 +62,7 @@ def _weighed(lister: Lister, question: Holds, judgements: list[Judgement], when:
     parts = []
     if yes:
         ids = listing([each.candidate.instance.id for each in yes[:MAX_TOLD]])
-        parts.append(f"{ids} {verb('is', len(yes), past=past)} {condition}{_detail(yes)}")
+        parts.append(f"{ids} {_so(question.condition, len(yes), past=past)}{_detail(yes)}")
     if no and (every or not yes):
         ids = listing([each.candidate.instance.id for each in no[:MAX_TOLD]])
         reason = f" ({no[0].reason})" if len(no) == 1 and no[0].reason != f"not {condition}" else ""
@@ -91,11 +91,18 @@ def _judged(finder: ThingsFinder, question: Holds) -> list[Judgement]:
     return judge.all_of([question.condition], candidates) if candidates else []
 
 
+def _so(condition: Condition, number: int, *, past: bool) -> str:
+    """What is so of things: "is on a desk", "has a monitor on it"."""
+    if isinstance(condition, Related) and condition.inverse:
+        return clause_text(condition, number, past=past)
+    return f"{verb('is', number, past=past)} {condition_text(condition)}"
+
+
 def _detail(yes: Sequence[Judgement]) -> str:
     """The ids of the references, where they differ from the condition's words."""
-    others = dict.fromkeys(
-        relation.object for each in yes for relation in each.candidate.relations if relation.object != "robot"
-    )
+    own = {each.candidate.instance.id for each in yes}
+    ends = (end for each in yes for relation in each.candidate.relations for end in (relation.subject, relation.object))
+    others = dict.fromkeys(end for end in ends if end != "robot" and end not in own)
     return f" ({listing(list(others)[:MAX_TOLD])})" if others else ""
 
 

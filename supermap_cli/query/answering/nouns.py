@@ -41,6 +41,10 @@ class Words(Protocol):
         """What a name names; `None` if it is no known noun."""
         ...
 
+    def knows(self, name: str) -> bool:
+        """Whether a name is a noun of something that a map can hold."""
+        ...
+
     def normalise(self, label: str) -> str:
         """A label as a name: in lower case and the singular."""
         ...
@@ -66,7 +70,9 @@ def match_labels(noun: Named | Usable, labels: Collection[str], words: Words) ->
     names = _names(noun, words)
     wanted = names | {kind for name in names for kind in words.kinds(name)}
     plain = {label: _name_of_label(label, words) for label in labels}
-    found = frozenset(label for label, name in plain.items() if _is_one_of(name, wanted, words))
+    found = frozenset(
+        label for label, name in plain.items() if words.normalise(label) in names or _is_one_of(name, wanted, words)
+    )
     if found:
         return LabelMatch(found, dynamic=found <= DYNAMIC_CLASSES)
     if isinstance(noun, Usable):

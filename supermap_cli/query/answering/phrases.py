@@ -63,7 +63,7 @@ _SUPERLATIVES = {
     "wide": "widest",
     "narrow": "narrowest",
     "new": "newest",
-    "old": "oldest",
+    "old": "first seen",
     "seen": "most recently seen",
 }
 EVENT_VERBS = {
