@@ -110,6 +110,13 @@ class BuildQuestions(BuildThings, BuildTimes):
         body = tree.Find(only(parts, tree.Things), place=True)
         return Asked(body, sight[0] if sight else times.Last(), implied=not sight)
 
+    def find_sighted(self, parts: list[Any]) -> tree.Find:
+        measure: tree.Measure = "seen" if of_type(parts, times.Last) else "old"
+        things = maybe(parts, tree.Things) or ANYTHING
+        if things.superlative is not None:
+            raise NoReading
+        return tree.Find(replace(things, superlative=tree.Superlative(measure)))
+
     def find_earlier(self, parts: list[Any]) -> Asked:
         return Asked(self.find_what(parts), times.Earlier(), implied=True)
 
