@@ -12,7 +12,8 @@ from lark.grammar import Rule, Terminal
 from lark.parse_tree_builder import ParseTreeBuilder
 
 from supermap_cli.language.accounting import lost_words
-from supermap_cli.language.build_questions import Asked, BuildQuestions, Refused
+from supermap_cli.language.build_happenings import Asked
+from supermap_cli.language.build_questions import BuildQuestions, Refused
 from supermap_cli.language.detection import detected_language
 from supermap_cli.language.earley import RuleSet
 from supermap_cli.language.forest import Builder, Forest, Interpretation
