@@ -6,7 +6,7 @@ From WordNet 3.0 (the files `data.noun`, `index.*`, `cntlist.rev`; Debian's pack
 of things (artifacts, food, animals, plants), each in the one sense in which people ask a map for it. The class
 names of detectors (`tools/vocabularies/*.txt`) are added. `wordfreq` (PyPI) leaves out words that hardly anybody uses.
 
-A line of the result: name, category and whether it is common, its other names, and the names of its kind; see
+A line of the result: name, category and whether it is common, its other names, its classes, and its kinds; see
 `supermap_cli.language.lexicon`.
 """
 
@@ -328,10 +328,11 @@ def zipf(text: str) -> float:
     return float(zipf_frequency(text, "en"))
 
 
-def line_of(entry: Entry, classes: frozenset[str]) -> str:
-    """The line of the file for an entry; `classes` are the names that others are kinds of."""
-    mark = (entry.category.upper() if entry.common else entry.category) + "+" * (entry.name in classes)
-    return "\t".join([entry.name, mark, ";".join(sorted(entry.synonyms)), ";".join(entry.parents)]).rstrip("\t")
+def line_of(entry: Entry, kinds: Mapping[str, list[str]]) -> str:
+    """The line of the file for an entry; `kinds` are the names that are said to be kinds of a name."""
+    mark = entry.category.upper() if entry.common else entry.category
+    lists = [sorted(entry.synonyms), entry.parents, sorted(kinds.get(entry.name, ()))]
+    return "\t".join([entry.name, mark, *map(";".join, lists)]).rstrip("\t")
 
 
 def main() -> None:
@@ -341,8 +342,11 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=RESULT, help="the file to write")
     arguments = parser.parse_args()
     entries = Builder(read_wordnet(arguments.wordnet), *read_vocabularies(VOCABULARIES)).build()
-    classes = frozenset(parent for entry in entries.values() for parent in entry.parents)
-    lines = [*(line_of(entry, classes) for entry in entries.values()), *irregular_plurals(arguments.wordnet, entries)]
+    kinds: dict[str, list[str]] = defaultdict(list)
+    for entry in entries.values():
+        for parent in entry.parents:
+            kinds[parent].append(entry.name)
+    lines = [*(line_of(entry, kinds) for entry in entries.values()), *irregular_plurals(arguments.wordnet, entries)]
     arguments.out.write_text("\n".join(["", *sorted(set(lines)), ""]), encoding="utf-8")
 
 

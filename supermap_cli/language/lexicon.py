@@ -2,8 +2,8 @@
 
 English has two files: `en.tsv`, from WordNet 3.0 and detectors' vocabularies (made by `tools/build_lexicon.py`), and
 `en.toml`, by hand, which wins. They are read when a word is first asked for. A line of `en.tsv`: name, category (a
-capital if the word is common, with "+" if others are kinds of it), other names, the classes that it is a kind of,
-separated by tabs; lists by semicolons. The category "=" gives the singular of an irregular plural instead.
+capital if the word is common), other names, the classes that it is a kind of, and its kinds, separated by tabs; lists
+by semicolons. The category "=" gives the singular of an irregular plural instead.
 """
 
 from __future__ import annotations
@@ -149,8 +149,7 @@ class Lexicon:
 
     def has_kinds(self, name: str) -> bool:
         """Whether kinds of it have names of their own."""
-        classes = self._kinds.keys() | self._table["more_kinds"].keys()
-        return any(other in classes or (self._fields(other) or "-")[0].endswith("+") for other in self._group(name))
+        return any(self._children(other) for other in self._group(name))
 
     def is_kind_of(self, name: str, other: str) -> bool:
         """Whether `name` is `other`, or a kind of it."""
@@ -242,39 +241,40 @@ class Lexicon:
     def _extracted(self, name: str) -> tuple[str, ...]:
         """The synonyms that the extract gives."""
         fields = self._fields(name)
-        return tuple(fields[1].split(";")) if fields and len(fields) > 1 and fields[0] != "=" and fields[1] else ()
+        return tuple(self._listed(name, 1)) if fields and fields[0] != "=" else ()
 
-    def _parents(self, name: str) -> Iterable[str]:
+    def _parents(self, name: str) -> frozenset[str]:
         """The names of the classes that a name is said to belong to."""
-        return self._parents_by_name.get(name, ())
+        by_hand = self._classes_by_hand.get(name, frozenset())
+        extracted = {parent for parent in self._listed(name, 2) if parent not in self._kinds}
+        return frozenset(by_hand | {parent for parent in extracted if name not in self._not_kinds(parent)})
 
-    def _children(self, name: str) -> Iterable[str]:
-        """The names that are said to be kinds of it."""
-        return self._children_by_name.get(name, ())
+    def _children(self, name: str) -> frozenset[str]:
+        """The names that are said to be kinds of it: by hand alone where the table has the class."""
+        if name in self._kinds:
+            return frozenset(self._kinds[name]) - self._not_kinds(name)
+        more: list[str] = self._table["more_kinds"].get(name, [])
+        return frozenset((*more, *self._listed(name, 3))) - self._not_kinds(name)
+
+    def _not_kinds(self, name: str) -> frozenset[str]:
+        return frozenset(self._table["not_kinds"].get(name, ()))
+
+    def _listed(self, name: str, field: int) -> Sequence[str]:
+        """A list in a field of a name's line (counted without the name)."""
+        fields = self._fields(name)
+        return fields[field].split(";") if fields and len(fields) > field and fields[field] else ()
 
     @cached_property
-    def _parents_by_name(self) -> Mapping[str, frozenset[str]]:
-        parents: dict[str, set[str]] = defaultdict(set)
-        for line in self._extract.split("\n"):
-            fields = line.split("\t")
-            if len(fields) > 3:
-                parents[fields[0]].update(parent for parent in fields[3].split(";") if parent not in self._kinds)
+    def _classes_by_hand(self) -> Mapping[str, frozenset[str]]:
+        classes: dict[str, set[str]] = defaultdict(set)
         for section in (self._kinds, self._table["more_kinds"]):
             for parent, names in section.items():
                 for name in names:
-                    parents[name].add(parent)
-        for parent, names in self._table["not_kinds"].items():
-            for name in names:
-                parents[name].discard(parent)
-        return {name: frozenset(classes) for name, classes in parents.items()}
-
-    @cached_property
-    def _children_by_name(self) -> Mapping[str, frozenset[str]]:
-        children: dict[str, set[str]] = defaultdict(set)
-        for name, parents in self._parents_by_name.items():
-            for parent in parents:
-                children[parent].add(name)
-        return {name: frozenset(kinds) for name, kinds in children.items()}
+                    classes[name].add(parent)
+        return {
+            name: frozenset(parents - {p for p in parents if name in self._not_kinds(p)})
+            for name, parents in classes.items()
+        }
 
     @cached_property
     def _own_categories(self) -> Mapping[str, Category]:

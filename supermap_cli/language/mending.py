@@ -8,7 +8,7 @@ from itertools import pairwise
 from supermap_cli.language.spelling import close_words
 
 LEAST_SIMILARITY = (0.75, 0.8)
-"""Normalised Damerau-Levenshtein similarity from which a word is replaced by one of the map, and by one of the language:
+"""Normalised Damerau-Levenshtein similarity from which a word is replaced by one of the map, and of the language:
 one edit in four letters, or in five. More than is needed for a suggestion, since nobody confirms it; "charging" is 0.75
 from "hanging". Two letters that are swapped ("waht") are always put right.
 """

@@ -45,7 +45,6 @@ from supermap_cli.query.clock import clock_of, is_time_of_day
 from supermap_cli.query.retention_policy import pruned_evidence_notes
 from supermap_cli.query.time_points import parse_time_point
 from supermap_cli.query.time_selector import TimeSelector, selector_at
-from supermap_cli.query.unseen_words import suggested_labels, with_suggestions
 from supermap_cli.query.views import DEFAULT_LIMIT, InstanceView
 from supermap_cli.relations.map_relations import relations_of_configs
 
@@ -75,6 +74,8 @@ def answer(
     try:
         question = _parsed_loosely(text, known, language) if loose else parse(text, known, language)
     except RefusedQuestionError as refusal:
+        from supermap_cli.query.unseen_words import with_suggestions  # noqa: PLC0415 - loads the plugins
+
         raise with_suggestions(refusal, known.labels) from None
     return answer_question(question, reader, at, limit, explain=explain)
 
@@ -88,6 +89,8 @@ def _parsed_loosely(text: str, known: KnownNames, language: str | None) -> Quest
         try:
             question = parse(read, known, language)
         except RefusedQuestionError as refusal:
+            from supermap_cli.query.unseen_words import suggested_labels  # noqa: PLC0415 - loads the plugins
+
             near = refusal.near or suggested_labels(refusal, known.labels)
             if not near or len(taken) == MAX_LOOSE_WORDS:
                 raise

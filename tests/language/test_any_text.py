@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from supermap_cli.language.parsing import grammar
 from support.typed_questions import KNOWN, LABELS, read
 
-EXAMPLES = int(os.environ.get("SUPERMAP_FUZZ_EXAMPLES", "300"))
+EXAMPLES = int(os.environ.get("SUPERMAP_FUZZ_EXAMPLES", "100"))
 WORDS = sorted({word for phrase in grammar("en").phrases for word in phrase.split()})
 PHRASES = sorted({*grammar("en").phrases, *KNOWN.relations["en"]})
 MADE_UP = ("quix", "frobnitz", "zorgs", "blorp", "snarkle")

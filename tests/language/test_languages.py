@@ -19,6 +19,7 @@ from supermap_cli.language.refusals import RefusedQuestionError
 from supermap_cli.language.translations import load_nouns
 from supermap_cli.relations.registry import RELATIONS
 
+PRONOUNS = {"anybody", "anyone", "somebody", "someone"}
 FOLDER = Path(__file__).parent
 OTHERS = [language for language in LANGUAGES if language != "en"]
 LABELS = ("chair", "tv", "cup", "dining table", "couch", "potted plant", "laptop", "suitcase")
@@ -36,12 +37,14 @@ REFUSED = [row for row in ROWS if "refused" in row.values[1]]
 
 
 def meaning(value: Any) -> Any:
-    """A typed question without how its nouns were written."""
+    """A typed question without how its nouns were written; a pronoun for people is a person."""
     if isinstance(value, tuple):
         return tuple(map(meaning, value))
     if not is_dataclass(value) or isinstance(value, type):
         return value
     changed = {field.name: meaning(getattr(value, field.name)) for field in fields(value)}
+    if changed.get("name") in PRONOUNS:
+        changed["name"] = "person"
     return replace(value, **{**changed, **({"written": ""} if "written" in changed else {})})
 
 
@@ -50,7 +53,7 @@ def test_a_question_means_the_same_as_in_english(language: str, row: dict[str, s
     asked, english = parse(row["text"], KNOWN), parse(row["same_as"], KNOWN, "en")
     assert asked.language == language
     assert meaning(asked.body) == meaning(english.body)
-    assert asked.time == english.time
+    assert meaning(asked.time) == meaning(english.time)
 
 
 @pytest.mark.parametrize(("language", "row"), REFUSED)

@@ -112,7 +112,7 @@ def exists(finder: ThingsFinder, question: Exists, when: str) -> Reply:
     """Whether there are any, or as many as asked for."""
     things, lister = question.things, Lister(finder)
     wanted = things.number or 1
-    found = finder.find(things, counting=wanted > 1)
+    found = finder.find(things, counting=wanted > 1 or things.quantity == "only")
     instances = lister.views(found.candidates)
     uncertain = lister.uncertain(things, instances, counting=False)
     lister.note_uncertain(uncertain)
@@ -141,6 +141,8 @@ def _existence(
     finder: ThingsFinder, things: Things, found: Found, wanted: int, *, uncertain: bool, nearest: Sequence[NearMiss]
 ) -> Truth:
     """Whether so many exist. What was lost without being seen to leave, or is doubted, may be there."""
+    if things.quantity == "only" and things.number is not None and found.certain > wanted:
+        return "no"
     if found.certain >= wanted:
         return "yes"
     if found.unsure or uncertain or len(found.candidates) > found.certain:
