@@ -115,3 +115,8 @@ def test_a_language_without_a_grammar_is_refused() -> None:
 def test_a_misspelt_noun_is_mended_in_its_language() -> None:
     with pytest.raises(RefusedQuestionError, match="meintest du 'Tasse'"):
         parse("wo ist die tassse", KNOWN)
+
+
+def test_the_head_of_a_compound_is_suggested() -> None:
+    with pytest.raises(RefusedQuestionError, match="meintest du 'Stuhl'"):
+        parse("wo steht der gartenstuhl", KNOWN)
