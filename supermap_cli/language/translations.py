@@ -17,9 +17,8 @@ from supermap_cli.language.lexicon import LONGEST_NAME, Category, Lexicon, NounM
 from supermap_cli.language.spelling import MOST_SUGGESTIONS, close_words
 from supermap_cli.language.words import join
 
-
 SHORTEST_HEAD = 4
-"""Letters of the shortest word that a compound's end is taken for: shorter ones end too many words by chance. Chosen."""
+"""Letters of the shortest word that a compound's end is taken for: shorter ones end words by chance. Chosen."""
 
 
 class Nouns(Protocol):
@@ -95,8 +94,8 @@ class TranslatedLexicon:
         return self._inflected(self._table["colours"])
 
     def suggest(self, word: str, among: Collection[str] | None = None) -> tuple[str, ...]:
-        """Known words that a word may be a misspelling of, or a compound with ("Gartenstuhl": "Stuhl"); those for things
-        of the map, `among`, come first.
+        """Known words that a word may be a misspelling of, or a compound with ("Gartenstuhl": "Stuhl"); those for
+        things of the map, `among`, come first.
         """
         written = normalise(word)
         heads = (written[start:] for start in range(1, len(written) - SHORTEST_HEAD + 1))
