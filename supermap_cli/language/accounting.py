@@ -57,7 +57,7 @@ def _held(value: Any) -> Iterator[tuple[str, str]]:
             yield ("relation", relation)
         case times.AtClock(written) if written[:1] not in "0123456789":
             yield ("time", "")
-        case tree.Colour(name) | tree.Material(name):
+        case tree.Colour(name) | tree.MadeOf(name):
             yield ("attribute", name)
     if is_dataclass(value):
         if type(value).__module__.endswith("language.times") and "Event" not in type(value).__name__:

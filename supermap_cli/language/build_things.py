@@ -205,7 +205,7 @@ class BuildThings:
     def attribute(self, parts: list[Any]) -> tree.Attribute:
         part = parts[0]
         if isinstance(part, Word):
-            return tree.Material(str(part.value))
+            return tree.MadeOf(str(part.value))
         return cast("tree.Attribute", part)
 
     def colour(self, parts: list[Any]) -> tree.Colour:
@@ -351,7 +351,7 @@ class BuildThings:
         return tree.Not(tree.Having(parts[0]))
 
     def having_material(self, parts: list[Any]) -> tree.Condition:
-        return tree.Having(tree.Material(str(only(parts, Word).value)))
+        return tree.Having(tree.MadeOf(str(only(parts, Word).value)))
 
     def gone_from(self, parts: list[Any]) -> tree.Condition:
         return tree.Related("on", only(parts, tree.Things))

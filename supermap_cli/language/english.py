@@ -186,9 +186,9 @@ def _attribute(attribute: tree.Attribute) -> str:
     match attribute:
         case tree.Size(word):
             return word
-        case tree.Material("wood"):
+        case tree.MadeOf("wood"):
             return "wooden"  # "wood mouse" is an animal
-        case tree.Colour(name) | tree.Material(name):
+        case tree.Colour(name) | tree.MadeOf(name):
             return name
 
 

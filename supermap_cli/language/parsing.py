@@ -13,10 +13,11 @@ from lark.parse_tree_builder import ParseTreeBuilder
 
 from supermap_cli.errors import QueryError
 from supermap_cli.language.accounting import lost_words
-from supermap_cli.language.build_questions import Asked, BuildQuestions, Refused
+from supermap_cli.language.build_happenings import Asked
+from supermap_cli.language.build_questions import BuildQuestions, Refused
 from supermap_cli.language.detection import LANGUAGES, detected_language
 from supermap_cli.language.earley import RuleSet
-from supermap_cli.language.forest import Builder, Forest, Reading
+from supermap_cli.language.forest import Builder, Forest, Interpretation
 from supermap_cli.language.known_names import KnownNames
 from supermap_cli.language.language_data import LanguageData, language_data
 from supermap_cli.language.lexicon import load_lexicon
@@ -24,7 +25,7 @@ from supermap_cli.language.mending import mended_words
 from supermap_cli.language.prepared import Phrases, load_grammar
 from supermap_cli.language.questions import Question
 from supermap_cli.language.refusals import RefusedQuestionError
-from supermap_cli.language.tokens import Piece, Tokeniser
+from supermap_cli.language.tokens import Lexeme, Tokeniser
 from supermap_cli.language.translations import Nouns, load_nouns
 from supermap_cli.language.words import MOST_CHARACTERS, MOST_WORDS, join, read_words
 
@@ -137,7 +138,7 @@ def _names_of_map(known: KnownNames, code: str) -> tuple[str, ...]:
     return (*names, *(name for label in known.labels for name in lexicon.synonyms(label)))
 
 
-def _asks(readings: Sequence[Reading]) -> bool:
+def _asks(readings: Sequence[Interpretation]) -> bool:
     return any(isinstance(reading.value, Asked) for reading in readings)
 
 
@@ -165,9 +166,9 @@ def _kept(known: KnownNames) -> frozenset[str]:
     return frozenset(word for name in names for word in name.casefold().split())
 
 
-def _readings(words: Sequence[str], rules: Grammar, tokeniser: Tokeniser) -> tuple[Reading, ...]:
+def _readings(words: Sequence[str], rules: Grammar, tokeniser: Tokeniser) -> tuple[Interpretation, ...]:
     """The readings of the first way to cut the words that has any; a refusal only if no way gives a question."""
-    refused: tuple[Reading, ...] = ()
+    refused: tuple[Interpretation, ...] = ()
     for pieces in tokeniser.cuts(words):
         found = _read(pieces, rules)
         asked = tuple(reading for reading in found if isinstance(reading.value, Asked))
@@ -177,7 +178,7 @@ def _readings(words: Sequence[str], rules: Grammar, tokeniser: Tokeniser) -> tup
     return refused
 
 
-def _read(pieces: Sequence[Piece], rules: Grammar) -> tuple[Reading, ...]:
+def _read(pieces: Sequence[Lexeme], rules: Grammar) -> tuple[Interpretation, ...]:
     try:
         forest = _forest(pieces, rules)
     except UnexpectedInput:
@@ -189,7 +190,7 @@ def _read(pieces: Sequence[Piece], rules: Grammar) -> tuple[Reading, ...]:
     )
 
 
-def _forest(pieces: Sequence[Piece], rules: Grammar) -> Any:
+def _forest(pieces: Sequence[Lexeme], rules: Grammar) -> Any:
     """The parse forest. Raises `UnexpectedInput` where the words do not fit the grammar."""
     kinds = {kind for piece in pieces for kind in piece.values}
     return rules.rules.forest([piece.token for piece in pieces], kinds)
@@ -214,12 +215,12 @@ def _refusal(
     return refusal("not understood", part, text)
 
 
-def _stopped_at(pieces: Sequence[Piece], rules: Grammar) -> int:
+def _stopped_at(pieces: Sequence[Lexeme], rules: Grammar) -> int:
     """The index of the word at which no rule could go on; of the first one where the sentence only lacks an end."""
     try:
         _forest(pieces, rules)
     except UnexpectedInput as stopped:
         token = getattr(stopped, "token", None)
         piece = getattr(token, "value", None)
-        return piece.start if isinstance(piece, Piece) else 0
+        return piece.start if isinstance(piece, Lexeme) else 0
     return 0

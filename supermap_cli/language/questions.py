@@ -82,13 +82,13 @@ class Size:
 
 
 @dataclass(frozen=True)
-class Material:
+class MadeOf:
     """A material that a label may carry ("wooden": "wood")."""
 
     name: str
 
 
-Attribute = Colour | Size | Material
+Attribute = Colour | Size | MadeOf
 
 # --- Things -----------------------------------------------------------------------------------------------------------
 

@@ -56,7 +56,7 @@ class Kinds(str):
 
 
 @dataclass(frozen=True)
-class Piece:
+class Lexeme:
     """Some words that are one token: its kinds with the value of each, at words [start, end)."""
 
     start: int
@@ -94,7 +94,7 @@ class Tokeniser:
     def _labels(self) -> frozenset[str]:
         return frozenset(self.known.labels)
 
-    def cuts(self, words: Sequence[str]) -> Iterator[tuple[Piece, ...]]:
+    def cuts(self, words: Sequence[str]) -> Iterator[tuple[Lexeme, ...]]:
         """The ways to cut words into pieces, those with long pieces first."""
         pieces = [self._pieces_at(words, start) for start in range(len(words))]
         yield from islice(_shortest_cuts(pieces), MOST_CUTS)
@@ -108,7 +108,7 @@ class Tokeniser:
                     explained.update(range(piece.start, piece.end))
         return tuple(word for at, word in enumerate(words) if at not in explained)
 
-    def _pieces_at(self, words: Sequence[str], start: int) -> list[Piece]:
+    def _pieces_at(self, words: Sequence[str], start: int) -> list[Lexeme]:
         """What begins at `start`, the longest first; at least the word itself."""
         found: dict[int, dict[str, object]] = {1: {}}
         for length in range(1, min(self._longest, len(words) - start) + 1):
@@ -129,7 +129,7 @@ class Tokeniser:
                 if shorter is not None:
                     found[1]["NOUN"] = Named(shorter.name, shorter.written, shorter.hypernym)
         return [
-            Piece(start, start + length, join(words[start : start + length], joined=self.language.joined), values)
+            Lexeme(start, start + length, join(words[start : start + length], joined=self.language.joined), values)
             for length, values in sorted(found.items(), reverse=True)
         ]
 
@@ -188,13 +188,13 @@ class Tokeniser:
         return {}
 
 
-def _shortest_cuts(pieces: Sequence[Sequence[Piece]]) -> Iterator[tuple[Piece, ...]]:
+def _shortest_cuts(pieces: Sequence[Sequence[Lexeme]]) -> Iterator[tuple[Lexeme, ...]]:
     """All ways from the first to the last word, those of fewest pieces first (A*, with the exact rest as estimate)."""
     rest = [0] * (len(pieces) + 1)
     for start in range(len(pieces) - 1, -1, -1):
         rest[start] = min(_cost(piece) + rest[piece.end] for piece in pieces[start])
     order = count()
-    open_: list[tuple[int, int, int, int, tuple[Piece, ...]]] = [(rest[0], next(order), 0, 0, ())]
+    open_: list[tuple[int, int, int, int, tuple[Lexeme, ...]]] = [(rest[0], next(order), 0, 0, ())]
     while open_:
         _, _, cost, at, path = heappop(open_)
         if at == len(pieces):
@@ -205,6 +205,6 @@ def _shortest_cuts(pieces: Sequence[Sequence[Piece]]) -> Iterator[tuple[Piece, .
             heappush(open_, (spent + rest[piece.end], next(order), spent, piece.end, (*path, piece)))
 
 
-def _cost(piece: Piece) -> int:
+def _cost(piece: Lexeme) -> int:
     """One for a piece; more for one that nothing is known of, which only a refusal can use."""
     return 1 if piece.values else UNKNOWN_COST

@@ -39,7 +39,7 @@ TIMES = st.one_of(
 
 _COLOURED = _COLOURS.map(tree.Colour)
 _SIZED = st.sampled_from(("big", "small", "tall", "low", "wide", "narrow")).map(tree.Size)
-_MATERIALS = st.sampled_from(("wood", "metal", "plastic", "leather")).map(tree.Material)
+_MATERIALS = st.sampled_from(("wood", "metal", "plastic", "leather")).map(tree.MadeOf)
 _ATTRIBUTES = st.lists(st.one_of(_COLOURED, _SIZED, _MATERIALS), max_size=2, unique=True).map(tuple)
 _USES = st.sampled_from(("sit on", "drink from", "write with")).map(tree.Usable)
 _IDS = st.sampled_from(("chair-1", "dining-table-12")).map(tree.Identified)

@@ -8,7 +8,7 @@ from statistics import median
 from typing import Literal
 
 from supermap_cli.geometry.boxes import Box3D
-from supermap_cli.language.questions import Attribute, Colour, Material, Noun, Size
+from supermap_cli.language.questions import Attribute, Colour, MadeOf, Noun, Size
 from supermap_cli.query.answering.asking import Asking
 from supermap_cli.query.answering.colours import ColourReading, read_colour
 from supermap_cli.query.answering.nouns import noun_text
@@ -59,7 +59,7 @@ class AttributeReader:
             case Size(word):
                 sizes = self._sizes(everything, word)
                 return [_size_reading(candidate.state.box, word, sizes, noun) for candidate in candidates]
-            case Material(name):
+            case MadeOf(name):
                 return [_material_reading(label_in_state(each.instance, each.state), name) for each in candidates]
 
     def colours(self, candidates: Sequence[InstanceCandidate]) -> dict[int, ColourReading]:

@@ -15,7 +15,7 @@ from supermap_cli.language.questions import (
     Happened,
     Having,
     Identified,
-    Material,
+    MadeOf,
     Not,
     Noun,
     Or,
@@ -217,13 +217,13 @@ def _noun(noun: Noun) -> str:
     return noun_text(noun)
 
 
-def _attribute_text(attribute: Colour | Size | Material) -> str:
+def _attribute_text(attribute: Colour | Size | MadeOf) -> str:
     match attribute:
         case Colour(name):
             return name
         case Size(word):
             return word
-        case Material(name):
+        case MadeOf(name):
             return {"wood": "wooden"}.get(name, name)
 
 
