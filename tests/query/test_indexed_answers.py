@@ -44,7 +44,7 @@ questions = st.builds(
 
 
 @pytest.mark.parametrize("part", [100, 2])
-@settings(max_examples=examples(25), deadline=None)
+@settings(max_examples=examples(12), deadline=None)
 @given(seed=st.integers(0, 10_000), texts=st.lists(questions, min_size=3, max_size=12))
 def test_indexed_answers_equal_exhaustive_search(part: int, seed: int, texts: list[str]) -> None:
     with pytest.MonkeyPatch.context() as patch, tempfile.TemporaryDirectory() as folder:

@@ -93,9 +93,7 @@ def size_unit(word: str) -> str:
 def _colour_reading(colour: ColourReading, name: str) -> AttributeReading:
     if colour.name == name:
         return AttributeReading("yes", colour.words)
-    if colour.name is None or name in colour.also:
-        return AttributeReading("unsure" if name in colour.also or not colour.also else "no", colour.words)
-    return AttributeReading("no", colour.words)
+    return AttributeReading("unsure" if colour.may_be(name) else "no", colour.words)
 
 
 def _size_reading(box: Box3D, word: str, sizes: list[float], noun: Noun) -> AttributeReading:

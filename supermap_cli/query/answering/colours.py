@@ -41,6 +41,11 @@ MIN_SHARE = 0.5
 ALSO_SHARE = 0.2
 """Share of the voxels from which a colour is named beside another one. Chosen."""
 
+MAY_BE_WHITE, MAY_BE_BLACK = 60.0, 40.0
+"""Lightness (L*) from which, or up to which, a grey thing may be a white one in the shade, or a black one in the light.
+Chosen: 20 from the borders of grey.
+"""
+
 _RGB_TO_XYZ = np.array(
     [[0.4124564, 0.3575761, 0.1804375], [0.2126729, 0.7151522, 0.0721750], [0.0193339, 0.1191920, 0.9503041]]
 )
@@ -51,13 +56,20 @@ _WHITE_D65 = np.array([0.95047, 1.0, 1.08883])
 @dataclass(frozen=True)
 class ColourReading:
     """A thing's colour: `name`, or `None` where no colour has most of it; `also` are all that have a good part of it,
-    the largest first; `words` say it with the shares.
+    the largest first; `words` say it with the shares; `lightness` is its median CIELAB L*, 0-100.
     """
 
     name: str | None
     also: tuple[str, ...]
     words: str
     shares: dict[str, float]
+    lightness: float = 50.0
+
+    def may_be(self, name: str) -> bool:
+        """Whether the light, or a good part of it, lets it be called so although another colour has most of it."""
+        in_light = {"white": self.lightness >= MAY_BE_WHITE, "black": self.lightness <= MAY_BE_BLACK}
+        grey = self.name == "grey" and in_light.get(name, False)
+        return name in self.also or not self.also or grey
 
 
 def read_colour(cloud: VoxelCloud) -> ColourReading:
@@ -71,7 +83,8 @@ def read_colour(cloud: VoxelCloud) -> ColourReading:
     also = tuple(name for name, share in ranked if share >= ALSO_SHARE) or (ranked[0][0],)
     words = " and ".join(f"{name} ({shares[name]:.0%})" for name in also)
     name = also[0] if shares[also[0]] > MIN_SHARE else None
-    return ColourReading(name, also, words if name else f"no one colour: {words}", dict(ranked))
+    lightness = float(np.median(to_lab(cloud.rgb[solid].astype(np.float64))[:, 0]))
+    return ColourReading(name, also, words if name else f"no one colour: {words}", dict(ranked), lightness)
 
 
 def nearest_terms(rgb: UInt8Array) -> IntArray:

@@ -186,10 +186,12 @@ def _how_often(finder: ThingsFinder, event: Event, instance: StoredInstance) -> 
         return text, [Measurement(instance.id, "visits", float(len(visits)), "1")]
     number = len(happenings(instance, event))
     verbs = {"moved": "moved", "disappeared": "left", "appeared": "appeared", "returned": "came back"}
-    times = {0: "never", 1: "once", 2: "twice"}.get(number, f"{number} times")
+    times = {1: "once", 2: "twice"}.get(number, f"{number} times")
     known = ", as far as anybody saw"
     measures = [Measurement(instance.id, "times", float(number), "1")]
-    return f"{instance.id} {verbs.get(event, 'changed')} {times}{known}", measures
+    verb = verbs.get(event, "changed")
+    told = f"never {verb}" if number == 0 else f"{verb} {times}"
+    return f"{instance.id} {told}{known}", measures
 
 
 def _time(instance: StoredInstance, what: str, stamp_ns: int) -> Measurement:

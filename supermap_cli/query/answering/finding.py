@@ -172,7 +172,7 @@ def missing_sentence(finder: ThingsFinder, things: Things, nearest: Sequence[Nea
             subject = f"nothing to {things.noun.use}"
         if things.superlative is not None:
             subject = f"no {superlative_text(things.superlative)} {noun}"
-        sentence = f"{subject} {_told(things, finder)}{time_phrase(when)}"
+        sentence = f"{subject} {_told(things, finder)}{'' if _happened(things) else time_phrase(when)}"
     return capitalised(sentence) + (f" ({reasons})." if reasons else ".")
 
 
