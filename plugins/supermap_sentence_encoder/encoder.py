@@ -51,7 +51,7 @@ class SentenceEncoder:
             "token_type_ids": np.array([text.type_ids for text in encoded], np.int64),
         }
         (output, *_) = self._session.run(None, {name: fields[name] for name in self._inputs})
-        vectors = _sentence_vectors(np.asarray(output, np.float64), fields["attention_mask"])
+        vectors = _sentence_vectors(np.asarray(output, np.float64), fields["attention_mask"].astype(np.float64))
         lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
         return np.asarray(vectors / np.maximum(lengths, np.finfo(np.float32).tiny), np.float32)
 
@@ -60,7 +60,7 @@ def _sentence_vectors(output: FloatArray, attention: FloatArray) -> FloatArray:
     """(n, d) from (n, d), or from (n, tokens, d) as the mean over the tokens that are no padding."""
     if output.ndim == 2:
         return output
-    weights = attention[:, :, None].astype(np.float64)
+    weights = attention[:, :, None]
     return np.asarray((output * weights).sum(axis=1) / weights.sum(axis=1))
 
 

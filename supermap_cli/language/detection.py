@@ -17,13 +17,13 @@ LANGUAGES = ("en", "de", "es", "fr", "zh")
 
 
 LEAST_EXPLAINED = 0.5
-"""Share of a text's characters that another language than English has to explain: less is a matter of chance, since
+"""Share of a text's words that another language than English has to explain: less is a matter of chance, since
 short words belong to many languages. Chosen.
 """
 
 
 def detected_language(text: str, known: KnownNames) -> str:
-    """The language (ISO 639-1) that explains the most characters of a text; English if none explains much more."""
+    """The language (ISO 639-1) that explains the most words of a text; English if none explains more."""
     best, most = LANGUAGES[0], _explained(text, LANGUAGES[0], known)
     for code in LANGUAGES[1:]:
         if most == 1.0:
@@ -35,13 +35,13 @@ def detected_language(text: str, known: KnownNames) -> str:
 
 
 def _explained(text: str, code: str, known: KnownNames) -> float:
-    """The share of the characters that are in a phrase or a noun of a language (0 to 1)."""
+    """The share of the words (without spaces between them: characters) that are in a phrase or a noun of a language."""
     data = language_data(code)
     words = read_words(text, data)[:MOST_WORDS]
     explained: set[int] = set()
     for start in range(len(words)):
         explained.update(range(start, start + _explained_from(words, start, data, known)))
-    return sum(len(words[at]) for at in explained) / max(sum(map(len, words)), 1)
+    return len(explained) / max(len(words), 1)
 
 
 def _explained_from(words: tuple[str, ...], start: int, data: LanguageData, known: KnownNames) -> int:

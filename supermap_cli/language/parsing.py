@@ -11,10 +11,11 @@ from lark import UnexpectedInput
 from lark.grammar import Rule, Terminal
 from lark.parse_tree_builder import ParseTreeBuilder
 
+from supermap_cli.errors import QueryError
 from supermap_cli.language.accounting import lost_words
 from supermap_cli.language.build_happenings import Asked
 from supermap_cli.language.build_questions import BuildQuestions, Refused
-from supermap_cli.language.detection import detected_language
+from supermap_cli.language.detection import LANGUAGES, detected_language
 from supermap_cli.language.earley import RuleSet
 from supermap_cli.language.forest import Builder, Forest, Interpretation
 from supermap_cli.language.known_names import KnownNames
@@ -91,6 +92,8 @@ def parse(text: str, known: KnownNames, language: str | None = None) -> Question
     `known` are the names of the map; `language` is an ISO 639-1 code, found by the words if it is not given. Raises
     `RefusedQuestionError`, whose kind says why a text is no question that can be answered.
     """
+    if language is not None and language not in LANGUAGES:
+        raise QueryError(f"there is no grammar of the language {language!r}", cure=f"known: {', '.join(LANGUAGES)}")
     code = language or _language_of(text, known)
     rules = grammar(code)
     lexicon = load_nouns(code)

@@ -17,6 +17,9 @@ from supermap_cli.language.lexicon import LONGEST_NAME, Category, Lexicon, NounM
 from supermap_cli.language.spelling import MOST_SUGGESTIONS, close_words
 from supermap_cli.language.words import join
 
+SHORTEST_HEAD = 4
+"""Letters of the shortest word that a compound's end is taken for: shorter ones end words by chance. Chosen."""
+
 
 class Nouns(Protocol):
     """What the parser of a language asks its lexicon for."""
@@ -91,8 +94,13 @@ class TranslatedLexicon:
         return self._inflected(self._table["colours"])
 
     def suggest(self, word: str, among: Collection[str] | None = None) -> tuple[str, ...]:
-        """Known words that a word may be a misspelling of; those for things of the map, `among`, come first."""
-        found = [form for form, _ in close_words(normalise(word), self._forms)]
+        """Known words that a word may be a misspelling of, or a compound with ("Gartenstuhl": "Stuhl"); those for
+        things of the map, `among`, come first.
+        """
+        written = normalise(word)
+        heads = (written[start:] for start in range(1, len(written) - SHORTEST_HEAD + 1))
+        found = [form for form, _ in close_words(written, self._forms)]
+        found += [head for head in heads if head in self._forms and head not in found]
         names = {self._english.normalise(label) for label in among or ()}
         here = {form for form in found if self._forms[form] in names}
         ranked = sorted(found, key=lambda form: form not in here)

@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from supermap_cli.errors import QueryError
 from supermap_cli.language.build_questions import BuildQuestions
 from supermap_cli.language.detection import LANGUAGES, detected_language
 from supermap_cli.language.known_names import KnownNames
@@ -106,6 +107,16 @@ def test_the_language_is_that_of_the_words(text: str, language: str) -> None:
     assert detected_language(text, KNOWN) == language
 
 
+def test_a_language_without_a_grammar_is_refused() -> None:
+    with pytest.raises(QueryError, match="no grammar of the language 'it': known: en, de, es, fr, zh"):
+        parse("dov'è la tazza", KNOWN, "it")
+
+
 def test_a_misspelt_noun_is_mended_in_its_language() -> None:
     with pytest.raises(RefusedQuestionError, match="meintest du 'Tasse'"):
         parse("wo ist die tassse", KNOWN)
+
+
+def test_the_head_of_a_compound_is_suggested() -> None:
+    with pytest.raises(RefusedQuestionError, match="meintest du 'Stuhl'"):
+        parse("wo steht der gartenstuhl", KNOWN)
