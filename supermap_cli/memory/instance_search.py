@@ -8,6 +8,7 @@ from __future__ import annotations
 import heapq
 import math
 from collections.abc import Collection, Iterator
+from typing import Literal
 
 from sqlalchemy import ColumnElement, Connection, TextClause, and_, case, column, exists, func, or_, select, table, text
 
@@ -16,6 +17,9 @@ from supermap_cli.memory.databases.dialects import dialect_of
 from supermap_cli.memory.numbers import batches
 from supermap_cli.types.memory import Presence
 from supermap_schema import models
+
+SizeMeasure = Literal["volume", "height", "width"]
+"""The volume of a box, its height, its longer horizontal side."""
 
 BELIEVED: tuple[Presence, ...] = ("present", "absent")
 """The presences of all instances that were not demoted."""
@@ -148,6 +152,20 @@ class InstanceSearch:
             possible = or_(Instance.merged_into.is_not(None), Instance.label.in_(labels), state)
             statement = statement.join(Instance, Instance.number == Visit.instance_number).where(possible)
         return list(self._connection.execute(statement.order_by(Visit.instance_number)).scalars())
+
+    def by_size(self, labels: Collection[str] | None, measure: SizeMeasure, limit: int, *, largest: bool) -> list[int]:
+        """Present instances with one of the labels (`None`: any), the largest, or smallest, by a measure first."""
+        wide = case((Instance.size_x > Instance.size_y, Instance.size_x), else_=Instance.size_y)
+        value = {
+            "volume": Instance.size_x * Instance.size_y * Instance.size_z,
+            "height": Instance.size_z,
+            "width": wide,
+        }[measure]
+        statement = select(Instance.number).where(*_has_presence(["present"]))
+        if labels is not None:
+            statement = statement.where(Instance.label.in_(labels))
+        ordered = statement.order_by(value.desc() if largest else value, Instance.number)
+        return list(self._connection.execute(ordered.limit(limit)).scalars())
 
     def first_labelled(self, labels: Collection[str] | None, limit: int) -> list[int]:
         """The smallest numbers of instances that have one of the labels (`None`: any) today, and a state."""

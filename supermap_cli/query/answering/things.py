@@ -29,6 +29,7 @@ from supermap_cli.language.questions import (
     Union,
 )
 from supermap_cli.language.times import Time
+from supermap_cli.memory.instance_search import SizeMeasure
 from supermap_cli.query.answering.asking import Asking
 from supermap_cli.query.answering.attributes import AttributeReader
 from supermap_cli.query.answering.conditions import ConditionJudge, Judgement
@@ -48,6 +49,16 @@ from supermap_cli.types.labels import DYNAMIC_CLASSES
 
 AT_ONE_PLACE = frozenset({"on", "inside", "attached to"})
 """Relations that a thing is in to one other thing: "on the desk and the table" asks for what is on either."""
+SIZE_MEASURES: dict[str, SizeMeasure] = {
+    "large": "volume",
+    "small": "volume",
+    "tall": "height",
+    "low": "height",
+    "wide": "width",
+    "narrow": "width",
+}
+MAX_TIED = 50
+"""Things of the same size that are told to tie, at most."""
 SEARCH_REACHES_M = (2.0, 8.0, 32.0)
 """Distances (m) within which the closest is looked for, one after the other, before all are measured."""
 MAX_DROPPED = 3
@@ -211,7 +222,8 @@ class ThingsFinder:
         judge = ConditionJudge(self, source, things.noun)
         number, anything = things.number or 1, isinstance(things.noun, Anything)
         before = dict(self.asking.measures)
-        for part, reach_m in self._nearest_first(source, things.superlative):
+        extremes = () if conditions else self._extremes(source, things.superlative, number)
+        for part, reach_m in extremes or self._nearest_first(source, things.superlative):
             self.asking.measures = dict(before)
             fulfilling = [
                 judgement.candidate
@@ -266,6 +278,20 @@ class ThingsFinder:
                 for reach_m in SEARCH_REACHES_M:
                     yield CandidateList(source.with_numbers(self._near(references, reach_m))), reach_m
         yield source, math.inf
+
+    def _extremes(
+        self, source: CandidateSource, superlative: Superlative, number: int
+    ) -> tuple[tuple[CandidateSource, float], ...]:
+        """The largest or smallest of what a noun names now, found by the database; nothing for other superlatives."""
+        measure = SIZE_MEASURES.get(superlative.measure)
+        plain = isinstance(source, LabelCandidates) and source.number is None and self.selector.kind == "now"
+        if measure is None or not plain or self.asking.trace is not None:
+            return ()
+        assert isinstance(source, LabelCandidates)  # noqa: S101 - told above
+        largest = superlative.measure in {"large", "tall", "wide"}
+        limit = superlative.rank + number + MAX_TIED
+        numbers = self.reader.search.by_size(source.labels, measure, limit, largest=largest)
+        return ((CandidateList(source.with_numbers(numbers)), math.inf),)
 
     def _near(self, references: CandidateSource, reach_m: float) -> set[int]:
         """The instances whose boxes may be within a distance of a reference's."""
