@@ -7,9 +7,9 @@ A map may hold a hundred thousand instances, so that queries read by number, by 
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from functools import cached_property
-from typing import Any, Generic, TypeVar
+from typing import Any
 
 import numpy as np
 from sqlalchemy import Connection, Select, and_, func, or_, select, text
@@ -18,14 +18,13 @@ from supermap_cli.geometry.arrays import FloatArray, IntArray
 from supermap_cli.memory import blobs, rows
 from supermap_cli.memory.databases import Database
 from supermap_cli.memory.instance_search import InstanceSearch
+from supermap_cli.memory.lookups import LazyLookup
 from supermap_cli.memory.numbers import BATCH, batches
 from supermap_cli.memory.presence_query import PresenceQuery
 from supermap_cli.memory.stored_values import parsed_transform
 from supermap_cli.memory.values import ObservationRef, ScoredObservation, StoredInstance, StoredTraversal, StoredVisit
 from supermap_cli.types.memory import SpatialEdge, StateRecord, TemporalEdge, VoxelCloud
 from supermap_schema import models
-
-V = TypeVar("V")
 
 KEPT_INSTANCES = 10_000
 """Instances that one reader keeps, to be asked for again by the parts of a question; some 20 MB."""
@@ -42,25 +41,6 @@ COUNTED = {
 def select_traversals() -> Select[Any]:
     """All traversals in the order in which they were built."""
     return select(models.Traversal.__table__).order_by(models.Traversal.number)
-
-
-class LazyLookup(dict[int, V], Generic[V]):
-    """A value of instances by their numbers, read on first use and cached."""
-
-    def __init__(self, read: Callable[[Collection[int]], dict[int, V]]) -> None:
-        super().__init__()
-        self._read = read
-
-    def __missing__(self, number: int) -> V:
-        self.update(self._read([number]))
-        return self[number]
-
-    def of(self, numbers: Iterable[int]) -> dict[int, V]:
-        """The values of many numbers, read together."""
-        wanted = set(numbers)
-        for batch in batches(sorted(wanted - self.keys())):
-            self.update(self._read(batch))
-        return {number: self[number] for number in wanted if number in self}
 
 
 class MapReader:
@@ -253,28 +233,6 @@ class MapReader:
             for row in self.connection.execute(statement):
                 positions[row.id] = parsed_transform(row.T_map_camera, f"the camera of keyframe {row.id}")[:3, 3]
         return positions
-
-    def scored_observations_of(self, instances: Collection[StoredInstance]) -> dict[int, tuple[ScoredObservation, ...]]:
-        """As `scored_observations`, of several instances, by their numbers."""
-        keyframe, observation = models.Keyframe, models.Observation
-        owners = {part: instance.number for instance in instances for part in instance.numbers}
-        found: dict[int, list[ScoredObservation]] = {instance.number: [] for instance in instances}
-        for batch in batches(sorted(owners)):
-            statement = (
-                select(
-                    *(observation.id, observation.score, observation.instance_number),
-                    *(keyframe.traversal_id, keyframe.stamp_ns),
-                )
-                .join(keyframe, keyframe.id == observation.keyframe_id)
-                .where(observation.instance_number.in_(batch))
-            )
-            for row in self.connection.execute(statement):
-                seen = ScoredObservation(row.id, row.traversal_id, row.stamp_ns, row.score)
-                found[owners[row.instance_number]].append(seen)
-        return {
-            number: tuple(sorted(observations, key=lambda seen: (seen.stamp_ns, seen.id)))
-            for number, observations in found.items()
-        }
 
     def scored_observations(self, instance: StoredInstance) -> tuple[ScoredObservation, ...]:
         """As `observations`, with their scores only: all but the stamps come from an index."""

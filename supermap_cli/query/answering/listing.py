@@ -8,6 +8,7 @@ from dataclasses import replace
 from itertools import chain, islice
 
 from supermap_cli.language.questions import Anything, Identified, Named, Noun, Related, Things, Union, Usable
+from supermap_cli.memory.scored_observations import scored_observations_of
 from supermap_cli.memory.values import ScoredObservation, StoredInstance
 from supermap_cli.query.answering.conditions import Judgement
 from supermap_cli.query.answering.document import AskedRelation, NearMiss
@@ -49,7 +50,7 @@ class Lister:
         for candidate in candidates:
             by_instance.setdefault(candidate.instance.number, []).append(candidate)
         instances = {instance.number: instance for instance in self.reader.instances_of(list(by_instance))}
-        observed = self.reader.scored_observations_of(instances.values())
+        observed = scored_observations_of(self.reader, instances.values())
         return tuple(
             self._view(instances[number], of_one, observed[number]) for number, of_one in sorted(by_instance.items())
         )
