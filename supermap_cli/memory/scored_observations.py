@@ -7,6 +7,7 @@ from collections.abc import Collection
 from sqlalchemy import select
 
 from supermap_cli.memory.numbers import batches
+from supermap_cli.memory.reading import MapReader
 from supermap_cli.memory.values import ScoredObservation, StoredInstance
 from supermap_schema import models
 
