@@ -199,12 +199,12 @@ def test_synonyms_come_first_in_half_of_the_detections_and_the_usual_word_second
     assert all("trash can" in {hypothesis.label for hypothesis in hypotheses[:2]} for hypotheses in ranked)
 
 
-def test_synonyms_are_those_of_the_lexicon() -> None:
+def test_other_names_are_found_by_the_label_to_the_lexicon() -> None:
     lexicon = load_lexicon("en")
     for label, names in other_names().items():
         assert label in {*LABELS, "person"}
         assert label not in names
-        assert set(names) <= {label} | lexicon.synonyms(label), label
+        assert set(names) <= {label} | lexicon.synonyms(label) | lexicon.kinds(label), label
 
 
 def test_flat_scores_tell_nothing() -> None:
