@@ -21,6 +21,8 @@ from supermap_cli.memory.databases.postgresql_lock import AdvisoryLock
 from supermap_cli.memory.databases.postgresql_sql import read_rows
 from supermap_schema import models, postgresql
 
+models.with_postgresql_conditions()
+
 _SECRETS = ("password", "passfile", "sslpassword")
 _CONNECT_TIMEOUT_S = 10
 
