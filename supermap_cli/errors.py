@@ -59,6 +59,10 @@ class DetectorError(PluginError):
     """Weights are missing, or a model's tensors are not understood."""
 
 
+class EncoderError(PluginError):
+    """A text encoder, or what it needs, is missing or not understood."""
+
+
 class SessionError(SupermapError):
     """What was pushed into a mapping session does not fit what was pushed before."""
 

@@ -24,8 +24,11 @@ OWN = {
     for path in root.glob("supermap_*/__init__.py")
 }
 READ_AT_RUN_TIME = [
+    ("supermap_cli.language.grammars", "en.lark"),
+    ("supermap_cli.language.lexicons", "en.tsv"),
+    ("supermap_cli.language.lexicons", "de.toml"),
+    ("supermap_cli.language.lexicons", "WORDNET-LICENSE.txt"),
     ("supermap_cli.mapping", "class_sizes.toml"),
-    ("supermap_cli.query", "synonyms.toml"),
     ("supermap_cli.simulation.detection", "look_alikes.toml"),
     ("supermap_onnx", "coco80.txt"),
     ("supermap_schema.json_schemas", "answer.schema.json"),

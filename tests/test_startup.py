@@ -26,7 +26,7 @@ WITH_A_BUG = """
 import supermap_cli.query.answers
 from supermap_cli.main import main
 
-def answer(*_):
+def answer(*_, **__):
     raise RuntimeError("a bug of ours")
 
 supermap_cli.query.answers.answer = answer

@@ -163,9 +163,9 @@ class Instance(Base):
     embedding: Mapped[bytes | None] = mapped_column(Blob)
 
     __table_args__ = (
-        Index(None, "label", "presence", "last_seen_ns", sqlite_where=NOT_MERGED, postgresql_where=NOT_MERGED),
-        Index(None, "presence", "last_seen_ns", sqlite_where=NOT_MERGED, postgresql_where=NOT_MERGED),
-        Index(None, "merged_into", sqlite_where=MERGED, postgresql_where=MERGED),
+        Index(None, "label", "presence", "last_seen_ns", sqlite_where=NOT_MERGED),
+        Index(None, "presence", "last_seen_ns", sqlite_where=NOT_MERGED),
+        Index(None, "merged_into", sqlite_where=MERGED),
         CheckConstraint(_one_of("presence", PRESENCES), name="presence"),
         CheckConstraint("last_seen_ns >= first_seen_ns", name="span"),
         CheckConstraint("size_x >= 0 AND size_y >= 0 AND size_z >= 0", name="size"),
@@ -203,7 +203,7 @@ class Observation(Base):
 
     __table_args__ = (
         Index(None, "instance_number", "keyframe_id", "score"),
-        Index(None, "instance_number", sqlite_where=WITH_CROP, postgresql_where=WITH_CROP),
+        Index(None, "instance_number", sqlite_where=WITH_CROP),
         CheckConstraint("score >= 0 AND score <= 1", name="score"),
         CheckConstraint("evidence_for >= 0 AND evidence_against >= 0", name="evidence"),
         STRICT,
@@ -244,7 +244,7 @@ class State(Base):
         UniqueConstraint("instance_number", "state_index"),
         Index(None, "label", "instance_number"),
         Index(None, "first_seen_ns", "instance_number"),
-        Index(None, "gone_ns", "instance_number", sqlite_where=GONE, postgresql_where=GONE),
+        Index(None, "gone_ns", "instance_number", sqlite_where=GONE),
         CheckConstraint("state_index >= 0", name="state_index"),
         CheckConstraint("last_seen_ns >= first_seen_ns", name="support"),
         CheckConstraint("gone_ns > last_seen_ns", name="gone"),
@@ -386,3 +386,14 @@ class Checksum(Base):
     digest: Mapped[str] = mapped_column(Label)
 
     __table_args__ = (STRICT,)
+
+
+def with_postgresql_conditions() -> None:
+    """Give the partial indices their conditions for PostgreSQL, too: asked for here, they would load its dialect for
+    every map.
+    """
+    for table in Base.metadata.tables.values():
+        for index in table.indexes:
+            where = index.dialect_options["sqlite"].get("where")
+            if where is not None:
+                index.dialect_options["postgresql"]["where"] = where

@@ -90,6 +90,8 @@ def tell(error: SupermapError) -> int:
                 "exit_code": error.exit_code,
             }
         }
+        if (kind := getattr(error, "kind", None)) is not None:
+            document["error"]["kind"] = kind
         line = json.dumps(document)
     else:
         line = f"error: {printable_line(str(error))}"

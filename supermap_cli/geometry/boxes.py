@@ -19,12 +19,14 @@ Outline = list[tuple[float, float]]
 class Reach:
     """Range around a box in which another may lie, in metres: along the floor, and upwards or downwards.
 
-    `rise_m`: at least so far above the second's upper face lies the first's lower one.
+    `rise_m`: at least so far above the second's upper face lies the first's lower one. `covered`: at least this share
+    of the first's footprint lies within the second's.
     """
 
     floor_m: float
     height_m: float
     rise_m: float = -math.inf
+    covered: float = 0.0
 
 
 @dataclass(frozen=True)

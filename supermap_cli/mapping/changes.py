@@ -18,7 +18,7 @@ from supermap_cli.types.memory import (
 
 
 @dataclass
-class Changes:
+class PendingChanges:
     """Collected while keyframes are mapped, drained into one `MapDelta` a batch."""
 
     dirty: set[int] = field(default_factory=set)

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from supermap_cli.geometry.boxes import displacement_m
-from supermap_cli.mapping.changes import Changes, instance_record, open_state
+from supermap_cli.mapping.changes import PendingChanges, instance_record, open_state
 from supermap_cli.mapping.displacement import Displacement
 from supermap_cli.mapping.duplicates import merge_evidence
 from supermap_cli.mapping.objects import DisplacementEvidence, MapObject, ObjectMap, OpenState
@@ -26,7 +26,7 @@ class Transitions:
     """
 
     objects: ObjectMap
-    changes: Changes = field(default_factory=Changes)
+    changes: PendingChanges = field(default_factory=PendingChanges)
     touched: set[int] = field(default_factory=set)
 
     def mark_changed(self, changed: MapObject) -> None:

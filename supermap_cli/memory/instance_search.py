@@ -8,14 +8,18 @@ from __future__ import annotations
 import heapq
 import math
 from collections.abc import Collection, Iterator
+from typing import Literal
 
-from sqlalchemy import ColumnElement, Connection, and_, column, exists, func, or_, select, table, text
+from sqlalchemy import ColumnElement, Connection, TextClause, and_, case, column, exists, func, or_, select, table, text
 
 from supermap_cli.geometry.boxes import Reach
 from supermap_cli.memory.databases.dialects import dialect_of
 from supermap_cli.memory.numbers import batches
 from supermap_cli.types.memory import Presence
 from supermap_schema import models
+
+SizeMeasure = Literal["volume", "height", "width"]
+"""The volume of a box, its height, its longer horizontal side."""
 
 BELIEVED: tuple[Presence, ...] = ("present", "absent")
 """The presences of all instances that were not demoted."""
@@ -53,7 +57,18 @@ _STATE_LABELS = text(
       WHERE state.label = called.label AND instance.merged_into IS NULL AND instance.presence IN ('present', 'absent'))
     """
 )
-"""Both step from one label to the next in the index, so that the number of rows does not matter."""
+_DOUBTED_LABELS = text(
+    """
+    WITH RECURSIVE called(label) AS (
+      SELECT min(label) FROM instance WHERE merged_into IS NULL
+      UNION ALL
+      SELECT (SELECT min(label) FROM instance WHERE merged_into IS NULL AND label > called.label)
+      FROM called WHERE called.label IS NOT NULL)
+    SELECT label FROM called WHERE EXISTS (
+      SELECT 1 FROM instance WHERE merged_into IS NULL AND instance.label = called.label AND presence = 'doubted')
+    """
+)
+"""All step from one label to the next in the index, so that the number of rows does not matter."""
 
 
 class InstanceSearch:
@@ -61,21 +76,42 @@ class InstanceSearch:
 
     def __init__(self, connection: Connection) -> None:
         self._connection = connection
+        self._labels: dict[TextClause, frozenset[str]] = {}
+        self._counts: dict[tuple[frozenset[str] | None, frozenset[Presence]], int] = {}
 
     def labels(self) -> frozenset[str]:
         """All labels that an instance has, or had in one of its states."""
-        return self.current_labels() | frozenset(self._connection.execute(_STATE_LABELS).scalars())
+        return self.current_labels() | self._listed(_STATE_LABELS)
 
     def current_labels(self) -> frozenset[str]:
         """All labels that an instance has today."""
-        return frozenset(self._connection.execute(_CURRENT_LABELS).scalars())
+        return self._listed(_CURRENT_LABELS)
+
+    def doubted_labels(self) -> frozenset[str]:
+        """All labels that an instance has which is believed in no more today."""
+        return self._listed(_DOUBTED_LABELS)
+
+    def _listed(self, statement: TextClause) -> frozenset[str]:
+        """The labels that a statement lists, asked for once."""
+        if statement not in self._labels:
+            self._labels[statement] = frozenset(self._connection.execute(statement).scalars())
+        return self._labels[statement]
+
+    def ids_from(self, beginning: str, limit: int) -> list[str]:
+        """The first ids, in the order of the alphabet, that begin so."""
+        after = Instance.id >= beginning
+        statement = select(Instance.id).where(after, Instance.id < f"{beginning}\U0010ffff").order_by(Instance.id)
+        return list(self._connection.execute(statement.limit(limit)).scalars())
 
     def count(self, labels: Collection[str] | None, presences: Collection[Presence] = BELIEVED) -> int:
         """How many instances have one of the labels (`None`: any) today."""
-        statement = select(func.count()).select_from(Instance).where(*_has_presence(presences))
-        if labels is not None:
-            statement = statement.where(Instance.label.in_(labels))
-        return self._connection.execute(statement).scalar_one()
+        asked = None if labels is None else frozenset(labels), frozenset(presences)
+        if asked not in self._counts:
+            statement = select(func.count()).select_from(Instance).where(*_has_presence(presences))
+            if labels is not None:
+                statement = statement.where(Instance.label.in_(labels))
+            self._counts[asked] = self._connection.execute(statement).scalar_one()
+        return self._counts[asked]
 
     def counts(self) -> dict[str, int]:
         """How many instances of each label are present."""
@@ -117,6 +153,20 @@ class InstanceSearch:
             statement = statement.join(Instance, Instance.number == Visit.instance_number).where(possible)
         return list(self._connection.execute(statement.order_by(Visit.instance_number)).scalars())
 
+    def by_size(self, labels: Collection[str] | None, measure: SizeMeasure, limit: int, *, largest: bool) -> list[int]:
+        """Present instances with one of the labels (`None`: any), the largest, or smallest, by a measure first."""
+        wide = case((Instance.size_x > Instance.size_y, Instance.size_x), else_=Instance.size_y)
+        value = {
+            "volume": Instance.size_x * Instance.size_y * Instance.size_z,
+            "height": Instance.size_z,
+            "width": wide,
+        }[measure]
+        statement = select(Instance.number).where(*_has_presence(["present"]))
+        if labels is not None:
+            statement = statement.where(Instance.label.in_(labels))
+        ordered = statement.order_by(value.desc() if largest else value, Instance.number)
+        return list(self._connection.execute(ordered.limit(limit)).scalars())
+
     def first_labelled(self, labels: Collection[str] | None, limit: int) -> list[int]:
         """The smallest numbers of instances that have one of the labels (`None`: any) today, and a state."""
         has_state = exists().where(State.instance_number == Instance.number)
@@ -145,10 +195,12 @@ class InstanceSearch:
     ) -> set[tuple[int, int]]:
         """Pairs of a given instance and another one, with one of the labels, that may have states within reach.
 
-        With a `rise_m` the given one's state is above the other's (`turned`: below). A superset: some pairs are farther
+        With a `rise_m` the given one's state is above the other's (`turned`: below), and with a share `covered` it lies
+        over the other so far, by the boxes along the axes of the map. A superset: some pairs are farther
         apart, and neither time nor presence is compared.
         """
         own, other, here, there = _OWN, _OTHER, _HERE, _THERE
+        covered: list[ColumnElement[bool]] = []
         floor, height = reach.floor_m, reach.height_m
         within = [
             other.c.min_x <= own.c.max_x + floor,
@@ -161,6 +213,13 @@ class InstanceSearch:
         if not math.isinf(reach.rise_m):
             upper, lower = (other, own) if turned else (own, other)
             within.append(upper.c.min_z >= lower.c.max_z + reach.rise_m - ROUNDED_M)
+        if reach.covered > 0:
+            subject = there if turned else here
+            footprint_m2 = subject.c.size_x * subject.c.size_y
+            shared_m2 = _shared(own.c.min_x, own.c.max_x, other.c.min_x, other.c.max_x) * _shared(
+                own.c.min_y, own.c.max_y, other.c.min_y, other.c.max_y
+            )
+            covered.append(shared_m2 >= reach.covered * footprint_m2)
         pairs: set[tuple[int, int]] = set()
         for batch in batches(sorted(numbers)):
             statement = (
@@ -169,7 +228,7 @@ class InstanceSearch:
                 .join(own, own.c.state_id == here.c.id)
                 .join(other, and_(*within))
                 .join(there, there.c.id == other.c.state_id)
-                .where(here.c.instance_number.in_(batch), there.c.instance_number != here.c.instance_number)
+                .where(here.c.instance_number.in_(batch), there.c.instance_number != here.c.instance_number, *covered)
             )
             if labels is not None:
                 has_label = or_(Instance.label.in_(labels), there.c.label.in_(labels))
@@ -187,6 +246,16 @@ class InstanceSearch:
         ordered = statement.order_by(Instance.last_seen_ns.desc(), Instance.number.desc())
         for last_seen_ns, number in self._connection.execute(ordered):
             yield -last_seen_ns, -number
+
+
+def _shared(
+    low: ColumnElement[float],
+    high: ColumnElement[float],
+    other_low: ColumnElement[float],
+    other_high: ColumnElement[float],
+) -> ColumnElement[float]:
+    """The length that two intervals share; they are known to overlap."""
+    return case((high < other_high, high), else_=other_high) - case((low > other_low, low), else_=other_low)
 
 
 def _has_presence(presences: Collection[Presence]) -> tuple[ColumnElement[bool], ColumnElement[bool]]:

@@ -20,13 +20,14 @@ def observing_keyframes(connection: Connection, numbers: Collection[int], most: 
     """The ids, ordered, of keyframes in which instances with these numbers were observed: at most so many of each,
     spread evenly.
     """
-    found: set[int] = set()
-    for number in sorted(numbers):
-        observation = models.Observation
-        statement = select(observation.keyframe_id).where(observation.instance_number == number)
-        ids = sorted(set(connection.execute(statement).scalars()))
-        found.update(ids[:: -(-len(ids) // most)] if ids else ())
-    return sorted(found)
+    observation = models.Observation
+    by_number: dict[int, set[int]] = {number: set() for number in numbers}
+    for batch in batches(sorted(numbers)):
+        columns = select(observation.instance_number, observation.keyframe_id)
+        for row in connection.execute(columns.where(observation.instance_number.in_(batch))):
+            by_number[row.instance_number].add(row.keyframe_id)
+    spread = (sorted(ids)[:: -(-len(ids) // most)] for ids in by_number.values() if ids)
+    return sorted({keyframe_id for ids in spread for keyframe_id in ids})
 
 
 def camera_poses(connection: Connection, ids: Collection[int]) -> dict[int, FloatArray]:

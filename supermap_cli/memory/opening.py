@@ -10,7 +10,6 @@ from sqlalchemy.exc import DatabaseError
 
 from supermap_cli.errors import MemoryStoreError, QueryError
 from supermap_cli.memory.databases import Database, SqlRows, Waiting, database_of
-from supermap_cli.memory.stale_edges import end_stale_edges
 from supermap_cli.memory.store import MapStore
 from supermap_schema import SCHEMA_VERSION
 
@@ -106,6 +105,8 @@ def mend_edges(url: str, waiting: Waiting | None = None) -> int:
     try:
         with engine.connect().execution_options(writes=True) as connection, connection.begin():
             lock.check(connection)
+            from supermap_cli.memory.stale_edges import end_stale_edges  # noqa: PLC0415 - needed only here
+
             return end_stale_edges(connection)
     except DatabaseError as error:
         raise database.failure(error) from error

@@ -7,9 +7,9 @@ A map may hold a hundred thousand instances, so that queries read by number, by 
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from functools import cached_property
-from typing import Any, Generic, TypeVar
+from typing import Any
 
 import numpy as np
 from sqlalchemy import Connection, Select, and_, func, or_, select, text
@@ -18,6 +18,7 @@ from supermap_cli.geometry.arrays import FloatArray, IntArray
 from supermap_cli.memory import blobs, rows
 from supermap_cli.memory.databases import Database
 from supermap_cli.memory.instance_search import InstanceSearch
+from supermap_cli.memory.lookups import LazyLookup
 from supermap_cli.memory.numbers import BATCH, batches
 from supermap_cli.memory.presence_query import PresenceQuery
 from supermap_cli.memory.stored_values import parsed_transform
@@ -25,7 +26,8 @@ from supermap_cli.memory.values import ObservationRef, ScoredObservation, Stored
 from supermap_cli.types.memory import SpatialEdge, StateRecord, TemporalEdge, VoxelCloud
 from supermap_schema import models
 
-V = TypeVar("V")
+KEPT_INSTANCES = 10_000
+"""Instances that one reader keeps, to be asked for again by the parts of a question; some 20 MB."""
 
 COUNTED = {
     "instances": models.Instance,
@@ -41,25 +43,6 @@ def select_traversals() -> Select[Any]:
     return select(models.Traversal.__table__).order_by(models.Traversal.number)
 
 
-class LazyLookup(dict[int, V], Generic[V]):
-    """A value of instances by their numbers, read on first use and cached."""
-
-    def __init__(self, read: Callable[[Collection[int]], dict[int, V]]) -> None:
-        super().__init__()
-        self._read = read
-
-    def __missing__(self, number: int) -> V:
-        self.update(self._read([number]))
-        return self[number]
-
-    def of(self, numbers: Iterable[int]) -> dict[int, V]:
-        """The values of many numbers, read together."""
-        wanted = set(numbers)
-        for batch in batches(sorted(wanted - self.keys())):
-            self.update(self._read(batch))
-        return {number: self[number] for number in wanted if number in self}
-
-
 class MapReader:
     """Reads of one snapshot, made by `MapStore.reader`. Merged instances count as their survivor everywhere."""
 
@@ -67,6 +50,8 @@ class MapReader:
         self.connection = connection
         self._database = database
         self._presence_queries: dict[tuple[int, int | None], PresenceQuery] = {}
+        self._read_before: dict[int, StoredInstance | None] = {}
+        self._parts_read: dict[int, tuple[int, ...]] = {}
 
     @property
     def where(self) -> str:
@@ -142,12 +127,25 @@ class MapReader:
 
         Faster than `instances_of`; enough for selecting instances.
         """
-        found: dict[int, StoredInstance] = {}
-        for batch in batches(sorted(set(numbers))):
-            parts = self.parts_of(batch) if traversal_ids else {number: number for number in batch}
-            visits = self._visits(parts, traversal_ids) if traversal_ids else defaultdict(list)
-            found |= {instance.number: instance for instance in self._instances(batch, parts, visits)}
-        return found
+        wanted = sorted(set(numbers))
+        if traversal_ids:
+            found: dict[int, StoredInstance] = {}
+            for batch in batches(wanted):
+                parts = self.parts_of(batch)
+                visits = self._visits(parts, traversal_ids)
+                found |= {instance.number: instance for instance in self._instances(batch, parts, visits)}
+            return found
+        if len(self._read_before) > KEPT_INSTANCES:
+            self._read_before.clear()
+        for batch in batches([number for number in wanted if number not in self._read_before]):
+            read = self._instances(batch, {number: number for number in batch}, defaultdict(list))
+            self._read_before |= dict.fromkeys(batch) | {instance.number: instance for instance in read}
+        before = ((number, self._read_before[number]) for number in wanted)
+        return {number: instance for number, instance in before if instance is not None}
+
+    def read_before(self, numbers: Collection[int]) -> dict[int, StoredInstance | None]:
+        """Those of the given instances that were read before, without their visits; `None` for merged ones."""
+        return {number: self._read_before[number] for number in numbers if number in self._read_before}
 
     @cached_property
     def instances(self) -> tuple[StoredInstance, ...]:
@@ -203,6 +201,14 @@ class MapReader:
         found = self.connection.execute(select(models.Instance.voxels).where(models.Instance.number == instance.number))
         return blobs.decode_voxels(found.scalar_one())
 
+    def voxels_of(self, numbers: Collection[int]) -> dict[int, VoxelCloud]:
+        """The geometry of some instances in their current or last place, by number."""
+        clouds: dict[int, VoxelCloud] = {}
+        for batch in batches(sorted(numbers)):
+            statement = select(models.Instance.number, models.Instance.voxels).where(models.Instance.number.in_(batch))
+            clouds |= {row.number: blobs.decode_voxels(row.voxels) for row in self.connection.execute(statement)}
+        return clouds
+
     # Observations
 
     def observations(self, instance: StoredInstance) -> tuple[ObservationRef, ...]:
@@ -240,15 +246,13 @@ class MapReader:
         self, numbers: Collection[int], relations: Collection[str] | None = None, *, open_only: bool = False
     ) -> tuple[SpatialEdge, ...]:
         """The spatial edges that begin or end at one of the given instances, in the order of their row ids."""
-        ends = list(self.parts_of(numbers))
         edge = models.SpatialEdge
+        named = [] if relations is None else [edge.relation.in_(relations)]
         found: dict[int, Any] = {}
-        for end in (edge.subject_number, edge.object_number):
-            for batch in batches(ends):
-                statement = select(edge.__table__).where(end.in_(batch))
-                if relations is not None:
-                    statement = statement.where(edge.relation.in_(relations))
-                found |= {row.id: row for row in self.connection.execute(statement)}
+        for batch in batches(list(self.parts_of(numbers))):
+            ends = (edge.subject_number, edge.object_number)
+            begun, ended = (select(edge.__table__).where(end.in_(batch), *named) for end in ends)
+            found |= {row.id: row for row in self.connection.execute(begun.union_all(ended))}
         survivors = self.survivors.of({n for row in found.values() for n in (row.subject_number, row.object_number)})
         edges: dict[tuple[int, str, int, int], SpatialEdge] = {}
         for _, row in sorted(found.items()):
@@ -270,6 +274,13 @@ class MapReader:
             found |= {(row.not_after_ns, row.id): row for row in self.connection.execute(touching)}
         return tuple(rows.temporal_edge(row) for _, row in sorted(found.items()))
 
+    def temporal_edges_within(self, low_ns: int, high_ns: int) -> tuple[TemporalEdge, ...]:
+        """The temporal edges whose later bound lies in [low_ns, high_ns], or whose bounds hold it, ordered by time."""
+        edge = models.TemporalEdge
+        began = or_(edge.not_before_ns.is_(None), edge.not_before_ns <= low_ns, edge.not_after_ns <= high_ns)
+        statement = select(edge.__table__).where(edge.not_after_ns >= low_ns, began)
+        return tuple(map(rows.temporal_edge, self.connection.execute(statement.order_by(edge.not_after_ns, edge.id))))
+
     # Trajectories
 
     def trajectory(self, traversal_id: int) -> tuple[IntArray, FloatArray]:
@@ -287,6 +298,21 @@ class MapReader:
         found = {row.stamp_ns: row.T_map_base for row in self.connection.execute(statement)}
         poses = [parsed_transform(T_map_base, f"the pose at {stamp_ns}") for stamp_ns, T_map_base in found.items()]
         return np.array(list(found), np.int64), np.array(poses, np.float64).reshape(-1, 4, 4)
+
+    def last_pose(self) -> FloatArray | None:
+        """Where the robot was at the newest keyframe of the latest traversal that has one: (4, 4) `T_map_base`."""
+        keyframe = models.Keyframe
+        for traversal in reversed(self.traversals):
+            statement = (
+                select(keyframe.T_map_base)
+                .where(keyframe.traversal_id == traversal.id)
+                .order_by(keyframe.stamp_ns.desc(), keyframe.id.desc())
+                .limit(1)
+            )
+            written = self.connection.execute(statement).scalar()
+            if written is not None:
+                return parsed_transform(written, f"the last pose in {traversal.name}")
+        return None
 
     def keyframe_cameras(self, traversal_id: int) -> list[tuple[int, str]]:
         """The stamp and camera of each keyframe of a traversal, in the order of stamps."""
@@ -319,14 +345,17 @@ class MapReader:
     def parts_of(self, numbers: Collection[int]) -> dict[int, int]:
         """The given instances and those merged into them: number -> the given one's number."""
         instance = models.Instance
-        parts: dict[int, int] = {}
-        for batch in batches(sorted(numbers)):
+        if len(self._parts_read) > KEPT_INSTANCES:
+            self._parts_read.clear()
+        for batch in batches(sorted(set(numbers) - self._parts_read.keys())):
             start = select(instance.number, instance.number.label("survivor")).where(instance.number.in_(batch))
             part = start.cte("part", recursive=True)
             merged = select(instance.number, part.c.survivor).join(part, instance.merged_into == part.c.number)
-            found = self.connection.execute(select(part.union(merged)))
-            parts |= {row.number: row.survivor for row in found}
-        return dict(sorted(parts.items()))
+            own: dict[int, list[int]] = {number: [] for number in batch}
+            for row in self.connection.execute(select(part.union(merged))):
+                own[row.survivor].append(row.number)
+            self._parts_read |= {number: tuple(sorted(parts)) for number, parts in own.items()}
+        return dict(sorted((part, number) for number in numbers for part in self._parts_read[number]))
 
     def _survivors(self, numbers: Collection[int]) -> dict[int, int]:
         """Follows merges of merges, one step of all at a time."""
@@ -364,6 +393,7 @@ class MapReader:
         wanted = select(*rows.INSTANCE_WITHOUT_GEOMETRY).where(instance.number.in_(survivors))
         for row in self.connection.execute(wanted.where(instance.merged_into.is_(None)).order_by(instance.number)):
             number = row.number
+            self.survivors[number] = number
             yield rows.stored_instance(row, tuple(numbers[number]), tuple(states[number]), tuple(visits[number]))
 
     def _states(self, numbers: Collection[int]) -> dict[int, list[StateRecord]]:

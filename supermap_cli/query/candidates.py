@@ -18,6 +18,8 @@ from supermap_cli.types.memory import StateRecord
 
 BATCH_SIZE = 100
 """Instances read at a time."""
+FEW = 20
+"""Up to this many instances are read whatever they are called: asking for their labels first costs as much."""
 
 
 @dataclass(frozen=True)
@@ -155,7 +157,10 @@ class LabelCandidates:
         """The candidates with the given instance numbers, in order."""
         wanted = set(numbers) if self.number is None else {self.number} & set(numbers)
         if self.labels is not None:
-            wanted = self.reader.search.ever_labelled(wanted, self.labels)
+            read = self.reader.read_before(wanted)
+            unread = wanted - read.keys()
+            named = {number for number, instance in read.items() if instance and had_label(instance, self.labels)}
+            wanted = named | (unread if len(unread) <= FEW else self.reader.search.ever_labelled(unread, self.labels))
         return [
             candidate
             for _, candidates in sorted(self._candidates_by_number(wanted).items())

@@ -120,7 +120,7 @@ def diff(reader: MapReader, first: str | None = None, second: str | None = None)
     before, after = sorted(sides, key=lambda side: side.at_ns)
     times = compared_times(before, after, reader.traversals)
     builder = DiffBuilder(reader, times)
-    numbers, left_out = _instances_to_compare(reader, times)
+    numbers, left_out = instances_to_compare(reader, times)
     changes = [change for batch in batches(numbers) for change in builder.changes(batch)]
     changes.sort(key=lambda change: CHANGE_KINDS.index(change.kind))
     counts = Counter(change.kind for change in changes)
@@ -350,7 +350,7 @@ def _best_crop(side: Sequence[LabelledObservation]) -> int | None:
     return next((observation.id for observation in reversed(side) if observation.has_crop), None)
 
 
-def _instances_to_compare(reader: MapReader, times: ComparedTimes) -> tuple[list[int], int]:
+def instances_to_compare(reader: MapReader, times: ComparedTimes) -> tuple[list[int], int]:
     """The instances observed on either side, those that stood there before, and those that changed in between; and how
     many are left out of those that stood there before in a large map, where neither of two traversals looked.
     """

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, fields
 from functools import cached_property, partial
 from typing import TYPE_CHECKING
 
@@ -17,7 +17,7 @@ from supermap_cli.query.relations import StoredForm, stored_forms
 from supermap_cli.relations.map_relations import relations_of_configs
 from supermap_cli.relations.registry import RelationRegistry
 from supermap_cli.types.memory import StateRecord
-from supermap_cli.types.relations import GraphNode, Pair
+from supermap_cli.types.relations import GraphNode, Pair, PredicateParameters
 
 if TYPE_CHECKING:
     from supermap_cli.query.map_walls import MapWalls
@@ -67,6 +67,18 @@ class MapRelations:
         """The stored relations that answer a relation."""
         return stored_forms(self.registry, name)
 
+    def graph_keeps(self, name: str) -> bool:
+        """Whether a scene graph kept this relation (or those that answer it) in all traversals, by today's definitions:
+        maps that were written by hand have none, and older versions of the program judged otherwise.
+        """
+        return self._has_graph and bool(self.stored_forms(name))
+
+    @cached_property
+    def _has_graph(self) -> bool:
+        every = {parameter.name for parameter in fields(PredicateParameters)}
+        used = [_predicate_parameters(traversal.config) for traversal in self.reader.traversals]
+        return bool(used) and all(every <= names for names in used)
+
     def measure(
         self, name: str, first: tuple[StoredInstance, StateRecord], second: tuple[StoredInstance, StateRecord]
     ) -> float:
@@ -102,6 +114,13 @@ class MapRelations:
         cloud = self.reader.voxels(instance)
         points = measure_shape(voxel_map_from_cloud(cloud)).points if len(cloud) else np.zeros((0, 3))
         return points if _fill(instance.states[-1].box, points, cloud.voxel_m) else np.zeros((0, 3))
+
+
+def _predicate_parameters(config: Mapping[str, object]) -> set[str]:
+    """The names of the parameters by which a build judged relations."""
+    parameters = config.get("parameters")
+    predicates = parameters.get("predicates") if isinstance(parameters, Mapping) else None
+    return set(predicates) if isinstance(predicates, Mapping) else set()
 
 
 def _fill(box: Box3D, points: FloatArray, voxel_m: float) -> bool:

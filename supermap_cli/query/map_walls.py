@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, field
 
 from supermap_cli.geometry.boxes import Box3D, Reach
@@ -22,16 +23,27 @@ class MapWalls:
     reader: MapReader
     walls: WallMap = field(default_factory=WallMap)
     _seen: set[int] = field(default_factory=set, repr=False)
+    _around: dict[int, frozenset[int]] = field(default_factory=dict, repr=False)
+
+    def look_around(self, numbers: Collection[int]) -> None:
+        """Read what tells of the walls about some instances, as far as it was not read before."""
+        self._look_from_around(numbers)
+        missing = sorted(set(numbers) - self._around.keys())
+        around: dict[int, set[int]] = {number: set() for number in missing}
+        for here, there in self.reader.search.near(missing, AROUND) if missing else ():
+            around[here].add(there)
+        self._around |= {number: frozenset(others) for number, others in around.items()}
+        self.reader.instances_by_number({other for others in around.values() for other in others})
 
     def clear_between(self, ends: tuple[int, int], first: Box3D, second: Box3D) -> bool:
         """Whether no wall is known to stand between two boxes, those of the instances with the numbers `ends`."""
-        self._look_from_around(ends)
+        self.look_around(ends)
         if not self.walls.views:
             return True
         return self.walls.clear_between(first, second, high_between(first, second, self._high_objects(ends)))
 
-    def _look_from_around(self, ends: tuple[int, int]) -> None:
-        """Add the views of two instances that were not looked at yet, as far as their viewpoints are new."""
+    def _look_from_around(self, ends: Collection[int]) -> None:
+        """Add the views of instances that were not looked at yet, as far as their viewpoints are new."""
         new = set(ends) - self._seen
         if not new:
             return
@@ -44,7 +56,8 @@ class MapWalls:
 
     def _high_objects(self, ends: tuple[int, int]) -> list[Box3D]:
         """The things about two others that are high enough to be taken for a wall."""
-        around = {number for pair in self.reader.search.near(ends, AROUND) for number in pair} - set(ends)
+        self.look_around(ends)
+        around = {number for end in ends for number in self._around[end]} - set(ends)
         instances = self.reader.instances_by_number(sorted(around))
         boxes = (instance.states[-1].box for instance in instances.values() if instance.presence == "present")
         return [box for box in boxes if box.size[2] >= least_object_height_m()]

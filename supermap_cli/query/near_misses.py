@@ -8,6 +8,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from difflib import get_close_matches
 from itertools import chain
+from typing import Protocol
 
 from supermap_cli.geometry.boxes import Reach
 from supermap_cli.memory.numbers import batches
@@ -16,7 +17,6 @@ from supermap_cli.memory.stored_values import parsed_shares
 from supermap_cli.memory.values import StoredInstance
 from supermap_cli.query.candidates import BATCH_SIZE, CandidateSource, InstanceCandidate, LabelCandidates
 from supermap_cli.query.relations import box_distance_m
-from supermap_cli.query.vocabulary import load_vocabulary
 
 MAX_NEAR_MISSES = 3
 """Near misses listed in an empty answer."""
@@ -127,16 +127,26 @@ def _pair(candidate: InstanceCandidate, reference: InstanceCandidate) -> Candida
     return CandidatePair(box_distance_m(candidate.state.box, reference.state.box), candidate, reference)
 
 
-def maybe_labelled(reader: MapReader, noun: str) -> list[tuple[StoredInstance, str]]:
+class Names(Protocol):
+    """The part of the lexicon that near misses need."""
+
+    def synonyms(self, name: str) -> frozenset[str]:
+        """Other names of the same thing."""
+        ...
+
+    def normalise(self, label: str) -> str:
+        """A label as a name."""
+        ...
+
+
+def maybe_labelled(reader: MapReader, name: str, words: Names) -> list[tuple[StoredInstance, str]]:
     """Instances that may have that label, and those with a similarly spelt label, each with the reason."""
-    vocabulary = load_vocabulary()
-    name = vocabulary.normalise(noun)
-    names = vocabulary.names_of(name)
+    names = frozenset({name}) | words.synonyms(name)
     doubtful = [
         (-share, number, at, label)
-        for number, belief in reader.search.label_beliefs(vocabulary.forms_of(names))
+        for number, belief in reader.search.label_beliefs(names)
         for at, (label, share) in enumerate(parsed_shares(belief, f"the label belief of instance {number}").items())
-        if share >= MIN_LABEL_PROBABILITY and vocabulary.normalise(label) in names
+        if share >= MIN_LABEL_PROBABILITY and words.normalise(label) in names
     ]
     reasons = [
         (number, f"may be a {label} ({-doubt:.0%})")

@@ -77,7 +77,7 @@ class RelationMatcher:
         iterated, and only its neighbours in the other one are read.
         """
         from_references = self.references.size() < candidates.size()
-        for basis in BASES if self._any_stored_edge(candidates) else BASES[1:]:
+        for basis in self._bases(candidates):
             any_match = False
             outer, inner = (self.references, candidates) if from_references else (candidates, self.references)
             for numbers in outer.numbers():
@@ -94,6 +94,14 @@ class RelationMatcher:
                     yield basis, candidate
             if any_match:
                 return
+
+    def _bases(self, candidates: CandidateSource) -> tuple[Basis, ...]:
+        """What may decide: boxes only where the scene graph does not keep the relation now. Where it does, it judged
+        all that stands there by the same geometry.
+        """
+        stored = BASES[:1] if self._any_stored_edge(candidates) else ()
+        decides = self.selector.kind == "now" and bool(self._forms) and self._relations.graph_keeps(self.name)
+        return stored if decides else (*stored, BASES[1])
 
     def match_count(self, candidates: CandidateSource) -> MatchCount | None:
         """The number of matches by stored edges, if the database can count them: for kind "now" and one relation. Only

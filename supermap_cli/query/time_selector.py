@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
-from supermap_cli.memory.reading import MapReader
 from supermap_cli.memory.values import StoredInstance, StoredTraversal
-from supermap_cli.query.clock import Clock
-from supermap_cli.query.grammar import TimeKind, TimePhrase
 from supermap_cli.query.presence_at import PresenceAt, presence_at, state_held_at
-from supermap_cli.query.time_points import TimePoint, find_traversal
+from supermap_cli.query.time_points import TimePoint
 from supermap_cli.types.memory import StateRecord
+
+TimeKind = Literal["now", "earlier", "first", "last", "traversal", "at", "during"]
 
 
 @dataclass(frozen=True)
@@ -21,7 +21,8 @@ class TimeSelector:
 
     - "now": the current state of present instances. "last": the newest state, present or not. "first": the oldest.
     - "earlier": states that ended, or held before `high_ns` (start of the latest traversal; with one traversal: now).
-    - "traversal": states supported in `traversal`. "at": states that held at `low_ns` = `high_ns`.
+    - "traversal": states supported in `traversal`. "at": states that held at `low_ns` = `high_ns`. "during": states
+      supported between `low_ns` and `high_ns`.
 
     `note` tells how an ambiguous time was understood; `since_ns` is the start of a traversal that is given by its end.
     """
@@ -34,7 +35,7 @@ class TimeSelector:
     note: str | None = None
     since_ns: int | None = None
 
-    def states(self, instance: StoredInstance) -> tuple[StateRecord, ...]:
+    def states(self, instance: StoredInstance) -> tuple[StateRecord, ...]:  # noqa: PLR0911 - one case a kind
         """The selected states of an instance, oldest first."""
         states = instance.states
         match self.kind:
@@ -47,11 +48,13 @@ class TimeSelector:
             case "earlier":
                 return tuple(state for state in states if state.first_seen_ns < self.high_ns or state is not states[-1])
             case "traversal":
-                assert self.traversal is not None  # noqa: S101 - `selector_of_phrase` gives one
+                assert self.traversal is not None  # noqa: S101 - its maker gives one
                 seen = instance.visit(self.traversal.id).supported > 0
                 return tuple(
                     state for state in states if seen and self._overlaps(state.first_seen_ns, state.last_seen_ns)
                 )
+            case "during":
+                return tuple(state for state in states if self._overlaps(state.first_seen_ns, state.last_seen_ns))
             case "at":
                 state = state_held_at(states, int(self.low_ns))
                 return () if state is None else (state,)
@@ -83,7 +86,7 @@ class TimeSelector:
             low = max(low, self.low_ns)
         elif self.kind == "earlier":
             high = high if high < math.inf else self.high_ns
-        elif self.kind in {"traversal", "at"}:
+        elif self.kind in {"traversal", "at", "during"}:
             low, high = max(low, self.low_ns), min(high, self.high_ns + 1)
         return TimeSpan(low, high) if low < high else None
 
@@ -113,24 +116,3 @@ def selector_at(time_point: TimePoint) -> TimeSelector:
     """The selector for an "as of" time point."""
     text, at_ns = f"as of {time_point.text}", time_point.at_ns
     return TimeSelector("at", text, at_ns, at_ns, note=time_point.note, since_ns=time_point.traversal_start_ns)
-
-
-def selector_of_phrase(phrase: TimePhrase, reader: MapReader, clock: Clock) -> TimeSelector:
-    """The selector for a time phrase. Raises `QueryError` for an unknown traversal or time."""
-    match phrase.kind:
-        case "now":
-            return TimeSelector("now", "now", low_ns=reader.now_ns)
-        case "earlier":
-            starts = sorted(traversal.start_ns for traversal in reader.traversals)
-            return TimeSelector("earlier", "earlier", high_ns=starts[-1] if len(starts) > 1 else reader.now_ns)
-        case "traversal":
-            traversal = find_traversal(reader.traversals, phrase.argument or "")
-            text = f"in {traversal.name}"
-            return TimeSelector("traversal", text, traversal.start_ns, traversal.end_ns, traversal)
-        case "at":
-            parsed = clock.parse(phrase.argument or "")
-            return TimeSelector(
-                "at", f"at {clock.text(parsed.stamp_ns)}", parsed.stamp_ns, parsed.stamp_ns, note=parsed.note
-            )
-        case kind:
-            return TimeSelector(kind, kind)

@@ -224,11 +224,15 @@ def evidence_view(
     instance: StoredInstance,
     spans: tuple[tuple[int, int], ...],
     traversal_ids: set[int] | None = None,
+    observed: Sequence[ScoredObservation] | None = None,
 ) -> EvidenceView:
-    """The evidence for an instance within the given time spans (and traversals)."""
+    """The evidence for an instance within the given time spans (and traversals); `observed` are all its observations,
+    where they were read before.
+    """
+    every = reader.scored_observations(instance) if observed is None else observed
     observations = [
         observation
-        for observation in reader.scored_observations(instance)
+        for observation in every
         if any(low <= observation.stamp_ns <= high for low, high in spans)
         and (traversal_ids is None or observation.traversal_id in traversal_ids)
     ]

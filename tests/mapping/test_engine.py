@@ -170,8 +170,9 @@ def test_what_is_not_tracked_or_gone_is_not_expected() -> None:
     run = s.Run()
     run.walk(CHAIR_WORLD)
     assert priors_of(run, s.CHAIR) == {}
-    run = tracked_chair(s.Run())
-    run.pause(5)
+    run = s.Run()
+    run.walk(CHAIR_WORLD, 10)
+    tracked_chair(run).pause(5)
     run.walk(s.ROOM)
     assert priors_of(run, s.CHAIR) == {}
 

@@ -15,7 +15,7 @@ from support.brute_force import BruteForce
 from support.databases import examples
 from support.random_memories import LABELS, make_random_memory
 
-WORDS = (*LABELS, "everything", "chair-1", "cup-2", "piano", "lampe", "stool")
+WORDS = (*LABELS, "everything", "chair-1", "cup-2", "piano", "stool")
 RELATIONS = ("near", "next to", "on", "under", "inside", "above", "attached to")
 TIMES = (
     "",
@@ -44,7 +44,7 @@ questions = st.builds(
 
 
 @pytest.mark.parametrize("part", [100, 2])
-@settings(max_examples=examples(25), deadline=None)
+@settings(max_examples=examples(12), deadline=None)
 @given(seed=st.integers(0, 10_000), texts=st.lists(questions, min_size=3, max_size=12))
 def test_indexed_answers_equal_exhaustive_search(part: int, seed: int, texts: list[str]) -> None:
     with pytest.MonkeyPatch.context() as patch, tempfile.TemporaryDirectory() as folder:

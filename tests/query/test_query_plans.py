@@ -31,7 +31,7 @@ QUESTIONS = (
     *("chair near the piano", "vase on the desk", "desk under the vase", "lamp next to the monitor", "cup on desk-1"),
     *("chair near a desk near a piano", "everything near the piano", "keyboard above the desk earlier"),
     *("how many chairs at 2026-02-10T10:00:00Z", "how many cups on desks", "how many chairs near desks"),
-    *("unicorn", "pianoo", "stool", "piano on the globe", "chairs inside the sink", "chair attached to the chair"),
+    *("trumpet", "stool", "piano on the globe", "chairs inside the sink", "chair attached to the chair"),
 )
 ALLOWED = {
     "show": {"instance": "how many stand there of each label is counted: the index of labels holds all that it needs"},

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from supermap_cli.geometry.cameras import PinholeCamera
-from supermap_cli.query.vocabulary import load_vocabulary
+from supermap_cli.language.lexicon import load_lexicon
 from supermap_cli.simulation.detection.detector import DetectorErrors, SimulatedDetector
 from supermap_cli.simulation.detection.fixed_errors import world_seed
 from supermap_cli.simulation.detection.label_errors import other_names
@@ -199,12 +199,13 @@ def test_synonyms_come_first_in_half_of_the_detections_and_the_usual_word_second
     assert all("trash can" in {hypothesis.label for hypothesis in hypotheses[:2]} for hypotheses in ranked)
 
 
-def test_synonyms_are_those_of_the_query_vocabulary() -> None:
-    vocabulary = load_vocabulary()
+def test_other_names_are_found_by_the_label_to_the_lexicon() -> None:
+    lexicon = load_lexicon("en")
     for label, names in other_names().items():
         assert label in {*LABELS, "person"}
         assert label not in names
-        assert set(names) <= vocabulary.names_of(label), label
+        found = lexicon.synonyms(label) | lexicon.kinds(label) | lexicon.near_kinds(label)
+        assert set(names) <= {label} | found, label
 
 
 def test_flat_scores_tell_nothing() -> None:

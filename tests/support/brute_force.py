@@ -2,30 +2,73 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from difflib import get_close_matches
 
 import numpy as np
 
+from supermap_cli.language.lexicon import load_lexicon
+from supermap_cli.language.parsing import parse
+from supermap_cli.language.questions import Identified, Named, Related, Things
+from supermap_cli.language.times import AtEvent
 from supermap_cli.memory.reading import MapReader
 from supermap_cli.memory.values import StoredInstance
+from supermap_cli.query.answering.nouns import match_labels
+from supermap_cli.query.answering.times import MomentSpan, QuestionTimes
+from supermap_cli.query.answers import known_names
 from supermap_cli.query.clock import clock_of
-from supermap_cli.query.grammar import NounPhrase, RelationPhrase, parse
 from supermap_cli.query.relations import STORED_FORMS, box_distance_m, holds
-from supermap_cli.query.time_selector import selector_of_phrase
-from supermap_cli.query.vocabulary import load_vocabulary, match_labels
+from supermap_cli.query.time_selector import TimeSelector
 from supermap_cli.types.memory import SpatialEdge, StateRecord
 from supermap_cli.types.relations import GraphNode
 
+LEXICON = load_lexicon("en")
 Match = tuple[StoredInstance, StateRecord, tuple[tuple[object, ...], ...]]
+
+
+def no_events(_asked: AtEvent) -> MomentSpan:
+    raise AssertionError("no question of these tests names an event")
+
+
+@dataclass(frozen=True)
+class NounPhrase:
+    """A noun or id (`None`: any object), and an optional relation to another noun phrase."""
+
+    noun: str | None
+    relation: RelationPhrase | None = None
+
+
+@dataclass(frozen=True)
+class RelationPhrase:
+    """A relation and its reference."""
+
+    name: str
+    reference: NounPhrase
+
+
+def phrase_of(things: Things) -> NounPhrase:
+    """A noun phrase with nothing but relations."""
+    match things.noun:
+        case Named(name):
+            noun: str | None = name
+        case Identified(text_id):
+            noun = text_id
+        case _:
+            noun = None
+    if isinstance(things.condition, Related):
+        return NounPhrase(noun, RelationPhrase(things.condition.relation, phrase_of(things.condition.reference)))
+    return NounPhrase(noun)
 
 
 class BruteForce:
     """One question to one map."""
 
     def __init__(self, reader: MapReader, text: str) -> None:
-        question = parse(text, [traversal.name for traversal in reader.traversals])
-        self.phrase = question.phrase
-        self.selector = selector_of_phrase(question.time, reader, clock_of(reader))
+        question = parse(text, known_names(reader))
+        self.phrase = phrase_of(question.body.things)  # type: ignore[union-attr]
+        self.selector: TimeSelector = QuestionTimes(reader, clock_of(reader), no_events).selector(
+            question.time, past=question.past
+        )
         self.everything = reader.instances
         self.believed = reader.believed
         self.edges: tuple[SpatialEdge, ...] = reader.edges_of([instance.number for instance in reader.instances])
@@ -54,7 +97,13 @@ class BruteForce:
     def nearest(self) -> list[tuple[str, float | None]]:
         """The near misses and their distances."""
         if (missing := self._unknown_noun(self.phrase)) is not None:
-            return [(text_id, None) for text_id in self._maybe_labelled(missing)]
+            if (doubted := self.parts.get(missing)) is not None and doubted.states:
+                return [(doubted.id, None)]
+            head, dash, _ = missing.partition("-")
+            alike = [instance for instance in self._labelled(NounPhrase(head)) if instance.states] if dash else []
+            doubted_ones = [] if dash else self._doubted(head)
+            told = [each.id for each in alike[:3]] or doubted_ones or self._maybe_labelled(head)
+            return [(text_id, None) for text_id in told]
         if self.phrase.relation is not None and (out_of_reach := self._out_of_reach(self.phrase, self.phrase.relation)):
             return out_of_reach
         return [(instance.id, None) for instance in self._labelled(self.phrase) if instance.states][:3]
@@ -128,16 +177,23 @@ class BruteForce:
             nearest.setdefault(text_id, round(distance_m, 4))
         return list(nearest.items())[:3]
 
+    def _doubted(self, noun: str) -> list[str]:
+        """The ids of instances of that label that are believed in no more: those seen last."""
+        doubted = [instance for instance in self.everything if instance.presence == "doubted"]
+        labels = match_labels(Named(noun, noun), {instance.label for instance in doubted}, LEXICON).labels
+        named = [instance for instance in doubted if instance.label in labels]
+        named.sort(key=lambda instance: (-instance.last_seen_ns, -instance.number))
+        return [each.id for each in sorted(named[:3], key=lambda instance: instance.number) if each.states]
+
     def _maybe_labelled(self, noun: str) -> list[str]:
-        vocabulary = load_vocabulary()
-        name = vocabulary.normalise(noun)
+        names = {noun} | LEXICON.synonyms(noun)
         maybe = [
             (-share, instance.number, instance.id)
             for instance in self.believed
             for label, share in instance.label_belief.items()
-            if share >= 0.1 and vocabulary.normalise(label) in vocabulary.names_of(name) and instance.states
+            if share >= 0.1 and LEXICON.normalise(label) in names and instance.states
         ]
-        close = get_close_matches(name, sorted({instance.label for instance in self.believed}), 1, 0.75)
+        close = get_close_matches(noun, sorted({instance.label for instance in self.believed}), 1, 0.75)
         spelt = [instance.id for instance in self.believed if instance.label in close and instance.states]
         return ([text_id for _, _, text_id in sorted(maybe)] + spelt)[:3]
 
@@ -164,9 +220,8 @@ class BruteForce:
 
     def _labels(self, noun: str) -> frozenset[str]:
         labels = {instance.label for instance in self.believed}
-        return match_labels(
-            noun, labels | {state.label for instance in self.believed for state in instance.states}
-        ).labels
+        labels |= {state.label for instance in self.believed for state in instance.states}
+        return match_labels(Named(noun, noun), labels, LEXICON).labels
 
 
 def _thing(instance: StoredInstance, state: StateRecord) -> GraphNode:

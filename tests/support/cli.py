@@ -13,9 +13,9 @@ from supermap_cli.main import make_app
 from supermap_schema.json_schemas import load_schema
 
 
-def supermap(*arguments: str | Path) -> Result:
+def supermap(*arguments: str | Path, stdin: str | None = None) -> Result:
     """What a command gives; errors that `main` would catch stay in `Result.exception`."""
-    return CliRunner().invoke(make_app(), [str(each) for each in arguments])
+    return CliRunner().invoke(make_app(), [str(each) for each in arguments], input=stdin)
 
 
 def document(schema: str, *arguments: str | Path, exit_code: int = 0) -> Any:

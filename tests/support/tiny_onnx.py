@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 _FLOAT = 1
+_INT64 = 7
 
 
 def write_constant_model(
@@ -33,14 +34,27 @@ def write_constant_model(
     return path
 
 
+def write_token_vectors(path: Path, vectors: NDArray[np.float32]) -> Path:
+    """A model of `input_ids` and `attention_mask` [texts, tokens] that gives each token its row of `vectors`, as BERT's
+    last hidden state: [texts, tokens, columns].
+    """
+    ids = [_value(name, ("texts", "tokens"), _INT64) for name in ("input_ids", "attention_mask")]
+    gather = _text(1, "vectors") + _text(1, "input_ids") + _text(2, "last_hidden_state") + _text(4, "Gather")
+    graph = _bytes(1, gather) + _text(2, "embedding") + _bytes(5, _tensor("vectors", vectors))
+    graph += b"".join(_bytes(11, value) for value in ids)
+    graph += _bytes(12, _value("last_hidden_state", ("texts", "tokens", vectors.shape[1])))
+    path.write_bytes(_number(1, 8) + _bytes(7, graph) + _bytes(8, _text(1, "") + _number(2, 13)))
+    return path
+
+
 def _tensor(name: str, tensor: NDArray[np.float32]) -> bytes:
     dims = b"".join(_number(1, side) for side in tensor.shape)
     return dims + _number(2, _FLOAT) + _text(8, name) + _bytes(9, tensor.astype("<f4").tobytes())
 
 
-def _value(name: str, shape: Sequence[int]) -> bytes:
-    dims = b"".join(_bytes(1, _number(1, side)) for side in shape)
-    return _text(1, name) + _bytes(2, _bytes(1, _number(1, _FLOAT) + _bytes(2, dims)))
+def _value(name: str, shape: Sequence[int | str], kind: int = _FLOAT) -> bytes:
+    dims = b"".join(_bytes(1, _text(2, side) if isinstance(side, str) else _number(1, side)) for side in shape)
+    return _text(1, name) + _bytes(2, _bytes(1, _number(1, kind) + _bytes(2, dims)))
 
 
 def _number(field: int, value: int) -> bytes:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from itertools import pairwise
 from pathlib import Path
 
@@ -28,6 +28,7 @@ from supermap_cli.memory.bulk import BulkWriter
 from supermap_cli.memory.values import TraversalStart
 from supermap_cli.types.engine_state import EngineState
 from supermap_cli.types.memory import InstanceRecord, KeyframeRecord, VoxelCloud
+from supermap_cli.types.relations import PredicateParameters
 
 Progress = Callable[[str], None]
 
@@ -144,7 +145,12 @@ def _write_histories(writer: BulkWriter, histories: Sequence[SyntheticHistory], 
 
 def _traversal(traversal: SyntheticTraversal, seen: int) -> dict[str, object]:
     start = TraversalStart(
-        f"{traversal.name}.mcap", f"made-up-{traversal.number}", traversal.start_ns, traversal.end_ns, np.eye(4)
+        f"{traversal.name}.mcap",
+        f"made-up-{traversal.number}",
+        traversal.start_ns,
+        traversal.end_ns,
+        np.eye(4),
+        {"parameters": {"predicates": asdict(PredicateParameters())}},  # as a build says that it kept relations
     )
     known = {"id": traversal.number, "mapped_ns": traversal.end_ns, "status": "complete", "timings": '{"total":1.0}'}
     counts = {"keyframes": len(traversal.rooms) * KEYFRAMES_PER_ROOM, "observations": seen * KEYFRAMES_PER_ROOM}

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from sqlalchemy import Connection, Select, Table, column, func, literal, select, table, text
-from sqlalchemy.dialects import postgresql, sqlite
+from sqlalchemy.dialects import sqlite
 from sqlalchemy.schema import CreateIndex
 
 from supermap_cli.memory.values import Invariant, Problem
@@ -15,7 +15,10 @@ from supermap_schema import models
 from supermap_schema import postgresql as postgresql_schema
 from supermap_schema import sqlite as sqlite_schema
 
-Upsert = sqlite.Insert | postgresql.Insert
+if TYPE_CHECKING:
+    from sqlalchemy.dialects import postgresql
+
+    Upsert = sqlite.Insert | postgresql.Insert
 
 _BOX = table("state_box", *map(column, ("state_id", "min_x", "max_x", "min_y", "max_y", "min_z", "max_z", "ground")))
 _WORDS = table("instance_label", *map(column, ("rowid", "number", "words")))
@@ -202,6 +205,8 @@ class Postgresql:
 
     def upsert(self, into: Table | type[models.Base]) -> Upsert:
         """PostgreSQL's INSERT."""
+        from sqlalchemy.dialects import postgresql  # noqa: PLC0415 - a tenth of a second that SQLite does not need
+
         return postgresql.insert(into)
 
     def states_near(self, lower_m: Sequence[float], upper_m: Sequence[float]) -> Select[tuple[int]]:

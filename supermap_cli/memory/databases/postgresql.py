@@ -23,6 +23,8 @@ from supermap_cli.memory.databases.postgresql_waiting import limit_waiting, wait
 from supermap_cli.memory.databases.waiting import Waiting
 from supermap_schema import models, postgresql
 
+models.with_postgresql_conditions()
+
 _SECRETS = ("password", "passfile", "sslpassword")
 _CONNECT_TIMEOUT_S = 10
 

@@ -1,0 +1,1 @@
+"""The lexicons: data, and the licence of what came from WordNet."""

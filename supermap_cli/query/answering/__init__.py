@@ -1,0 +1,1 @@
+"""Answers typed questions (`language.questions`) from a map: one module per kind of question."""
