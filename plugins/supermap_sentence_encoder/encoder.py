@@ -37,10 +37,16 @@ class SentenceEncoder:
         try:
             self._session = onnxruntime.InferenceSession(str(self._path), settings, ["CPUExecutionProvider"])
         except Exception as error:  # onnxruntime's own exceptions have no common base
-            raise EncoderError(f"the model cannot be loaded: {error}", where=str(self._path)) from error
+            raise EncoderError(
+                f"the model cannot be loaded: {error}", where=str(self._path), cure="export it again, or take another"
+            ) from error
         self._inputs = [put_in.name for put_in in self._session.get_inputs()]
         if unknown := set(self._inputs) - set(_TOKEN_INPUTS):
-            raise EncoderError(f"inputs of no sentence encoder: {', '.join(sorted(unknown))}", where=str(self._path))
+            raise EncoderError(
+                f"inputs of no sentence encoder: {', '.join(sorted(unknown))}",
+                where=str(self._path),
+                cure="take a model with input_ids and attention_mask",
+            )
 
     def encode(self, texts: Sequence[str]) -> Float32Array:
         """(n, d) float32, unit length: the model's own sentence vector, else the mean of its tokens' vectors."""

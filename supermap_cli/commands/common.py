@@ -26,8 +26,8 @@ if TYPE_CHECKING:
 
 DEFAULT_DB = "supermap.db"
 
-MOST = 1e9
-"""No number on a command line is larger, of whatever unit: a billion seconds are 32 years."""
+MOST = 9e9
+"""No number on a command line is larger, of whatever unit: so many seconds, since 1970, fit into int64 nanoseconds."""
 
 
 def sane(parameter: typer.CallbackParam, value: float | None) -> float | None:

@@ -63,6 +63,7 @@ def test_an_older_map_is_upgraded(db: Path) -> None:
         "path": database_of(str(db)).where,
         "before": 0,
         "after": SCHEMA_VERSION,
+        "ended_relations": 0,
     }
     assert supermap("db", "info", "--db", db).exit_code == 0
     assert f"has version {SCHEMA_VERSION} already" in supermap("db", "upgrade", "--db", db).stderr

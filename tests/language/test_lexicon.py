@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from importlib.resources import files
 
 import pytest
@@ -167,13 +166,6 @@ def test_close_words_are_ranked_by_similarity() -> None:
     found = close_words("tabel", ["table", "label", "cable", "chair"])
     assert found[0] == ("table", 0.8)
     assert all(score >= LEAST_SIMILARITY for _, score in found)
-
-
-def test_the_lexicon_loads_in_a_moment() -> None:
-    load_lexicon.cache_clear()
-    begun = time.process_time()
-    load_lexicon().knows("piano")
-    assert time.process_time() - begun < 0.1
 
 
 def test_the_licence_of_wordnet_comes_along() -> None:

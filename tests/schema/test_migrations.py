@@ -14,7 +14,7 @@ from sqlalchemy import Connection, create_engine, text
 
 from supermap_cli.memory import open_store
 from supermap_cli.memory.checking import check
-from supermap_cli.memory.opening import upgrade_database
+from supermap_cli.memory.opening import mend_edges, upgrade_database
 from supermap_cli.types.memory import MapDelta
 from supermap_schema import SCHEMA_VERSION, postgresql, sqlite, upgrading
 from supermap_schema.models import Base
@@ -129,6 +129,7 @@ def released(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
 def test_a_memory_of_an_earlier_release_is_lifted_and_goes_on(released: Path) -> None:
     before, after = upgrade_database(str(released))
     assert before < after == SCHEMA_VERSION
+    mend_edges(str(released))
     with open_store(str(released), read_only=True) as store, store.reader() as reader:
         assert check(reader) == []
         assert [traversal.name for traversal in reader.traversals] == ["monday", "tuesday", "wednesday"]
@@ -136,6 +137,7 @@ def test_a_memory_of_an_earlier_release_is_lifted_and_goes_on(released: Path) ->
     with open_store(str(released)) as store:
         store.roll_back_unfinished()
         m.add_traversal(store, "thursday", (300, 310), MapDelta(keyframes=(m.keyframe(301),)))
+    mend_edges(str(released))  # what the traversal that was rolled back had closed is open again
     with open_store(str(released), read_only=True) as store, store.reader() as reader:
         assert check(reader) == []
         assert [traversal.name for traversal in reader.traversals] == ["monday", "tuesday", "thursday"]

@@ -122,8 +122,8 @@ VARIANTS = (
         static=False,
         refused="TF knows no frame 'base_link'; /odom (odom -> base_link) moves 'base_link' "
         "({path}, /camera/color/image_raw): "
-        'say where it sits on the base, in metres and radians: --mount camera="X Y Z ROLL PITCH YAW", or record '
-        "/tf_static with 'base_link' -> 'oak_rgb'",
+        'say where it sits on the base, in metres and radians: --mount camera="X Y Z ROLL PITCH YAW", or name the '
+        "robot's URDF: --rig robot.urdf, or record /tf_static with 'base_link' -> 'oak_rgb'",
     ),
     Variant(
         "depth in floats, colour in a frame of its own",
