@@ -324,9 +324,12 @@ class BagRecording:
             tolerance_ns = round(opened.request.detection_tolerance_s * 1e9)
             images_ns = self._frames[camera.camera_id].image_stamps_ns()
             shift_ns = 0 if topic is None else opened.shift_ns(topic.name)
-            found = self._stamps[camera.camera_id] = find_stamps(
-                raws, images_ns, tolerance_ns, opened.decoder, shift_ns
-            )
+            by_header = DetectionStamps(images_ns, tolerance_ns, shift_ns=shift_ns)
+            given = topic is not None and topic.name in opened.request.clocks
+            reference = None if given else camera.plan.color
+            found = self._stamps[camera.camera_id] = find_stamps(raws, by_header, opened.decoder, reference)
+            if found.clock is not None and found.clock.sure and topic is not None:
+                opened.notes.note(f"clock {topic.name}", f"{self.path}, {topic.name}: {found.clock.note(topic.name)}")
             if found.own and topic is not None:
                 opened.notes.note(
                     f"stamps {topic.name}",
