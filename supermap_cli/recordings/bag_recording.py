@@ -5,6 +5,7 @@ from __future__ import annotations
 import heapq
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import cached_property, partial
+from itertools import islice
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -19,6 +20,7 @@ from supermap_cli.recordings.clock_faults import REORDER_NS
 from supermap_cli.recordings.decoding import MessageError
 from supermap_cli.recordings.detection_messages import DetectionArrival, join_masks
 from supermap_cli.recordings.detection_readers import read_detections
+from supermap_cli.recordings.detection_scale import BoxScale, find_box_scale, image_sizes, scaled_numbers
 from supermap_cli.recordings.detection_stamps import DetectionStamps, find_stamps, unjoined
 from supermap_cli.recordings.fingerprint import content_fingerprint, window_fingerprint
 from supermap_cli.recordings.image_topics import shows_a_camera
@@ -37,6 +39,9 @@ _LATE_NS = 5_000_000_000
 
 _SILENCE_NS = 30_000_000_000
 """ns before the first and after the last message of a sensor that still belong to a recording."""
+
+_BOXES_OF = 200
+"""Detection arrays whose boxes are looked at to find out of which image size they are."""
 
 _MOST_BROKEN = 50
 """Sweeps that may be broken before the first sound one; with more the topic is not what it says."""
@@ -82,6 +87,7 @@ class BagRecording:
         self._opened = opened
         times = ImageTimes(opened)
         self._stamps: dict[str, DetectionStamps] = {}
+        self._scales: dict[str, BoxScale] = {}
         self._frames = {camera.camera_id: CameraFrames(opened, camera, times) for camera in opened.rig.cameras}
 
     @property
@@ -318,9 +324,12 @@ class BagRecording:
             tolerance_ns = round(opened.request.detection_tolerance_s * 1e9)
             images_ns = self._frames[camera.camera_id].image_stamps_ns()
             shift_ns = 0 if topic is None else opened.shift_ns(topic.name)
-            found = self._stamps[camera.camera_id] = find_stamps(
-                raws, images_ns, tolerance_ns, opened.decoder, shift_ns
-            )
+            by_header = DetectionStamps(images_ns, tolerance_ns, shift_ns=shift_ns)
+            given = topic is not None and topic.name in opened.request.clocks
+            reference = None if given else camera.plan.color
+            found = self._stamps[camera.camera_id] = find_stamps(raws, by_header, opened.decoder, reference)
+            if found.clock is not None and found.clock.sure and topic is not None:
+                opened.notes.note(f"clock {topic.name}", f"{self.path}, {topic.name}: {found.clock.note(topic.name)}")
             if found.own and topic is not None:
                 opened.notes.note(
                     f"stamps {topic.name}",
@@ -335,6 +344,22 @@ class BagRecording:
         problem = unjoined(self._messages([topic.name], _LATE_NS), stamps, decoder, f"{self.path}, {topic.name}")
         if problem is not None:
             raise problem
+        self._box_scale(camera, topic)
+
+    def _box_scale(self, camera: OpenedCamera, topic: Topic) -> BoxScale:
+        """What brings a camera's boxes to its images. Raises `RecordingError` for boxes of some other images."""
+        found = self._scales.get(camera.camera_id)
+        if found is None:
+            opened, model, where = self._opened, camera.rig.camera, f"{self.path}, {topic.name}"
+            reader = partial(_detections_of, stamp_ns=0, camera_id=camera.camera_id, limits=opened.decoder.limits)
+            raws = (raw for _, raw in self._of_camera(camera, [topic.name]))
+            read = (detections for _, detections in opened.decoder.each(raws, reader))
+            size = (model.width, model.height)
+            found = find_box_scale(islice(read, _BOXES_OF), size, image_sizes(opened.rig.topics), where)
+            self._scales[camera.camera_id] = found
+            if found.why:
+                opened.notes.note(f"boxes {topic.name}", f"{where}: {found.why}")
+        return found
 
     def _of_camera(self, camera: OpenedCamera, topics: Sequence[str]) -> Iterator[tuple[int, RawMessage]]:
         """(stamp, message) of detections or masks in the window, without those that bear another camera's frame."""
@@ -366,6 +391,7 @@ class BagRecording:
         if arrays is None:
             return
         names = [arrays.name] if masks is None else [arrays.name, masks.name]
+        scale, outside = self._box_scale(camera, arrays), 0
         for stamp_ns, raw in self._of_camera(camera, names):
             arrived_ns = raw.log_ns + opened.rig.window.offset_ns
             if raw.channel.topic == arrays.name:
@@ -373,7 +399,13 @@ class BagRecording:
                     _detections_of, stamp_ns=stamp_ns, camera_id=camera.camera_id, limits=opened.decoder.limits
                 )
                 if (detections := opened.decoder.read(raw, reader)) is not None:
-                    yield DetectionArrival(stamp_ns, arrived_ns, detections=detections)
+                    scaled, strays = scale.apply(detections)
+                    if outside := outside + strays:
+                        opened.notes.note(
+                            f"outside {arrays.name}",
+                            f"{self.path}, {arrays.name}: {outside} boxes outside their images left out",
+                        )
+                    yield DetectionArrival(stamp_ns, arrived_ns, detections=scaled)
                 continue
             if (image := opened.decoder.read(raw, messages.read_image)) is None:
                 continue
@@ -385,6 +417,7 @@ class BagRecording:
                 continue
             except RecordingError as error:
                 raise RecordingError(error.what, where=place, cure=error.cure) from error
+            numbers = scaled_numbers(numbers, scale.image_size)
             yield DetectionArrival(stamp_ns, arrived_ns, numbers=numbers)
 
 

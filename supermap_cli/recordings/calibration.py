@@ -34,7 +34,7 @@ def camera_from_calibration(
     """
     model = calibration.model.strip().lower()
     if model == "equirectangular":
-        return EquirectangularCamera(*image_size)
+        return panorama_camera(image_size)
     only_p = not has_intrinsics(calibration.K)
     rectified = rectified or only_p
     matrix = calibration.P[:, :3] if only_p or (rectified and calibration.P[0, 0] > 0) else calibration.K
@@ -62,6 +62,21 @@ def camera_from_calibration(
         )
     length = 8 if len(distortion) > 5 else _PERSPECTIVE[model]
     return replace(intrinsics, distortion=_distortion(distortion, length))
+
+
+def panorama_camera(image_size: tuple[int, int]) -> EquirectangularCamera:
+    """The camera of full panoramas of `image_size` (width, height), which are twice as wide as high: 360 by 180
+    degrees. Raises `CalibrationError` for another shape; the caller adds the topic.
+    """
+    width, height = image_size
+    if abs(width / (2 * height) - 1) > _ASPECT_TOLERANCE:
+        raise CalibrationError(
+            f"an image of {width} x {height} pixels is no full panorama: one of 360 x 180 degrees is twice as wide as "
+            "high",
+            cure="leave out --camera equirectangular, name the images' camera_info with --topic camera_info=/..., or "
+            "record the panorama whole",
+        )
+    return EquirectangularCamera(width, height)
 
 
 def is_calibrated(calibration: CalibrationMessage) -> bool:

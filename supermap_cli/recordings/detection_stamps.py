@@ -11,9 +11,11 @@ import numpy as np
 from supermap_cli.errors import RecordingError
 from supermap_cli.geometry.arrays import IntArray
 from supermap_cli.recordings.decoding import Decoder
+from supermap_cli.recordings.detection_clock import DetectionClock, find_detection_clock
 from supermap_cli.recordings.detection_readers import own_stamp_ns
 from supermap_cli.recordings.messages import peek_stamp_ns
 from supermap_cli.recordings.storage import RawMessage
+from supermap_cli.recordings.survey import Topic
 
 _LEAST_JOINED = 0.5
 """Share of the arrays that must have an image by their own stamps; with fewer, other ways are tried."""
@@ -31,13 +33,14 @@ class DetectionStamps:
 
     `images_ns` are the stamps of all images, ascending; `own` says that the stamp is not the header's but what the
     array says of its image; `shift_ns` is added to it; beyond `tolerance_ns` an array belongs to no image and keeps
-    its stamp.
+    its stamp. `clock` is the detections' own, where they have one; only where it is sure it is in `shift_ns`.
     """
 
     images_ns: IntArray
     tolerance_ns: int
     own: bool = False
     shift_ns: int = 0
+    clock: DetectionClock | None = None
 
     def of(self, raw: RawMessage, decoder: Decoder) -> int:
         """The stamp of the image that a message belongs to. Raises `MessageError` for one without a whole header."""
@@ -74,18 +77,26 @@ _LISTS = ("detections", "bounding_boxes", "objects")
 
 
 def find_stamps(
-    raws: Iterable[RawMessage], images_ns: IntArray, tolerance_ns: int, decoder: Decoder, shift_ns: int = 0
+    raws: Iterable[RawMessage], by_header: DetectionStamps, decoder: Decoder, camera: Topic | None = None
 ) -> DetectionStamps:
     """By what the arrays belong to their images: whichever of header and own stamps joins more of them, the header's
-    where both do.
+    where both do. With the images' topic `camera`, a clock of the detections' own is looked for.
     """
-    by_header = DetectionStamps(images_ns, tolerance_ns, shift_ns=shift_ns)
-    by_own = replace(by_header, own=True)
     tried = [raw for raw, _ in zip(raws, range(_TRIED), strict=False)]
-    header = _joined(tried, by_header, decoder)
-    if not tried or header >= _LEAST_JOINED * len(tried):
+    if not tried:
         return by_header
-    return by_own if _joined(tried, by_own, decoder) > header else by_header
+    by_own, header = replace(by_header, own=True), _joined(tried, by_header, decoder) / len(tried)
+    own = _joined(tried, by_own, decoder) / len(tried) if header < _LEAST_JOINED else 0.0
+    better = by_own if own > header else by_header
+    if camera is None or own >= _LEAST_JOINED:
+        return better
+    stamped_ns = [(stamp_ns, raw.log_ns) for stamp_ns, raw in decoder.stamped(tried, peek_stamp_ns)]
+    clock = find_detection_clock(
+        stamped_ns, by_header.images_ns, camera.clock_offset_ns - by_header.shift_ns, header, camera.name
+    )
+    if clock is None:
+        return better
+    return replace(by_header, shift_ns=clock.shift_ns if clock.sure else by_header.shift_ns, clock=clock)
 
 
 def _joined(raws: Iterable[RawMessage], stamps: DetectionStamps, decoder: Decoder) -> int:
@@ -100,6 +111,13 @@ def unjoined(
     """
     if not len(stamps.images_ns):
         return None
+    if stamps.clock is not None and not stamps.clock.sure:
+        topic = where.rpartition(", ")[2]
+        return RecordingError(
+            f"{stamps.clock.what}: which image each array belongs to cannot be told",
+            where=where,
+            cure=stamps.clock.cure(topic),
+        )
     first_ns, last_ns = int(stamps.images_ns[0]) - _LATE_NS, int(stamps.images_ns[-1]) + _LATE_NS
     apart_ns = [
         stamps.apart_ns(stamp_ns) for stamp_ns, _ in decoder.stamped(raws, stamps.of) if first_ns <= stamp_ns <= last_ns

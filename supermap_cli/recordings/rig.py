@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 from supermap_cli.errors import CalibrationError
 from supermap_cli.geometry.arrays import FloatArray
-from supermap_cli.geometry.cameras import Camera, EquirectangularCamera
-from supermap_cli.recordings.calibration import camera_from_calibration
+from supermap_cli.geometry.cameras import Camera
+from supermap_cli.recordings.calibration import camera_from_calibration, panorama_camera
 from supermap_cli.recordings.motion import PoseSource
 from supermap_cli.recordings.pose_topics import BASE_NAMES, last_part
 from supermap_cli.recordings.roles import role_name
@@ -69,13 +69,17 @@ class RigBuilder:
                 "the images have no size", where=f"{self._where}, {image.name}", cure="name another topic with --topic"
             )
         if self._forced_model == "equirectangular":
-            return EquirectangularCamera(*image.size)
+            try:
+                return panorama_camera(image.size)
+            except CalibrationError as error:
+                raise CalibrationError(error.what, where=f"{self._where}, {image.name}", cure=error.cure) from error
         place = f"{self._where}, {info.name if info else image.name}"
         if info is None or info.calibration is None:
             raise CalibrationError(
                 "no calibration for the camera",
                 where=place,
-                cure=f"record its camera_info, name it with --topic {role}=/..., or force --camera equirectangular",
+                cure=f"record its camera_info, or name it with --topic {role}=/...; full panoramas need none: --camera "
+                "equirectangular",
             )
         try:
             return camera_from_calibration(info.calibration, image.size, is_rectified(image.name))

@@ -50,13 +50,13 @@ def sensor_clocks(
         apart_ns = topic.clock_offset_ns - reference.clock_offset_ns
         if abs(apart_ns) < OTHER_CLOCK_NS or not (_is_steady(topic) and _is_steady(reference)):
             continue
-        what = f"its clock is {_apart_text(apart_ns, reference.name)}, by times of recording"
+        what = f"its clock is {apart_text(apart_ns, reference.name)}, by times of recording"
         if _is_late(topic, reference, apart_ns):
             notes.note(
                 f"clock {topic.name}", f"{where}, {topic.name}: {what}; as this varies, messages are recorded late"
             )
         elif _is_sure(topic, reference, apart_ns):
-            shifts[topic.name] = -_scale_ns(apart_ns)
+            shifts[topic.name] = -(known_scale_ns(apart_ns) or apart_ns)
             notes.note(
                 f"clock {topic.name}",
                 f"{where}, {topic.name}: {what}; {shifts[topic.name] / 1e9:+.3f} s are added to its stamps (--clock "
@@ -112,18 +112,17 @@ def _spread_ns(offsets_ns: Sequence[int]) -> int:
     return inner[-1] - inner[0]
 
 
-def _scale_ns(apart_ns: int) -> int:
-    """The difference of time scales that is meant, where it is one; else the difference itself."""
+def known_scale_ns(apart_ns: int) -> int | None:
+    """The difference of time scales, or of time zones, that is meant, in ns; `None` where it is none."""
     for seconds in _KNOWN_NS:
         if abs(abs(apart_ns) - seconds * 10**9) < _KNOWN_WITHIN_NS:
             return int(np.sign(apart_ns)) * seconds * 10**9
     hours = round(apart_ns / _HOUR_NS)
-    return (
-        hours * _HOUR_NS if 0 < abs(hours) <= 14 and abs(apart_ns - hours * _HOUR_NS) < _KNOWN_WITHIN_NS else apart_ns
-    )
+    zone = 0 < abs(hours) <= _MOST_HOURS and abs(apart_ns - hours * _HOUR_NS) < _KNOWN_WITHIN_NS
+    return hours * _HOUR_NS if zone else None
 
 
-def _apart_text(apart_ns: int, other: str) -> str:
+def apart_text(apart_ns: int, other: str) -> str:
     """How far apart, and which known scales of time that tells: "37.0 s ahead of (TAI ...)"."""
     side = "ahead of" if apart_ns > 0 else "behind"
     seconds = abs(apart_ns) / 1e9

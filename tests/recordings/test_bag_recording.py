@@ -256,9 +256,20 @@ def test_a_camera_on_a_moving_head_moves(tmp_path):
 
 
 def test_a_forced_panorama_needs_no_calibration(tmp_path):
-    path = bags.write_recording(tmp_path / "run.mcap", without={"camera_info"})
-    frame = next(open_(path, camera="equirectangular").frames())
-    assert frame.camera == EquirectangularCamera(bags.WIDTH, bags.HEIGHT)
+    with bags.BagWriter(tmp_path / "run.mcap") as bag:
+        bag.image("/camera/image", bags.START_NS, FRAME, bags.color_image(0)[:32], "rgb8")
+        bag.image("/camera/depth", bags.START_NS, FRAME, bags.depth_image()[:32], "16UC1")
+        bag.odometry("/odom", bags.START_NS, np.eye(4), child_frame_id=FRAME)
+    frame = next(open_(tmp_path / "run.mcap", camera="equirectangular").frames())
+    assert frame.camera == EquirectangularCamera(64, 32)
+
+
+def test_an_image_that_is_not_twice_as_wide_as_high_is_no_panorama(tmp_path):
+    path = bags.write_recording(tmp_path / "run.mcap")
+    with pytest.raises(
+        RecordingError, match=r"64 x 48 pixels is no full panorama.*color/image_raw.*leave out --camera"
+    ):
+        open_(path, camera="equirectangular")
 
 
 def test_lidar_sweeps_are_placed_on_the_base(tmp_path):

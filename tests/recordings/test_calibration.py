@@ -40,6 +40,8 @@ def test_models_by_their_ros_names(model, D, kind, length):
 def test_an_equirectangular_panorama_needs_no_intrinsics():
     info = replace(INFO, model="equirectangular", K=np.zeros((3, 3)))
     assert camera_from_calibration(info, (1000, 500)) == EquirectangularCamera(1000, 500)
+    with pytest.raises(CalibrationError, match="no full panorama"):
+        camera_from_calibration(info, (640, 480))
 
 
 def test_the_region_of_interest_moves_the_principal_point_and_binning_divides():
