@@ -6,7 +6,7 @@ import shutil
 import sqlite3
 import tempfile
 from collections.abc import Iterator
-from contextlib import closing
+from contextlib import closing, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,8 +16,10 @@ from sqlalchemy.exc import DatabaseError
 
 from supermap_cli.errors import STUMBLES, MemoryStoreError, SupermapError
 from supermap_cli.memory.checking import problems_of
+from supermap_cli.memory.damaged_tables import DamagedTables
 from supermap_cli.memory.databases.sqlite import SqliteFile
 from supermap_cli.memory.databases.sqlite_errors import sqlite_error
+from supermap_cli.memory.databases.sqlite_pages import mend_header
 from supermap_cli.memory.mending import Row, drop_named, make_anew, make_spans, make_traversals, mended
 from supermap_cli.memory.names import clean_text
 from supermap_cli.memory.repairing import repair
@@ -25,7 +27,6 @@ from supermap_schema import SCHEMA_VERSION, models, sqlite
 from supermap_schema.checksums import store_all_sums
 from supermap_schema.upgrading import upgrade
 
-_MAGIC = b"SQLite format 3\x00"
 _ROUNDS = 20
 """Rows whose loss breaks others are dropped in rounds; a chain of states and changes is sound long before."""
 
@@ -70,12 +71,17 @@ def recover(url: str, out: Path) -> Recovered:
 
 
 def _copy(source: Path, copy: Path) -> None:
+    """Copy a file and its log, with a header that SQLite takes, and move the log into the copy."""
+    has_log = False
     for suffix in ("", "-wal"):
         beside = source.resolve().with_name(source.resolve().name + suffix)
         if beside.is_file():
             shutil.copyfile(beside, copy.with_name(copy.name + suffix))
-    with copy.open("r+b") as file:
-        file.write(_MAGIC)
+            has_log = suffix == "-wal" and beside.stat().st_size > 0
+    mend_header(copy, has_log=has_log)
+    with suppress(sqlite3.Error), closing(sqlite3.connect(copy)) as connection:
+        connection.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchall()
+    mend_header(copy, has_log=False)
 
 
 def _rebuilt(copy: Path, made: SqliteFile) -> Recovered:
@@ -90,6 +96,7 @@ def _rebuilt(copy: Path, made: SqliteFile) -> Recovered:
         ):
             source.row_factory = sqlite3.Row
             source.text_factory = _as_text
+            damaged = DamagedTables(copy)
             upgrade(target)
             for name in sqlite.TRIGGERS:
                 target.exec_driver_sql(f"DROP TRIGGER {name}")
@@ -97,7 +104,7 @@ def _rebuilt(copy: Path, made: SqliteFile) -> Recovered:
             for table in reversed(models.Base.metadata.sorted_tables):  # traversals last: keyframes tell their spans
                 if table.name == "checksum" and not _has(source, table):  # a map of an earlier version
                     continue
-                saved[table.name], lost[table.name] = _copy_table(source, target, table)
+                saved[table.name], lost[table.name] = _copy_table(source, target, table, damaged)
             if "checksum" not in saved:
                 store_all_sums(target)
             repaired = _made_sound(target, saved, lost)
@@ -118,10 +125,12 @@ def _as_text(content: bytes) -> str:
     return content.decode("utf-8", "replace")
 
 
-def _copy_table(source: sqlite3.Connection, target: Connection, table: Table) -> tuple[int, int]:
+def _copy_table(
+    source: sqlite3.Connection, target: Connection, table: Table, damaged: DamagedTables
+) -> tuple[int, int]:
     """How many rows were copied, and how many were not."""
     saved, lost = 0, 0
-    for row in _readable(source, table):
+    for row in _readable(source, table, damaged):
         values = None
         if row is not None:
             try:
@@ -150,8 +159,33 @@ def _inserted(target: Connection, table: Table, values: Row) -> bool:
         return False
 
 
-def _readable(source: sqlite3.Connection, table: Table) -> Iterator[Row | None]:
-    """The rows that can be read in the order of their row ids, from both ends of what cannot; `None` for a lost one."""
+def _readable(source: sqlite3.Connection, table: Table, damaged: DamagedTables) -> Iterator[Row | None]:
+    """The rows in the order of their row ids; `None` for a lost one.
+
+    Where SQLite meets damage it is asked from the other end, and what lies between is read page by page.
+    """
+    seen: set[int] = set()
+    failed = False
+    for row in _walked(source, table):
+        if row is None:
+            failed = True
+        else:
+            seen.add(row["row id"])
+            yield row
+    if not failed:
+        return
+    lost = 0
+    for row in damaged.rows(table):
+        if row is None:
+            lost += 1
+        elif row["row id"] not in seen:
+            seen.add(row["row id"])
+            yield row
+    yield from [None] * max(lost, 1)
+
+
+def _walked(source: sqlite3.Connection, table: Table) -> Iterator[Row | None]:
+    """The rows that SQLite reads from both ends of what it cannot; `None` in between."""
     last = yield from _walk(source, table, "ASC", None)
     if last is not None:
         yield None
