@@ -40,7 +40,11 @@ Check = Callable[[Connection], Iterator[Problem]]
 
 def check(reader: MapReader) -> list[Problem]:
     """Every broken invariant of the map. Whatever damage there is ends no check but the one that meets it."""
-    connection = reader.connection
+    return problems_of(reader.connection)
+
+
+def problems_of(connection: Connection) -> list[Problem]:
+    """`check` within a transaction that is open already."""
     dialect = dialect_of(connection)
     problems = list(_surviving("schema", connection, lambda each: _missing(each, dialect)))
     if any(problem.row in models.Base.metadata.tables for problem in problems):

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import datetime as dt
+import json
 from collections.abc import Iterator, Sequence
 from typing import Any
 
 from sqlalchemy import Connection, column, delete, insert, select, update
 
+from supermap_cli.errors import MemoryStoreError
+from supermap_cli.memory.stored_values import parsed_texts
 from supermap_cli.memory.values import Problem
 from supermap_schema.checksums import IMMUTABLE, Sum, sums, sums_of
 from supermap_schema.models import Checksum, Traversal
@@ -56,13 +60,25 @@ def sums_without_rows(connection: Connection) -> Iterator[Problem]:
 
 
 def renew_sums(connection: Connection) -> tuple[str, ...]:
-    """Make the checksums those of the rows as they are. Returns in words which ones were not."""
+    """Make the checksums those of the rows as they are. Returns in words which ones were not.
+
+    A traversal whose rows were not those that were built says so from then on, by a warning with the day.
+    """
     names = _complete(connection)
     connection.execute(delete(Checksum).where(Checksum.traversal_id.not_in(list(names))))
     connection.execute(delete(Checksum).where(Checksum.table_name.not_in(list(IMMUTABLE))))
     done = []
-    for table, immutable in IMMUTABLE.items():
+    changed: dict[int, list[str]] = {}
+    # The traversal's own row comes last: the warning is a part of it.
+    for table, immutable in sorted(IMMUTABLE.items(), key=lambda item: item[0] == "traversal"):
         stored = _stored(connection, table)
+        if table == "traversal":
+            own = sums_of(connection, names, immutable)
+            for traversal_id in names:
+                if stored.get(traversal_id) != own[traversal_id]:
+                    changed.setdefault(traversal_id, []).append(table)
+            for traversal_id, tables in changed.items():
+                _warn(connection, traversal_id, tables)
         for traversal_id, now in sums_of(connection, names, immutable).items():
             was = stored.get(traversal_id)
             if was == now:
@@ -71,9 +87,26 @@ def renew_sums(connection: Connection) -> tuple[str, ...]:
             connection.execute(delete(Checksum).where(*key))
             values = {"traversal_id": traversal_id, "table_name": table}
             connection.execute(insert(Checksum), {**values, "row_count": now.rows, "digest": now.digest})
-            why = "it was missing" if was is None else "its rows are not those that were built"
-            done.append(f"checksum of {table} of traversal {names[traversal_id]} made anew: {why}")
+            if table != "traversal":
+                changed.setdefault(traversal_id, []).append(table)
+            if table in changed[traversal_id]:
+                why = "it was missing" if was is None else "its rows are not those that were built"
+                done.append(f"checksum of {table} of traversal {names[traversal_id]} made anew: {why}")
     return tuple(done)
+
+
+def _warn(connection: Connection, traversal_id: int, tables: Sequence[str]) -> None:
+    """Keep for good that rows of a traversal are not sure to be those that were built."""
+    today = dt.datetime.now(dt.UTC).date().isoformat()
+    row = connection.execute(select(Traversal.warnings).where(Traversal.id == traversal_id)).scalar_one()
+    try:
+        warnings = parsed_texts(row, "warnings")
+    except MemoryStoreError:  # a fault of its own
+        return
+    what = f"repaired on {today}: whether {', '.join(tables)} rows are as they were built cannot be verified since"
+    if what not in warnings:
+        values = json.dumps([*warnings, what])
+        connection.execute(update(Traversal).where(Traversal.id == traversal_id).values(warnings=values))
 
 
 def _complete(connection: Connection) -> Names:

@@ -28,6 +28,9 @@ _FIT_M = """(SELECT CASE WHEN count(*) > 0 THEN 0.1 ELSE 1e-6 END AS m FROM trav
 Both are equal, but in merged maps: there a state's box is rotated as a whole, an instance's voxels into another grid.
 """
 
+KEYFRAMES_LOST = "keyframes were lost in damage to the map"
+"""A warning of a recovered traversal: its things then have times at which no keyframe is left."""
+
 _PLACE = ("x", "y", "z", "center_x", "center_y", "center_z", "size_z")
 
 _COUNTED = f"""{_PARTS}, counted(number, n) AS (SELECT part.survivor, sum(own.n) FROM part JOIN
@@ -197,9 +200,11 @@ STATES = (
     Invariant(
         "state",
         "was first or last seen at a time that is no keyframe's",
-        """SELECT i.id || ' state ' || s.state_index FROM state s JOIN instance i ON i.number = s.instance_number
-           WHERE s.first_seen_ns NOT IN (SELECT stamp_ns FROM keyframe)
-           OR s.last_seen_ns NOT IN (SELECT stamp_ns FROM keyframe)""",
+        f"""SELECT i.id || ' state ' || s.state_index FROM state s JOIN instance i ON i.number = s.instance_number
+           WHERE (s.first_seen_ns NOT IN (SELECT stamp_ns FROM keyframe)
+           OR s.last_seen_ns NOT IN (SELECT stamp_ns FROM keyframe))
+           AND NOT EXISTS (SELECT 1 FROM traversal t WHERE t.warnings LIKE '%{KEYFRAMES_LOST}%' AND
+           (s.first_seen_ns BETWEEN t.start_ns AND t.end_ns OR s.last_seen_ns BETWEEN t.start_ns AND t.end_ns))""",
     ),
     Invariant(
         "state",

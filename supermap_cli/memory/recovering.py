@@ -5,32 +5,30 @@ from __future__ import annotations
 import shutil
 import sqlite3
 import tempfile
-from collections.abc import Callable, Iterator
-from contextlib import closing
+from collections.abc import Iterator
+from contextlib import closing, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from sqlalchemy import Connection, Table
 from sqlalchemy.exc import DatabaseError
 
-from supermap_cli.errors import STUMBLES, MemoryStoreError
-from supermap_cli.geometry.cameras import camera_from_json
-from supermap_cli.memory import blobs
+from supermap_cli.errors import STUMBLES, MemoryStoreError, SupermapError
+from supermap_cli.memory.checking import problems_of
+from supermap_cli.memory.damaged_tables import DamagedTables
 from supermap_cli.memory.databases.sqlite import SqliteFile
 from supermap_cli.memory.databases.sqlite_errors import sqlite_error
-from supermap_cli.memory.depth_png import depth_shape
+from supermap_cli.memory.databases.sqlite_pages import mend_header
+from supermap_cli.memory.mending import Row, drop_named, make_anew, make_spans, make_traversals, mended
 from supermap_cli.memory.names import clean_text
 from supermap_cli.memory.repairing import repair
-from supermap_cli.types.memory import VoxelCloud
 from supermap_schema import SCHEMA_VERSION, models, sqlite
+from supermap_schema.checksums import store_all_sums
 from supermap_schema.upgrading import upgrade
 
-_MAGIC = b"SQLite format 3\x00"
-_EDGE_M = 0.05
-"""Metres; the voxel edge of a shape that is lost, which is empty."""
-Row = dict[str, Any]
+_ROUNDS = 20
+"""Rows whose loss breaks others are dropped in rounds; a chain of states and changes is sound long before."""
 
 
 @dataclass(frozen=True)
@@ -73,12 +71,17 @@ def recover(url: str, out: Path) -> Recovered:
 
 
 def _copy(source: Path, copy: Path) -> None:
+    """Copy a file and its log, with a header that SQLite takes, and move the log into the copy."""
+    has_log = False
     for suffix in ("", "-wal"):
         beside = source.resolve().with_name(source.resolve().name + suffix)
         if beside.is_file():
             shutil.copyfile(beside, copy.with_name(copy.name + suffix))
-    with copy.open("r+b") as file:
-        file.write(_MAGIC)
+            has_log = suffix == "-wal" and beside.stat().st_size > 0
+    mend_header(copy, has_log=has_log)
+    with suppress(sqlite3.Error), closing(sqlite3.connect(copy)) as connection:
+        connection.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchall()
+    mend_header(copy, has_log=False)
 
 
 def _rebuilt(copy: Path, made: SqliteFile) -> Recovered:
@@ -93,16 +96,18 @@ def _rebuilt(copy: Path, made: SqliteFile) -> Recovered:
         ):
             source.row_factory = sqlite3.Row
             source.text_factory = _as_text
+            damaged = DamagedTables(copy)
             upgrade(target)
             for name in sqlite.TRIGGERS:
                 target.exec_driver_sql(f"DROP TRIGGER {name}")
             target.exec_driver_sql("PRAGMA defer_foreign_keys = ON")
-            for table in models.Base.metadata.sorted_tables:
+            for table in reversed(models.Base.metadata.sorted_tables):  # traversals last: keyframes tell their spans
                 if table.name == "checksum" and not _has(source, table):  # a map of an earlier version
                     continue
-                saved[table.name], lost[table.name] = _copy_table(source, target, table)
-            _drop_contradictions(target, saved, lost)
-            repaired = repair(target)
+                saved[table.name], lost[table.name] = _copy_table(source, target, table, damaged)
+            if "checksum" not in saved:
+                store_all_sums(target)
+            repaired = _made_sound(target, saved, lost)
             target.exec_driver_sql(f"PRAGMA user_version = {SCHEMA_VERSION}")
     finally:
         engine.dispose()  # the last connection moves all of the -wal into the file
@@ -120,16 +125,17 @@ def _as_text(content: bytes) -> str:
     return content.decode("utf-8", "replace")
 
 
-def _copy_table(source: sqlite3.Connection, target: Connection, table: Table) -> tuple[int, int]:
+def _copy_table(
+    source: sqlite3.Connection, target: Connection, table: Table, damaged: DamagedTables
+) -> tuple[int, int]:
     """How many rows were copied, and how many were not."""
     saved, lost = 0, 0
-    mend: Callable[[Row], Row] = _MENDED.get(table.name, dict)
-    for row in _readable(source, table):
+    for row in _readable(source, table, damaged):
         values = None
         if row is not None:
             try:
-                values = mend({name: _text_cleaned(row.get(name)) for name in table.columns.keys()})  # noqa: SIM118
-            except (MemoryStoreError, *STUMBLES):
+                values = mended(table.name, {name: _text_cleaned(row.get(name)) for name in table.columns.keys()})  # noqa: SIM118
+            except (SupermapError, *STUMBLES):
                 values = None
         kept = values is not None and _inserted(target, table, values)
         saved, lost = saved + kept, lost + (not kept)
@@ -153,8 +159,33 @@ def _inserted(target: Connection, table: Table, values: Row) -> bool:
         return False
 
 
-def _readable(source: sqlite3.Connection, table: Table) -> Iterator[Row | None]:
-    """The rows that can be read in the order of their row ids, from both ends of what cannot; `None` for a lost one."""
+def _readable(source: sqlite3.Connection, table: Table, damaged: DamagedTables) -> Iterator[Row | None]:
+    """The rows in the order of their row ids; `None` for a lost one.
+
+    Where SQLite meets damage it is asked from the other end, and what lies between is read page by page.
+    """
+    seen: set[int] = set()
+    failed = False
+    for row in _walked(source, table):
+        if row is None:
+            failed = True
+        else:
+            seen.add(row["row id"])
+            yield row
+    if not failed:
+        return
+    lost = 0
+    for row in damaged.rows(table):
+        if row is None:
+            lost += 1
+        elif row["row id"] not in seen:
+            seen.add(row["row id"])
+            yield row
+    yield from [None] * max(lost, 1)
+
+
+def _walked(source: sqlite3.Connection, table: Table) -> Iterator[Row | None]:
+    """The rows that SQLite reads from both ends of what it cannot; `None` in between."""
     last = yield from _walk(source, table, "ASC", None)
     if last is not None:
         yield None
@@ -194,6 +225,33 @@ def _some_rows(source: sqlite3.Connection, table: Table, order: str, at: int | N
     return rows, False
 
 
+def _made_sound(target: Connection, saved: dict[str, int], lost: dict[str, int]) -> tuple[str, ...]:
+    """Mend and drop until every invariant holds. Returns in words what was made anew."""
+    added = make_traversals(target)
+    saved["traversal"], lost["traversal"] = saved["traversal"] + added, max(lost["traversal"] - added, 0)
+    make_spans(target)
+    repaired: tuple[str, ...] = ()
+    for _ in range(_ROUNDS):
+        for name in sqlite.TRIGGERS:
+            target.exec_driver_sql(f"DROP TRIGGER IF EXISTS {name}")
+        _drop_contradictions(target, saved, lost)
+        make_anew(target, observations_lost=lost["observation"] > 0)
+        repaired += tuple(done for done in repair(target) if done not in repaired)
+        problems = problems_of(target)
+        if not problems:
+            break
+        for name in sqlite.TRIGGERS:
+            target.exec_driver_sql(f"DROP TRIGGER IF EXISTS {name}")
+        dropped = drop_named(target, problems)
+        for table, count in dropped.items():
+            saved[table] -= count
+            lost[table] += count
+        if not any(dropped.values()):
+            repaired += repair(target)
+            break
+    return repaired
+
+
 def _drop_contradictions(target: Connection, saved: dict[str, int], lost: dict[str, int]) -> None:
     """Rows that point nowhere, and things without a state, until there are none."""
     for _ in range(20):
@@ -211,24 +269,3 @@ def _drop(target: Connection, table: str, where: str, saved: dict[str, int], los
     saved[table] -= count
     lost[table] += count
     return count
-
-
-def _mended_keyframe(row: Row) -> Row:
-    """A keyframe whose camera and depth can be read. Raises for others."""
-    camera_from_json(row["camera"])
-    depth_shape(row["depth_png"])
-    return row
-
-
-def _mended_instance(row: Row) -> Row:
-    """A thing whose shape is lost has none; its places, labels and observations stay."""
-    try:
-        blobs.decode_voxels(row["voxels"])
-    except (MemoryStoreError, *STUMBLES):
-        none = np.zeros(0, np.float32)
-        cloud = VoxelCloud(_EDGE_M, np.zeros((0, 3), np.int32), none, none, none, np.zeros((0, 3), np.uint8))
-        row["voxels"] = blobs.encode_voxels(cloud)
-    return row
-
-
-_MENDED: dict[str, Callable[[Row], Row]] = {"keyframe": _mended_keyframe, "instance": _mended_instance}
