@@ -70,6 +70,9 @@ _EVENTS: dict[str, Event] = {
 PERSONS = frozenset({"person", "human", "man", "woman", "child", "anybody", "anyone", "somebody", "someone"})
 """Names of those who come by."""
 
+CARRYING = ("on", "inside", "attached to", "at")
+"""The relations of what a thing has, where none is named: a desk without a monitor has none on it, in it, or at it."""
+
 CONDITIONS = get_args(tree.Condition)
 ATTRIBUTES = get_args(tree.Attribute)
 NOUNS = get_args(tree.Noun)
@@ -358,6 +361,13 @@ class BuildThings:
 
     def inverse(self, parts: list[Any]) -> tree.Condition:
         return related_to(parts, only(parts, tree.Things), inverse=True)
+
+    def lacking(self, parts: list[Any]) -> tree.Condition:
+        things = only(parts, tree.Things)
+        if things.quantity not in {None, "any"} or things.superlative is not None:
+            raise NoReading
+        reference = replace(things, quantity=None)
+        return tree.Not(tree.Or(tuple(tree.Related(name, reference, inverse=True) for name in CARRYING)))
 
     def inverse_all(self, parts: list[Any]) -> tree.Condition:
         return tree.And(tuple(related_to(parts, things, inverse=True) for things in of_type(parts, tree.Things)))

@@ -309,7 +309,7 @@ def clause_text(condition: Condition, number: int, *, past: bool) -> str:
     match condition:
         case Happened(event, _):
             return f"{verb('is', number, past=True)} seen" if event == "seen" else EVENT_VERBS[event]
-        case Not(Related(inverse=True)) | Except():
+        case Not(Related(inverse=True) | Or((Related(inverse=True), *_))) | Except():
             return f"{is_or_are} known {condition_text(condition)}"
         case Not() | And() | Or() | Having():
             return f"{is_or_are} known that {verb('is', number, past=past)} {condition_text(condition)}"

@@ -195,6 +195,8 @@ def condition_text(condition: Condition) -> str:  # noqa: PLR0911 - one case a k
             return f"that {EVENT_VERBS[event]}"
         case Not(Related(relation, reference, True)):
             return f"without {things_text(reference)} {relation} it"
+        case Not(Or((Related("on", reference, True), *_, Related("at", _, True)))):
+            return f"without {things_text(reference)} on, in or at it"
         case Not(negated):
             return f"not {condition_text(negated)}"
         case Except(things):
