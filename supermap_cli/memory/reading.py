@@ -275,9 +275,9 @@ class MapReader:
         return tuple(rows.temporal_edge(row) for _, row in sorted(found.items()))
 
     def temporal_edges_within(self, low_ns: int, high_ns: int) -> tuple[TemporalEdge, ...]:
-        """The temporal edges whose later bound lies in [low_ns, high_ns], or whose bounds hold it, ordered by time."""
+        """The temporal edges whose bounds overlap [low_ns, high_ns], ordered by time."""
         edge = models.TemporalEdge
-        began = or_(edge.not_before_ns.is_(None), edge.not_before_ns <= low_ns, edge.not_after_ns <= high_ns)
+        began = or_(edge.not_before_ns.is_(None), edge.not_before_ns <= high_ns, edge.not_after_ns <= high_ns)
         statement = select(edge.__table__).where(edge.not_after_ns >= low_ns, began)
         return tuple(map(rows.temporal_edge, self.connection.execute(statement.order_by(edge.not_after_ns, edge.id))))
 

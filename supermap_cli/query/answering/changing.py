@@ -32,6 +32,7 @@ from supermap_cli.query.answering.phrases import (
 from supermap_cli.query.answering.places import place_of
 from supermap_cli.query.answering.things import ThingsFinder, conditions_of
 from supermap_cli.query.change_classification import MIN_MOVE_M, state_distance_m
+from supermap_cli.query.clock import Clock
 from supermap_cli.query.time_selector import TimeSelector
 from supermap_cli.query.views import InstanceView
 from supermap_cli.types.labels import DYNAMIC_CLASSES
@@ -46,6 +47,7 @@ _VERBS = {
     "moved": "moved",
     "relabelled": "became another thing",
 }
+_PARTICIPLES = {**_VERBS, "returned": "come back", "relabelled": "become another thing"}
 _OPEN_TEXT = {
     "first observed": "may be new: nobody had looked at the place before",
     "not observed again": "may have gone: nobody saw the place again well enough",
@@ -64,24 +66,29 @@ def changes(finder: ThingsFinder, question: Changes, asked: Time | None) -> Repl
         nearest = lister.nearest(question.things)
         missing = missing_sentence(finder, question.things, nearest, window.text)
         return Reply("changes", missing, (), nearest, verdict="no" if question.exists else None)
-    happened, undecided = of_event(changes_of(asking, window, numbers), question.events)
+    told, undecided = of_event(changes_of(asking, window, numbers), question.events)
+    happened = [change for change in told if window.certain(change)]
+    perhaps = [change for change in told if not window.certain(change)]
     views = _views(lister, happened)
-    sentence = _sentence(happened, question, window)
-    unknown = _undecided_text(undecided, window, of_some=numbers is not None)
+    sentence = "" if perhaps and not happened else _sentence(happened, question, window)
+    unknown = _perhaps_text(asking.clock, perhaps) + _undecided_text(undecided, window, of_some=numbers is not None)
     verdict: Truth | None = None
     lead = ""
     if question.exists:
-        verdict = "yes" if happened else "unknown" if undecided and numbers is not None else "no"
+        verdict = "yes" if happened else "unknown" if perhaps or (undecided and numbers is not None) else "no"
         lead = {"yes": "Yes: ", "no": "No: ", "unknown": "Nobody can say: "}[verdict]
         sentence = lowered(sentence)
+    elif not sentence:
+        lead = "Nobody can say: "
     if window.before is None and len(asking.reader.traversals) == 1:
         asking.note(
             "the map holds one traversal: there is no earlier visit to compare it with, only what it saw happen"
         )
+    undecided = perhaps + undecided
     listed = happened + (undecided if numbers is not None else [])
     return Reply(
         "changes",
-        f"{lead}{sentence}{unknown}",
+        f"{lead}{sentence}{unknown if sentence else unknown.lstrip()}",
         views,
         count=len(happened) if question.count else None,
         count_at_most=len(happened) + len(undecided) if question.count and undecided else None,
@@ -165,6 +172,19 @@ def _change_text(change: Change) -> str:
     distance = f" by {change.distance_m:.2f} m" if change.kind == "moved" and change.distance_m is not None else ""
     candidates = ", ".join(f"{each.id} {each.probability:.0%}" for each in change.may_be)
     return f"{change.id}{distance}{f', may be {candidates}' if candidates else ''}"
+
+
+def _perhaps_text(clock: Clock, perhaps: list[Change]) -> str:
+    """What happened between two times that do not both lie within the time asked for."""
+    if not perhaps:
+        return ""
+    told = [
+        f"{change.id} may have {_PARTICIPLES[change.kind]} then, some time "
+        f"{clock.between(change.not_before_ns, change.not_after_ns)}"
+        for change in perhaps[:MAX_TOLD]
+    ]
+    more = f"; and {len(perhaps) - MAX_TOLD} more" if len(perhaps) > MAX_TOLD else ""
+    return f" {'; '.join(told)}{more}."
 
 
 def _undecided_text(undecided: list[Change], window: ChangeWindow, *, of_some: bool) -> str:

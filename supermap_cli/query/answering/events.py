@@ -47,4 +47,4 @@ def event_span(asking: Asking, asked: AtEvent) -> MomentSpan:
     low_ns, high_ns, text_id = max(found, key=lambda event: event[1])
     verb = "was seen" if asked.event == "seen" else EVENT_VERBS[asked.event]
     note = f"{text_id} {verb} {asking.clock.between(low_ns, high_ns)}"
-    return MomentSpan(f"{text_id} {verb}", low_ns, high_ns, note=note)
+    return MomentSpan(f"{text_id} {verb}", low_ns, high_ns, note=note, event_of=text_id)

@@ -7,7 +7,7 @@ then the moves, departures and arrivals that the traversal itself saw are told.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from supermap_cli.errors import QueryError
@@ -29,6 +29,7 @@ from supermap_cli.memory.numbers import batches
 from supermap_cli.memory.values import StoredInstance
 from supermap_cli.query.answering.attributes import Verdict
 from supermap_cli.query.answering.phrases import time_phrase
+from supermap_cli.query.answering.times import MomentSpan
 from supermap_cli.query.candidates import InstanceCandidate
 from supermap_cli.query.change_classification import MIN_MOVE_M, compared_times, state_distance_m
 from supermap_cli.query.diff import DiffBuilder, IdentityCandidateView, ObjectChange, instances_to_compare
@@ -62,7 +63,8 @@ OPEN_KINDS: dict[Event, frozenset[str]] = {
 @dataclass(frozen=True)
 class ChangeWindow:
     """The time over which changes are asked for: from one visit (`before`) to another (`after`), or, where `before` is
-    `None`, what was seen to happen within [low_ns, high_ns].
+    `None`, what was seen to happen within [low_ns, high_ns]. `event_of` is the id of the thing whose event it starts
+    with.
     """
 
     text: str
@@ -71,6 +73,16 @@ class ChangeWindow:
     low_ns: int
     high_ns: int
     note: str | None = None
+    event_of: str | None = None
+
+    def certain(self, change: Change) -> bool:
+        """Whether a change surely fell within: both of its bounds do. Two visits are compared by what each of them saw,
+        whenever it happened in between.
+        """
+        sides = (self.before, self.after)
+        if all(side is not None and side.traversal is not None for side in sides) or change.not_after_ns is None:
+            return True
+        return self.low_ns <= (change.not_before_ns or 0) and change.not_after_ns <= self.high_ns
 
 
 @dataclass(frozen=True)
@@ -103,7 +115,7 @@ def window_of(asking: Asking, when: Time | None) -> ChangeWindow:  # noqa: PLR09
             return _visit(asking, len(traversals) - 1)
         case Since(moment):
             span = asking.times.moment(moment)
-            return _since(asking, span.end(), span.text, span.note)
+            return _since(asking, span.end(), span) if span.event_of is None else _since_event(asking, span)
         case First():
             return _visit(asking, 0)
         case BetweenTimes(first, second):
@@ -141,7 +153,8 @@ def changes_of(asking: Asking, window: ChangeWindow, numbers: Collection[int] | 
     chosen = sorted(numbers) if numbers is not None else instances_to_compare(asking.reader, times)[0]
     builder = DiffBuilder(asking.reader, times)
     found = [change for batch in batches(chosen) for change in builder.changes(batch)]
-    return [_of_diff(asking, change, times.before.at_ns) for change in found]
+    changes = [_of_diff(asking, change, times.before.at_ns) for change in found]
+    return [change for change in changes if change.id != window.event_of or window.certain(change)]
 
 
 def happened_to(
@@ -156,14 +169,16 @@ def happened_to(
     asking.note(window.note)
     changes = changes_of(asking, window, {candidate.instance.number for candidate in batch})
     by_id = {change.id: change for change in changes}
-    return [_verdict(by_id.get(candidate.instance.id), event, window) for candidate in batch]
+    return [_verdict(asking, by_id.get(candidate.instance.id), event, window) for candidate in batch]
 
 
-def _verdict(change: Change | None, event: Event, window: ChangeWindow) -> tuple[Verdict, str]:
+def _verdict(asking: Asking, change: Change | None, event: Event, window: ChangeWindow) -> tuple[Verdict, str]:
     if change is None:
         return "no", f"nothing is known to have happened to it {window.text}"
     reason = f"{change.kind} {window.text}: {change.reason}"
     if change.kind in KINDS_OF_EVENT[event]:
+        if not window.certain(change):
+            return "unsure", f"{change.kind} {asking.clock.between(change.not_before_ns, change.not_after_ns)}"
         return "yes", reason
     return ("unsure" if change.kind in OPEN_KINDS[event] else "no"), reason
 
@@ -191,7 +206,7 @@ def _two(before: TimePoint, after: TimePoint, note: str | None = None) -> Change
     return ChangeWindow(f"from {before.text} to {after.text}", before, after, before.at_ns, after.at_ns, note)
 
 
-def _since(asking: Asking, before: TimePoint, text: str, note: str | None) -> ChangeWindow:
+def _since(asking: Asking, before: TimePoint, span: MomentSpan) -> ChangeWindow:
     after = traversal_end(asking.reader.traversals[-1])
     if before.at_ns >= after.at_ns:
         one = len(asking.reader.traversals) == 1
@@ -200,7 +215,16 @@ def _since(asking: Asking, before: TimePoint, text: str, note: str | None) -> Ch
             cure=f"ask 'what changed{time_phrase(f'in {after.text}')}'"
             + ("" if one else ", or since an earlier traversal"),
         )
-    return ChangeWindow(f"since {text}", before, after, before.at_ns, after.at_ns, note)
+    return ChangeWindow(f"since {span.text}", before, after, before.at_ns, after.at_ns, span.note)
+
+
+def _since_event(asking: Asking, span: MomentSpan) -> ChangeWindow:
+    """Since an event that nobody saw: what may have been after it is compared from its earliest time on, and only what
+    was after its latest one is sure.
+    """
+    before = TimePoint(span.text, span.low_ns, span.low_ns)
+    window = _since(asking, before, span)
+    return replace(window, low_ns=span.high_ns, event_of=span.event_of)
 
 
 def _of_diff(asking: Asking, change: ObjectChange, before_ns: int) -> Change:

@@ -43,7 +43,7 @@ PARTS_OF_DAY_H = {"morning": (5, 12), "afternoon": (12, 18), "evening": (18, 22)
 @dataclass(frozen=True)
 class MomentSpan:
     """The interval [low_ns, high_ns] of map time that a moment covers, in words; `traversal` if it is one; `note` tells
-    how it was understood.
+    how it was understood; `event_of` is the id of the thing that an event happened to.
     """
 
     text: str
@@ -51,6 +51,7 @@ class MomentSpan:
     high_ns: int
     traversal: StoredTraversal | None = None
     note: str | None = None
+    event_of: str | None = None
 
     def end(self) -> TimePoint:
         """Its end as a time point."""

@@ -93,3 +93,47 @@ def test_within_one_traversal_its_own_events_are_told(tmp_path: Path) -> None:
     assert ids(found) == ["cup-1"]
     assert "there is no earlier visit to compare it with" in found.notes[-1]
     assert ask("what is new").instances == ()
+
+
+@pytest.mark.parametrize(
+    "question",
+    [
+        "what moved in the last ten minutes",
+        "what moved on monday",
+        "did the chair move on monday",
+        "did anything move in the first five minutes",
+        "what moved after the cup disappeared",
+        "chairs that moved in the last ten minutes",
+        "how many things moved in the last ten minutes",
+    ],
+)
+def test_what_may_have_happened_outside_the_time_asked_for_is_no_fact(ask: Ask, question: str) -> None:
+    """The chair moved some time between 90 s and 1001 s: no part of that lies wholly within these times."""
+    found = ask(question)
+    assert ids(found) == []
+    assert found.verdict in {None, "unknown"}
+    assert found.count in {None, 0}
+    assert "obody can say" in found.message or "perhaps" in found.message or found.count_at_most
+    assert "chair-1" in found.message
+
+
+def test_what_surely_happened_within_the_time_is_told(tmp_path: Path) -> None:
+    delta = MapDelta(
+        keyframes=m.keyframes([1, 60, 90]),
+        instances=(m.instance(1, "cup", (2, 0, 0.5), seen=(1, 90)), m.instance(2, "vase", (4, 0, 0.5), seen=(1, 90))),
+        states=(
+            m.state(1, 0, (1, 50), gone=60, label="cup"),
+            m.state(1, 1, (60, 90), (2, 0, 0.5), label="cup"),
+            m.state(2, 0, (1, 10), (9, 5, 0), gone=80, label="vase"),
+            m.state(2, 1, (80, 90), (4, 5, 0), label="vase"),
+        ),
+        temporal_edges=(
+            m.temporal("moved", (1, 0), (1, 1), 50, 60, distance_m=2.0),
+            m.temporal("moved", (2, 0), (2, 1), 10, 80, distance_m=5.0),
+        ),
+    )
+    ask = asker(m.make_memory(tmp_path / "map.db", ("monday", (0, 90), delta)))
+    found = ask("what moved in the last minute")
+    assert ids(found) == ["cup-1"]
+    assert "vase-1 may have moved then, some time between" in found.message
+    assert ids(ask("what moved")) == ["cup-1", "vase-1"]
