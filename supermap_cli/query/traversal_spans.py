@@ -8,14 +8,14 @@ from datetime import UTC, date, datetime, timedelta
 
 from supermap_cli.errors import QueryError
 from supermap_cli.memory.values import StoredTraversal
+from supermap_cli.types.limits import LARGEST_STAMP_NS
 
 SECOND_NS = 10**9
 _MIN_WALL_TIME_NS = 946_684_800 * SECOND_NS  # 2000-01-01: robots' clocks that were never set start near zero
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
-FIRST_YEAR, LAST_YEAR = 1700, 2250
-"""Years that a written time may lie in. Stamps are 64-bit nanoseconds, 1677-09-21 to 2262-04-11; what is left is room
-for sums."""
+FIRST_YEAR, LAST_YEAR = 1824, 2115
+"""The whole years within `LARGEST_STAMP_NS` of 1970."""
 
 
 class TimeRangeError(QueryError):
@@ -93,17 +93,11 @@ def datetime_to_stamp(date_time: datetime) -> int:
     return (since.days * 86_400 + since.seconds) * SECOND_NS + since.microseconds * 1000
 
 
-FIRST_STAMP_NS, LAST_STAMP_NS = (
-    datetime_to_stamp(datetime(year, 1, 1, tzinfo=UTC)) for year in (FIRST_YEAR, LAST_YEAR + 1)
-)
-"""ns; where written times end."""
-
-
 def checked_stamp(stamp_ns: float, written: str) -> int:
     """The stamp (ns) of a written time or age, infinite where it is too large to reckon with. Raises `TimeRangeError`
     outside of the years that stamps hold.
     """
-    if not FIRST_STAMP_NS <= stamp_ns < LAST_STAMP_NS:
+    if not -LARGEST_STAMP_NS < stamp_ns < LARGEST_STAMP_NS:
         raise TimeRangeError(
             f"'{written}' lies outside of the years {FIRST_YEAR} to {LAST_YEAR}", cure="give a time within these years"
         )
