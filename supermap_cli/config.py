@@ -14,6 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from supermap_cli.errors import ConfigError
 from supermap_cli.input_files import read_text
 from supermap_cli.types.limits import RecordingLimits
+from supermap_cli.wrong_entries import wrong_entry
 
 ParameterValue = bool | int | float | list[int | float]
 """What a parameter of the method may be."""
@@ -158,7 +159,6 @@ def load_user_config(folder: Path) -> UserConfig:
 
 
 def _wrong_entry(error: ValidationError, path: Path) -> ConfigError:
-    first = error.errors()[0]
-    entry = ".".join(str(part) for part in first["loc"])
+    entry, what = wrong_entry(error)
     cure = "the entries are listed in docs/configuration.md"
-    return ConfigError(f"{entry}: {first['msg']}", where=str(path), cure=cure)
+    return ConfigError(f"{'.'.join(entry)}: {what}", where=str(path), cure=cure)

@@ -32,6 +32,7 @@ from supermap_cli.protocols import (
 from supermap_cli.time_limit import time_limit
 from supermap_cli.types.relations import SpatialPredicate
 from supermap_cli.types.session import SessionContext
+from supermap_cli.wrong_entries import wrong_entry
 
 OWN = "supermap-cli"
 """The distribution of this program and its built-in plugins."""
@@ -289,14 +290,12 @@ def check_options(backend: Backend, given: Mapping[str, object]) -> Options:
     try:
         return backend.options.model_validate(dict(given))
     except ValidationError as error:
-        first = error.errors()[0]
-        option = ".".join(str(part) for part in first["loc"])
-        if first["type"] == "extra_forbidden":
+        entry, what = wrong_entry(error)
+        option = ".".join(entry)
+        if error.errors()[0]["type"] == "extra_forbidden":
             raise _unknown_option(backend.name, option, backend.options.model_fields) from error
         where = f"{backend.name}.{option}" if option else backend.name
-        raise ConfigError(
-            f"option {where}: {first['msg']}", cure=f"see {backend.name} in `supermap plugins`"
-        ) from error
+        raise ConfigError(f"option {where}: {what}", cure=f"see {backend.name} in `supermap plugins`") from error
 
 
 def parse_option_arguments(arguments: Iterable[str]) -> dict[str, dict[str, object]]:

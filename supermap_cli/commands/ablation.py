@@ -11,6 +11,7 @@ import typer
 
 from supermap_cli.commands.common import JsonOption, err, kept_or_temporary, out, print_json
 from supermap_cli.commands.tables import print_table
+from supermap_cli.commands.whole_numbers import whole
 from supermap_cli.errors import EvaluationError
 
 if TYPE_CHECKING:
@@ -60,7 +61,8 @@ def ablation(
         str, typer.Argument(metavar="SCENARIO|FOLDER", help="A scenario to simulate, or a folder with one, simulated.")
     ],
     seed: Annotated[
-        int | None, typer.Option(min=0, help="Which world to simulate. [default: 1]", show_default=False)
+        int | None,
+        typer.Option(min=0, callback=whole, help="Which world to simulate. [default: 1]", show_default=False),
     ] = None,
     keep: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Where to simulate and build, and leave both. [default: nowhere]")

@@ -11,6 +11,7 @@ import typer
 from supermap_cli.commands.bench_numbers import parse_objects
 from supermap_cli.commands.common import JsonOption, err, kept_or_temporary, out, print_json
 from supermap_cli.commands.tables import print_table
+from supermap_cli.commands.whole_numbers import whole
 from supermap_cli.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -39,8 +40,8 @@ def memory(
     instances: Annotated[
         str, typer.Option(metavar="SMALL,LARGE", help="How many objects the two memories hold.")
     ] = "1000,100000",
-    traversals: Annotated[int, typer.Option(min=4, help="How many traversals each of them has.")] = 100,
-    seed: Annotated[int, typer.Option(min=0, help="What is made up follows from it.")] = 0,
+    traversals: Annotated[int, typer.Option(min=4, callback=whole, help="How many traversals each of them has.")] = 100,
+    seed: Annotated[int, typer.Option(min=0, callback=whole, help="What is made up follows from it.")] = 0,
     folder: Annotated[
         Path | None,
         typer.Option(help="Where the memories are kept, and taken from if they are there. [default: a temporary one]"),

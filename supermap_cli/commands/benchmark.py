@@ -12,6 +12,7 @@ import typer
 
 from supermap_cli.commands.common import JsonOption, err, kept_or_temporary, out, print_json
 from supermap_cli.commands.tables import print_table
+from supermap_cli.commands.whole_numbers import is_whole, whole
 from supermap_cli.errors import ConfigError, EvaluationError
 
 if TYPE_CHECKING:
@@ -111,7 +112,9 @@ def benchmark(  # noqa: PLR0917 - a command line has many options
     axis: Annotated[
         list[str] | None, typer.Option(metavar="NAME", help="Of the suite, only this axis; may be repeated.")
     ] = None,
-    jobs: Annotated[int, typer.Option(min=1, help="How many worlds of the suite are built at a time.")] = 2,
+    jobs: Annotated[
+        int, typer.Option(min=1, callback=whole, help="How many worlds of the suite are built at a time.")
+    ] = 2,
     keep: KeepOption = None,
     resume: Annotated[
         bool,
@@ -159,7 +162,7 @@ def benchmark(  # noqa: PLR0917 - a command line has many options
 def parse_seeds(text: str) -> tuple[int, ...]:
     """`"1,2,3"` -> (1, 2, 3). Raises `EvaluationError` for anything else."""
     parts = [part.strip() for part in text.split(",")]
-    if not all(part.isascii() and part.isdigit() for part in parts):
+    if not all(is_whole(part) for part in parts):
         raise EvaluationError(f"--seeds {text!r} is not understood", cure="write --seeds 1,2,3")
     return tuple(dict.fromkeys(map(int, parts)))
 

@@ -9,8 +9,25 @@ from supermap_cli.errors import ConfigError
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from pydantic import ValidationError
+
     from supermap_cli.config import BuildConfig
     from supermap_cli.hookspecs import RecordingRequest
+
+_OPTION_OF = {
+    ("recording", "topics"): "--topic",
+    ("recording", "frames"): "--frame",
+    ("recording", "mounts"): "--mount",
+    ("recording", "clocks"): "--clock",
+    ("recording", "detection_tolerance_s"): "--detection-tolerance",
+    ("recording", "camera"): "--camera",
+    ("recording", "robot"): "--robot",
+    ("keyframes", "rate_hz"): "--rate",
+    ("perception", "rate_hz"): "--perception-rate",
+    ("ablate", "0"): "--ablate",
+    ("ablate",): "--ablate",
+}
+"""Entries of the configuration -> the options that set them."""
 
 
 def override(
@@ -76,9 +93,23 @@ def override(
     try:
         return BuildConfig.model_validate(values)
     except ValidationError as error:
-        first = error.errors()[0]
-        entry = ".".join(str(part) for part in first["loc"])
-        raise ConfigError(f"{entry}: {first['msg']}", cure="see supermap build --help") from error
+        raise _wrong_option(error) from error
+
+
+def _wrong_option(error: ValidationError) -> ConfigError:
+    """What is wrong with the first wrong option, by the name that it has on the command line."""
+    from supermap_cli.types.limits import RecordingLimits  # noqa: PLC0415
+    from supermap_cli.wrong_entries import wrong_entry  # noqa: PLC0415
+
+    entry, what = wrong_entry(error)
+    if entry[:2] == ("recording", "limits"):
+        known = ", ".join(RecordingLimits.model_fields)
+        return ConfigError(
+            f"--limit {'.'.join(entry[2:])}: {what}", cure=f"the limits are {known}; each takes a whole number from 1"
+        )
+    longest = next((entry[:length] for length in range(len(entry), 0, -1) if entry[:length] in _OPTION_OF), None)
+    named = ".".join(entry) if longest is None else " ".join((_OPTION_OF[longest], *entry[len(longest) :]))
+    return ConfigError(f"{named}: {what}", cure="see supermap build --help")
 
 
 def pairs(given: list[str] | None, option: str, example: str) -> dict[str, str]:

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from supermap_cli.commands.whole_numbers import whole
 from supermap_cli.config import load_user_config
 from supermap_cli.errors import ConfigError
 
@@ -26,8 +27,9 @@ if TYPE_CHECKING:
 
 DEFAULT_DB = "supermap.db"
 
-MOST = 9e9
-"""No number on a command line is larger, of whatever unit: so many seconds, since 1970, fit into int64 nanoseconds."""
+MOST = 4e9
+"""No number on a command line is larger, of whatever unit. A window of a recording whose clock was set by network begins
+1.8e9 s after its first message; so many nanoseconds and a stamp fit into int64."""
 
 
 def sane(parameter: typer.CallbackParam, value: float | None) -> float | None:
@@ -108,7 +110,10 @@ AtOption = Annotated[
     ),
 ]
 LimitOption = Annotated[
-    int, typer.Option(min=1, metavar="N", help="How many objects are listed, those seen last; counts are of all.")
+    int,
+    typer.Option(
+        min=1, callback=whole, metavar="N", help="How many objects are listed, those seen last; counts are of all."
+    ),
 ]
 WaitOption = Annotated[
     float,

@@ -17,6 +17,7 @@ import typer
 from supermap_cli.commands.common import DbOption, JsonOption, database_url, err, out, sane
 from supermap_cli.commands.from_plugins import add_sql_functions
 from supermap_cli.commands.tables import print_table
+from supermap_cli.commands.whole_numbers import whole
 
 if TYPE_CHECKING:
     from supermap_cli.memory.databases import SqlRows, SqlValue
@@ -44,6 +45,7 @@ def sql(
         int | None,
         typer.Option(
             min=0,
+            callback=whole,
             help=f"Most rows to show, 0 = all. [default: {TABLE_LIMIT}, with --json all]",
             show_default=False,
         ),

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from supermap_cli.commands.whole_numbers import whole
 from supermap_cli.errors import SimulationError, TruthError
 
 if TYPE_CHECKING:
@@ -44,7 +45,7 @@ def demo(
     folder: Annotated[Path, typer.Option(metavar="DIR", help="Where recordings, map and picture go.")] = Path(
         "supermap-demo"
     ),
-    seed: Annotated[int, typer.Option(min=0, help="Which world: each seed gives another one.")] = 1,
+    seed: Annotated[int, typer.Option(min=0, callback=whole, help="Which world: each seed gives another one.")] = 1,
 ) -> None:
     """Simulate two visits to one place, map them, ask, compare, and hold the map against the truth."""
     check_folder(folder)

@@ -31,6 +31,7 @@ def read_rig(path: Path) -> dict[str, Any]:
 
     from supermap_cli.config import RecordingConfig  # noqa: PLC0415
     from supermap_cli.recordings.urdf import fixed_joints  # noqa: PLC0415
+    from supermap_cli.wrong_entries import wrong_entry  # noqa: PLC0415
 
     if _is_xml(path):
         return {"fixed_joints": fixed_joints(path)}
@@ -50,11 +51,10 @@ def read_rig(path: Path) -> dict[str, Any]:
     try:
         return RecordingConfig.model_validate(document).model_dump(exclude_unset=True)
     except ValidationError as error:
-        first = error.errors()[0]
-        entry = ".".join(str(part) for part in first["loc"])
+        entry, what = wrong_entry(error)
         known = "topics, frames, mounts, clocks, robot, camera, urdf"
         raise ConfigError(
-            f"{entry}: {first['msg']}", where=str(path), cure=f"a rig's entries are {known} (docs/recordings.md)"
+            f"{'.'.join(entry)}: {what}", where=str(path), cure=f"a rig's entries are {known} (docs/recordings.md)"
         ) from error
 
 

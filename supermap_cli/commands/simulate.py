@@ -15,6 +15,7 @@ import typer
 from supermap_cli.commands import common
 from supermap_cli.commands.common import JsonOption, err, interrupt_on_sigterm, print_json, sane
 from supermap_cli.commands.tables import print_table
+from supermap_cli.commands.whole_numbers import whole
 from supermap_cli.errors import ConfigError, SimulationError
 
 if TYPE_CHECKING:
@@ -57,7 +58,9 @@ def simulate(  # noqa: PLR0917 - a command line has many options
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="The folder to write to. [default: the scenario's name]")
     ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Another seed is another world, another way, other noise.")] = 1,
+    seed: Annotated[
+        int, typer.Option(min=0, callback=whole, help="Another seed is another world, another way, other noise.")
+    ] = 1,
     seconds: Annotated[
         float | None,
         typer.Option(
@@ -148,15 +151,15 @@ def detector_errors(given: list[str], *, perfect: bool, usual: DetectorErrors | 
 
     from supermap_cli.commands.build_options import pairs  # noqa: PLC0415
     from supermap_cli.simulation.detection.detector_errors import DetectorErrors  # noqa: PLC0415
+    from supermap_cli.wrong_entries import wrong_entry  # noqa: PLC0415
 
     values = (DetectorErrors.perfect() if perfect else usual or DetectorErrors()).model_dump()
     try:
         return DetectorErrors.model_validate(values | pairs(given, "--error", "recall=0.8"))
     except ValidationError as error:
-        first = error.errors()[0]
-        name = ".".join(str(part) for part in first["loc"])
+        entry, what = wrong_entry(error)
         known = ", ".join(DetectorErrors.model_fields)
-        raise ConfigError(f"--error {name}: {first['msg']}", cure=f"the errors are {known}") from error
+        raise ConfigError(f"--error {'.'.join(entry)}: {what}", cure=f"the errors are {known}") from error
 
 
 @contextmanager

@@ -23,6 +23,7 @@ from supermap_cli.mapping import icp, place_search
 from supermap_cli.mapping.icp import IcpParameters, Surface
 from supermap_cli.mapping.place_search import Candidate, PlaceSearchParameters, distinct, search
 from supermap_cli.mapping.structure import CoarseDepth, Structure, join
+from supermap_cli.types.limits import FARTHEST_M
 from supermap_cli.types.parameters import TUNED, parameter
 
 AlignmentMethod = Literal["continued", "refined", "registered"]
@@ -132,7 +133,7 @@ def align(
 def parse_placement(text: str, T_level_odom: FloatArray) -> FloatArray:
     """`T_map_odom` from "x y z yaw_deg": where the levelled odom frame's origin lies in the map, and its heading there.
 
-    Raises `AlignmentError` for anything but four finite numbers.
+    Raises `AlignmentError` for anything but four finite numbers, and for places that lie too far off.
     """
     try:
         x, y, z, yaw_deg = map(float, text.replace(",", " ").split())
@@ -140,7 +141,13 @@ def parse_placement(text: str, T_level_odom: FloatArray) -> FloatArray:
         x = y = z = yaw_deg = float("nan")
     if not np.isfinite([x, y, z, yaw_deg]).all():
         raise AlignmentError(f"not a placement: {text!r}", where="--align", cure="give four numbers: 'x y z yaw_deg'")
-    half = np.radians(yaw_deg) / 2
+    if np.abs([x, y, z]).max() > FARTHEST_M:
+        raise AlignmentError(
+            f"a place more than {FARTHEST_M:.0f} m away: {text!r}",
+            where="--align",
+            cure="give metres and degrees: 'x y z yaw_deg'",
+        )
+    half = np.radians(yaw_deg % 360) / 2
     R = rotation_from_quaternion_xyzw([0.0, 0.0, np.sin(half), np.cos(half)])
     return make_transform(R, [x, y, z]) @ T_level_odom
 

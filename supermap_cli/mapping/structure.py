@@ -18,6 +18,9 @@ from supermap_cli.types.memory import KeyframeRecord
 from supermap_cli.types.parameters import TUNED, parameter
 from supermap_cli.types.sensing import CameraFrame
 
+_MOST_CODES = 2.0**62
+"""Cells of a box of voxels whose numbers fit into int64."""
+
 _MAX_TABLE_CELLS = 1 << 22
 """Cells of a lookup table, 16 MB, above which voxels are sorted instead."""
 
@@ -93,7 +96,10 @@ def first_of_each(points: FloatArray, voxel_m: float) -> IntArray:
     keys -= keys.min(axis=1, initial=2**62, keepdims=True)
     extent = keys.max(axis=1, initial=0) + 1
     codes = (keys[0] * extent[1] + keys[1]) * extent[2] + keys[2]
-    if np.prod(extent) > _MAX_TABLE_CELLS:
+    cells = np.prod(extent.astype(float))
+    if cells >= _MOST_CODES:  # points so far apart that their voxels cannot be counted
+        return np.sort(np.unique(keys, axis=1, return_index=True)[1])
+    if cells > _MAX_TABLE_CELLS:
         return np.sort(np.unique(codes, return_index=True)[1])
     first = np.empty(np.prod(extent), np.int32)  # filled only where it is read
     order = np.arange(len(codes), dtype=np.int32)

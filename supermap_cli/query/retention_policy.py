@@ -5,6 +5,7 @@ Ages count back from the newest sensor time of the map, never from today: an old
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Collection, Iterable
 
@@ -14,11 +15,14 @@ from supermap_cli.memory.reading import MapReader
 from supermap_cli.memory.values import StoredTraversal
 from supermap_cli.query.clock import Clock, clock_of
 from supermap_cli.query.time_points import parse_time_point
+from supermap_cli.query.traversal_spans import SECOND_NS, TimeRangeError, checked_stamp
 from supermap_cli.query.views import EvidenceView
 
 DATA_KINDS = ("crops", "observations", "thumbnails")
 _UNITS_S = {"s": 1, "min": 60, "h": 3600, "d": 86_400, "w": 7 * 86_400, "y": 365 * 86_400}
 _AGE = re.compile(rf"(\d+(?:\.\d+)?) ?({'|'.join(_UNITS_S)})")
+_COUNT_DIGITS = 18
+"""Digits of a number of traversals that are read; no map has so many."""
 _TRAVERSALS = re.compile(r"(\d+) ?traversals?")
 CURE = (
     "say for example crops=30d (units s, min, h, d, w, y), observations='3 traversals', thumbnails=tuesday, "
@@ -69,10 +73,11 @@ def _limit_ns(limit: str, reader: MapReader) -> int:
     if limit == "none":
         return reader.now_ns + 1
     if age := _AGE.fullmatch(limit):
-        return reader.now_ns - round(float(age[1]) * _UNITS_S[age[2]] * 1e9)
+        age_ns = float(age[1]) * _UNITS_S[age[2]] * SECOND_NS
+        return checked_stamp(reader.now_ns - (round(age_ns) if math.isfinite(age_ns) else age_ns), limit)
     if number := _TRAVERSALS.fullmatch(limit):
         count, complete = (
-            int(number[1]),
+            int(number[1][:_COUNT_DIGITS]),
             [traversal for traversal in reader.traversals if traversal.status == "complete"],
         )
         if count == 0:
@@ -80,5 +85,7 @@ def _limit_ns(limit: str, reader: MapReader) -> int:
         return complete[-count].start_ns if count <= len(complete) else 0
     try:
         return parse_time_point(limit, reader, clock_of(reader)).since_ns
+    except TimeRangeError:
+        raise
     except QueryError as error:
         raise QueryError(f"'{limit}' is no age, no time and no traversal", cure=CURE) from error

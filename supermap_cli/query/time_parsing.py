@@ -12,7 +12,13 @@ from dataclasses import dataclass
 from datetime import UTC, date, datetime, time
 
 from supermap_cli.errors import QueryError
-from supermap_cli.query.traversal_spans import SECOND_NS, TraversalSpan, datetime_to_stamp, stamp_to_datetime
+from supermap_cli.query.traversal_spans import (
+    SECOND_NS,
+    TraversalSpan,
+    checked_stamp,
+    datetime_to_stamp,
+    stamp_to_datetime,
+)
 
 TRAVERSAL_TIME_SUFFIX = re.compile(r"@\d[\d:.tTzZ-]*s?|[+-]\d[\d.]*s?")
 """What may follow a traversal's name in a time: "@10:21", "@2026-01-05T10:21:00Z", "+12.5s"."""
@@ -32,10 +38,13 @@ def parse_time(text: str, spans: Sequence[TraversalSpan]) -> ParsedTime:
     try:
         named = _split_traversal(written, spans)
         if named is not None:
-            return ParsedTime(_time_in_span(*named, spans))
-        return _parse_wall_time(written, spans) if ":" in written else _parse_seconds(written, spans)
+            parsed = ParsedTime(_time_in_span(*named, spans))
+        else:
+            parsed = _parse_wall_time(written, spans) if ":" in written else _parse_seconds(written, spans)
     except ValueError as error:
         raise QueryError(f"'{text}' is no time", cure=_format_hint(spans)) from error
+    checked_stamp(parsed.stamp_ns, text)
+    return parsed
 
 
 def is_time_of_day(text: str) -> bool:
@@ -121,7 +130,8 @@ def _to_map_time(span: TraversalSpan, recording_ns: int, spans: Sequence[Travers
 def _wall_time_stamps(written: str, days: Sequence[date]) -> list[int]:
     """The stamps of a wall time; one per day if it has no date."""
     if not is_time_of_day(written):
-        return [datetime_to_stamp(datetime.fromisoformat(written.upper().removesuffix("Z")).replace(tzinfo=UTC))]
+        date_time = datetime.fromisoformat(written.upper().removesuffix("Z")).replace(tzinfo=UTC)
+        return [checked_stamp(datetime_to_stamp(date_time), written)]
     of_day = time.fromisoformat(written.upper().removesuffix("Z").rjust(len("10:21"), "0")).replace(tzinfo=UTC)
     return [datetime_to_stamp(datetime.combine(day, of_day)) for day in days]
 

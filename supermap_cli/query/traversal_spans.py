@@ -6,11 +6,20 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, date, datetime, timedelta
 
+from supermap_cli.errors import QueryError
 from supermap_cli.memory.values import StoredTraversal
+from supermap_cli.types.limits import LARGEST_STAMP_NS
 
 SECOND_NS = 10**9
 _MIN_WALL_TIME_NS = 946_684_800 * SECOND_NS  # 2000-01-01: robots' clocks that were never set start near zero
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+
+FIRST_YEAR, LAST_YEAR = 1824, 2115
+"""The whole years within `LARGEST_STAMP_NS` of 1970."""
+
+
+class TimeRangeError(QueryError):
+    """A written time or age that no stamp can hold."""
 
 
 @dataclass(frozen=True)
@@ -79,6 +88,17 @@ def stamp_to_datetime(stamp_ns: int) -> datetime:
 
 
 def datetime_to_stamp(date_time: datetime) -> int:
-    """A datetime as a stamp (ns)."""
+    """A datetime as a stamp (ns), of any year: see `checked_stamp` for one that was written."""
     since = date_time - _EPOCH
     return (since.days * 86_400 + since.seconds) * SECOND_NS + since.microseconds * 1000
+
+
+def checked_stamp(stamp_ns: float, written: str) -> int:
+    """The stamp (ns) of a written time or age, infinite where it is too large to reckon with. Raises `TimeRangeError`
+    outside of the years that stamps hold.
+    """
+    if not -LARGEST_STAMP_NS < stamp_ns < LARGEST_STAMP_NS:
+        raise TimeRangeError(
+            f"'{written}' lies outside of the years {FIRST_YEAR} to {LAST_YEAR}", cure="give a time within these years"
+        )
+    return int(stamp_ns)

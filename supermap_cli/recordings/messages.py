@@ -17,9 +17,7 @@ from supermap_cli.geometry.se3 import make_transform, rotation_from_quaternion_x
 from supermap_cli.recordings.decoding import Decoder, message_fields
 from supermap_cli.recordings.definitions import LIVOX_PACKAGES
 from supermap_cli.recordings.storage import Channel, RawMessage
-
-LARGEST_STAMP_NS = 1 << 62
-"""ns; no clock shows more (the year 2116), and sums of two such stamps fit into int64."""
+from supermap_cli.types.limits import LARGEST_STAMP_NS
 
 Kind = Literal["image", "camera_info", "points", "imu", "pose", "transforms", "detections"]
 

@@ -13,6 +13,7 @@ from supermap_cli.geometry.se3 import make_transform, quaternion_xyzw_from_rotat
 from supermap_cli.recordings.messages import PoseMessage
 from supermap_cli.recordings.topic_plan import CameraPlan, TopicChoice, TopicPlan
 from supermap_cli.recordings.transforms import Link, TransformTree
+from supermap_cli.types.limits import FARTHEST_M
 
 SHARED_SENSORS = ("lidar", "imu")
 """Sensors besides cameras that `--frame` and `--mount` may name."""
@@ -22,6 +23,9 @@ BODY_OPTICAL: FloatArray = make_transform([[0, 0, 1], [-1, 0, 0], [0, -1, 0]], [
 
 _MOST_RAD = 2 * np.pi
 """A larger angle was meant in degrees."""
+
+_SENSOR_REACH_M = 100.0
+"""Metres from its parent frame beyond which no sensor is mounted, on the longest crane; it was meant in millimetres."""
 
 EXAMPLE = '--mount camera="0.1 0 1.2 0 0.2 0"'
 """How a mounting is written."""
@@ -89,6 +93,12 @@ def parse_mounts(given: Mapping[str, str], option: str = "--mount") -> tuple[Mou
         if np.abs(values[3:]).max() > _MOST_RAD:
             raise ConfigError(
                 f"{option} {name}={text!r} turns by more than a whole turn", cure="write the angles in radians"
+            )
+        reach_m = _SENSOR_REACH_M if is_sensor(name) else FARTHEST_M
+        if np.abs(values[:3]).max() > reach_m:
+            raise ConfigError(
+                f"{option} {name}={text!r} lies more than {reach_m:.0f} m away",
+                cure=f"write the position in metres: {EXAMPLE}",
             )
         mounts.append(Mount(name, parent, make_transform(_rotation(*values[3:].tolist()), values[:3])))
     return tuple(mounts)

@@ -17,8 +17,9 @@ from supermap_cli.geometry.arrays import FloatArray, IntArray
 from supermap_cli.geometry.se3 import transform_points
 from supermap_cli.recordings.decoding import FAULTS, Decoder, any_numbers
 from supermap_cli.recordings.limits import Limits
-from supermap_cli.recordings.messages import LARGEST_STAMP_NS, PoseMessage, bytes_of, header_of
+from supermap_cli.recordings.messages import PoseMessage, bytes_of, header_of
 from supermap_cli.recordings.storage import RawMessage
+from supermap_cli.types.limits import LARGEST_STAMP_NS
 
 _POINT_FIELD = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8", 9: "i8", 10: "u8"}
 """numpy's name of a sensor_msgs/PointField datatype (9 and 10 are not ROS's, but drivers write them)."""

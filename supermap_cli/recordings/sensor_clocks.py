@@ -9,6 +9,7 @@ import numpy as np
 from supermap_cli.errors import CalibrationError, ConfigError
 from supermap_cli.recordings.notes import Notes
 from supermap_cli.recordings.survey import Topic
+from supermap_cli.types.limits import LARGEST_CLOCK_OFFSET_S
 
 OTHER_CLOCK_NS = 1_000_000_000
 """ns between the stamps of two sensors at one time of recording from which they are two clocks."""
@@ -82,8 +83,11 @@ def check_clocks(given: Mapping[str, float], topics: Sequence[str]) -> None:
                 f"--clock {topic}: there are no messages on this topic",
                 cure=f"the topics are {', '.join(sorted(topics)[:12])}",
             )
-        if not np.isfinite(offset_s) or abs(offset_s) > 1e10:
-            raise ConfigError(f"--clock {topic}={offset_s:g} is no time", cure="write seconds, such as -37")
+        if not abs(offset_s) <= LARGEST_CLOCK_OFFSET_S:
+            raise ConfigError(
+                f"--clock {topic}={offset_s:g} is no offset between two clocks",
+                cure=f"write seconds, such as -37, and not more than {LARGEST_CLOCK_OFFSET_S:.0f}",
+            )
 
 
 def _is_late(topic: Topic, reference: Topic, apart_ns: int) -> bool:

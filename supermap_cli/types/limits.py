@@ -1,8 +1,19 @@
-"""Bounds on what is read into memory."""
+"""Bounds on what is read into memory, and on times and places that are reckoned with."""
 
 from __future__ import annotations
 
 from pydantic import BaseModel, ConfigDict, Field
+
+LARGEST_STAMP_NS = 1 << 62
+"""ns; no clock shows more (the year 2116), no written time lies beyond, and sums of two such stamps fit into int64."""
+
+LARGEST_CLOCK_OFFSET_S = float(1 << 31)
+"""s by which a clock may be set right: from one that counts from its start to Unix time (31 bits until 2038)."""
+
+FARTHEST_M = 1e4
+"""Metres; no place is written farther from where a map begins. Voxels of 5 cm are counted up to 52 km, and covariances
+keep their digits (measured: they lose them between 10 and 49 km).
+"""
 
 
 class RecordingLimits(BaseModel):

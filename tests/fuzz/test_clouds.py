@@ -9,10 +9,10 @@ from hypothesis.extra import numpy as arrays
 from rosbags.typesys import Stores, get_typestore
 
 from supermap_cli.recordings.decoding import Decoder, any_numbers
-from supermap_cli.recordings.messages import LARGEST_STAMP_NS
 from supermap_cli.recordings.pointclouds import point_stamps, read_points
 from supermap_cli.recordings.rvl import decode_rvl
 from supermap_cli.recordings.storage import Channel, RawMessage
+from supermap_cli.types.limits import LARGEST_STAMP_NS
 from support.fuzzing import MUTATIONS, Edit, fuzzing, mutated, one_input, one_line
 from support.hostile_messages import default_message
 

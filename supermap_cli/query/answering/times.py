@@ -34,7 +34,13 @@ from supermap_cli.query.answering.phrases import WEEKDAYS
 from supermap_cli.query.clock import Clock
 from supermap_cli.query.time_points import TimePoint, find_traversal, parse_time_point, traversal_end, traversal_list
 from supermap_cli.query.time_selector import TimeSelector
-from supermap_cli.query.traversal_spans import SECOND_NS, TraversalSpan, datetime_to_stamp, stamp_to_datetime
+from supermap_cli.query.traversal_spans import (
+    SECOND_NS,
+    TraversalSpan,
+    checked_stamp,
+    datetime_to_stamp,
+    stamp_to_datetime,
+)
 
 PARTS_OF_DAY_H = {"morning": (5, 12), "afternoon": (12, 18), "evening": (18, 22), "night": (22, 29)}
 """Hours of the day, by the recordings' clocks; a night ends on the next day. Chosen."""
@@ -228,9 +234,11 @@ def _date_of(day: str, spans: list[TraversalSpan]) -> date:
         recorded = [day for span in spans for day in span.days() if day.weekday() == weekday]
         return max(recorded, default=newest - timedelta(days=(newest.weekday() - weekday) % 7))
     try:
-        return date.fromisoformat(wanted)
+        found = date.fromisoformat(wanted)
     except ValueError as error:
         raise QueryError(f"'{day}' is no day", cure="say 'on monday', 'yesterday', or '2026-01-05'") from error
+    checked_stamp(datetime_to_stamp(datetime.combine(found, time(), tzinfo=UTC)), day)
+    return found
 
 
 def _days_text(span: TraversalSpan) -> str:
