@@ -16,11 +16,14 @@ from typing import Literal, get_args
 
 from supermap_cli.errors import EvaluationError, QueryError
 from supermap_cli.evaluation.answers import object_by_instance
-from supermap_cli.evaluation.known_truth import known_truth
+from supermap_cli.evaluation.estimate import EstimatedMap
+from supermap_cli.evaluation.known_truth import KnownTruth, known_truth
+from supermap_cli.evaluation.matching import same_label
 from supermap_cli.evaluation.question_files import ExpectedQuestion
 from supermap_cli.evaluation.reading import read_estimate
 from supermap_cli.evaluation.shares import share
 from supermap_cli.evaluation.true_selection import DISTANCE_MARGIN_M, TrueSelections
+from supermap_cli.geometry.boxes import box_iou
 from supermap_cli.language.refusals import RefusedQuestionError
 from supermap_cli.memory import open_store
 from supermap_cli.memory.reading import MapReader
@@ -100,7 +103,7 @@ class QuestionMatrix:
 
 
 def ask_map(db: str, truth_path: Path, questions: Sequence[ExpectedQuestion]) -> QuestionMatrix:
-    """Ask a map database all questions; an instance is the true object that its newest identified state is.
+    """Ask a map database all questions (`named_objects` says which true object an instance is).
 
     Raises what `reading.read_map` raises, and `EvaluationError` where the map lacks a part of the truth's traversals.
     """
@@ -111,7 +114,29 @@ def ask_map(db: str, truth_path: Path, questions: Sequence[ExpectedQuestion]) ->
         if known.gap is not None:
             raise EvaluationError(known.gap, where=db, cure="build all recordings of the truth into the map")
         countable = frozenset(place.object.id for place in known.places if place.countable)
-        return judge_questions(reader, truth, questions, object_by_instance(estimate, known), countable)
+        return judge_questions(reader, truth, questions, named_objects(estimate, known), countable)
+
+
+def named_objects(estimate: EstimatedMap, known: KnownTruth) -> dict[str, str]:
+    """Instance -> the true object that an answer names by it: the one of its newest identified state (`matching`).
+
+    One that is nowhere identified, for the map saw a part of it and its centre is off, is the object of its label that
+    stands in its box while it is seen, if there is but one and no other instance is that.
+    """
+    true_ids = object_by_instance(estimate, known)
+    for instance in estimate.objects:
+        if instance.id not in true_ids:
+            state = instance.states[-1]
+            inside = {
+                place.object.id
+                for place in known.places
+                if same_label(place.object.label, instance.label)
+                and place.overlaps(state.first_seen_ns, state.last_seen_ns)
+                and box_iou(state.box, place.box) > 0
+            } - set(true_ids.values())
+            if len(inside) == 1:
+                true_ids[instance.id] = inside.pop()
+    return true_ids
 
 
 def judge_questions(
