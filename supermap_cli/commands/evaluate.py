@@ -81,9 +81,33 @@ def score_semantics(db: Db, truth: Truth, json: JsonOption = False) -> None:
     _evaluate(db, truth, ("semantics",), as_json=json)
 
 
-def score_query(db: Db, truth: Truth, json: JsonOption = False) -> None:
-    """The share of the truth's questions that the map answers with exactly the right objects."""
-    _evaluate(db, truth, ("query",), as_json=json)
+def score_query(
+    db: Db,
+    truth: Truth,
+    questions: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE.jsonl", help="Ask these, each with what is expected. [default: the truth's own]"),
+    ] = None,
+    json: JsonOption = False,
+) -> None:
+    """The share of the truth's questions that the map answers with exactly the right objects.
+
+    Of a file of questions: by kind, how many answers are exact, right in part, refused, and wrong; and those that are
+    not exact.
+    """
+    if questions is None:
+        _evaluate(db, truth, ("query",), as_json=json)
+        return
+    from supermap_cli.commands.question_tables import print_matrix  # noqa: PLC0415 - keeps start-up light
+    from supermap_cli.evaluation.question_files import read_questions  # noqa: PLC0415
+    from supermap_cli.evaluation.question_matrix import ask_map  # noqa: PLC0415
+    from supermap_cli.query.views import to_document  # noqa: PLC0415
+
+    matrix = ask_map(db, truth, read_questions(questions))
+    if json:
+        print_json(to_document(matrix))
+    else:
+        print_matrix(out(), matrix)
 
 
 def score_all(db: Db, truth: Truth, plot: Plot = None, json: JsonOption = False) -> None:

@@ -56,11 +56,9 @@ def score_answers(estimate: EstimatedMap, truth: GroundTruth) -> AnswerScores:
     scorable = [
         question for question in truth.questions if not question.answer or countable.intersection(question.answer)
     ]
-    object_by_instance = _object_by_instance(estimate, known)
+    true_ids = object_by_instance(estimate, known)
     answers = {answer.text: answer.ids for answer in estimate.answers if answer.error is None}
-    compared = [
-        _compare_answer(question, answers.get(question.text), object_by_instance, countable) for question in scorable
-    ]
+    compared = [_compare_answer(question, answers.get(question.text), true_ids, countable) for question in scorable]
     wrong = tuple(answer for answer in compared if answer.answered is None or answer.jaccard < 1)
     return AnswerScores(
         exact=share(len(compared) - len(wrong), len(compared)),
@@ -71,22 +69,22 @@ def score_answers(estimate: EstimatedMap, truth: GroundTruth) -> AnswerScores:
     )
 
 
-def _object_by_instance(estimate: EstimatedMap, known: KnownTruth) -> dict[str, str]:
+def object_by_instance(estimate: EstimatedMap, known: KnownTruth) -> dict[str, str]:
     """Instance -> true object, by the newest of its states that is one."""
-    object_by_instance = {}
+    true_ids = {}
     for instance, states in zip(estimate.objects, identify(estimate, known), strict=True):
         for state in states:
             if state is not None:
-                object_by_instance[instance.id] = state.object_id
-    return object_by_instance
+                true_ids[instance.id] = state.object_id
+    return true_ids
 
 
 def _compare_answer(
-    question: TrueQuestion, ids: Sequence[str] | None, object_by_instance: dict[str, str], countable: set[str]
+    question: TrueQuestion, ids: Sequence[str] | None, true_ids: dict[str, str], countable: set[str]
 ) -> WrongAnswer:
     """Compare an answer with the expected one; it is right where it exists and its Jaccard index is 1."""
     expected = countable.intersection(question.answer)
-    objects = [object_by_instance.get(instance_id) for instance_id in ids or ()]
+    objects = [true_ids.get(instance_id) for instance_id in ids or ()]
     counted = Counter(object_id for object_id in objects if object_id is None or object_id in countable)
     right = sum(1 for object_id in counted if object_id in expected)
     union = len(expected) + sum(counted.values()) - right

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -69,6 +70,38 @@ def test_a_table_says_what_every_figure_means(db, truth, section, said):
     assert result.exit_code == 0, result.output
     assert "kitchen, seed 7; the robot's way off its true way: monday 0.000 m, tuesday 0.000 m" in result.stdout
     assert [words for words in ("what it says", *said) if words not in result.stdout] == []
+
+
+def questions(folder: Path) -> Path:
+    """Three questions to the kitchen: one is answered, one refused as it should be, one expects what is not so."""
+    asked = (
+        ("where is the vase", "name", {"ids": {"label": "vase"}}),
+        ("where is the quix", "refusal", {"refused": "unknown word"}),
+        ("how many vases are there", "count", {"count": {"label": "piano"}}),
+    )
+    lines = (
+        json.dumps({"text": text, "kind": kind, "language": "en", "expected": expected})
+        for text, kind, expected in asked
+    )
+    path = folder / "questions.jsonl"
+    path.write_text("\n".join(lines), encoding="utf-8")
+    return path
+
+
+def test_questions_of_a_file_are_counted_by_kind_and_the_wrong_ones_named(db, truth, tmp_path):
+    printed = document("questions", "eval", "query", db, truth, "--questions", questions(tmp_path))
+    assert (printed["all"]["exact"], printed["all"]["wrong"]) == (2, 1)
+    [wrong] = printed["not_exact"]
+    assert (wrong["text"], wrong["expected"]) == ("how many vases are there", "0")
+    result = supermap("eval", "query", db, truth, "--questions", questions(tmp_path))
+    assert [words for words in ("WRONG", "how many vases", "exact 0.667") if words not in result.stdout] == []
+
+
+def test_a_file_that_holds_no_questions_is_refused(db, truth, tmp_path):
+    (tmp_path / "no.jsonl").write_text("mug\n", encoding="utf-8")
+    result = supermap("eval", "query", db, truth, "--questions", tmp_path / "no.jsonl")
+    assert isinstance(result.exception, EvaluationError)
+    assert "no.jsonl:1" in str(result.exception)
 
 
 @pytest.mark.parametrize("section", ["map", "change", "all"])

@@ -14,7 +14,7 @@ NAMES = (
     *("answer", "show", "object", "history", "diff", "export"),
     *("inspect", "build", "plugins", "config"),
     *("truth", "simulate", "simulate_list", "eval", "ablation", "benchmark", "domain_suite", "bench"),
-    *("bench_memory", "perception"),
+    *("bench_memory", "perception", "questions"),
     *("db_info", "db_check", "db_upgrade", "db_sql", "db_merge", "db_vacuum"),
 )
 

@@ -60,6 +60,7 @@ class _Support:
     first_ns: int
     last_ns: int
     gone_ns: int | None
+    empty_before_ns: int | None
     in_last: tuple[int, int] | None
 
 
@@ -96,7 +97,10 @@ def _delta(truth: GroundTruth, traversal: int, numbers: dict[int, int], graph: S
     stamps_ns = truth.traversals[traversal].stamps_ns
     edges: tuple[SpatialEdge, ...] = graph.update(nodes, set(nodes), int(stamps_ns[-1]))
     return MapDelta(
-        keyframes=tuple(replace(m.keyframe(0), stamp_ns=int(at)) for at in stamps_ns),
+        keyframes=tuple(
+            replace(m.keyframe(0), stamp_ns=int(at), T_map_base=pose, T_map_camera=pose)
+            for at, pose in zip(stamps_ns, truth.traversals[traversal].T_world_base, strict=True)
+        ),
         instances=tuple(instances),
         observations=tuple(observations),
         states=tuple(states),
@@ -114,7 +118,10 @@ def _supported(truth: GroundTruth, k: int, last: int) -> Iterator[_Support]:
             empty = [_empty_ns(traversal, k, index, state) for traversal in truth.traversals[: last + 1]]
             gone_ns = int(np.concatenate(empty)[0]) if len(np.concatenate(empty)) else None
             in_last = (int(seen[-1][0]), int(seen[-1][-1])) if len(seen[-1]) else None
-            yield _Support(index, int(seen_ns[0]), int(seen_ns[-1]), gone_ns, in_last)
+            before = [_empty_before_ns(traversal, k, index) for traversal in truth.traversals[: last + 1]]
+            before_ns = np.concatenate(before)[np.concatenate(before) < seen_ns[0]]
+            empty_before_ns = int(before_ns[-1]) if len(before_ns) else None
+            yield _Support(index, int(seen_ns[0]), int(seen_ns[-1]), gone_ns, empty_before_ns, in_last)
 
 
 def _support_ns(traversal: TrueTraversal, k: int, state: int) -> np.ndarray:
@@ -130,6 +137,12 @@ def _empty_ns(traversal: TrueTraversal, k: int, index: int, state: TrueState) ->
     return stamps_ns[stamps_ns >= (np.inf if state.until_ns is None else state.until_ns)]
 
 
+def _empty_before_ns(traversal: TrueTraversal, k: int, index: int) -> np.ndarray:
+    rows = traversal.sightings
+    empty = (rows.object == k) & (rows.state == index) & ~rows.present & (rows.visible >= 0.4)
+    return traversal.stamps_ns[rows.frame[empty]]
+
+
 def _record(
     number: int, at: int, support: _Support, supported: list[_Support], states: tuple[TrueState, ...], label: str
 ) -> StateRecord:
@@ -143,6 +156,7 @@ def _record(
         first_seen_ns=support.first_ns,
         last_seen_ns=support.last_ns,
         gone_ns=gone_ns,
+        empty_before_ns=support.empty_before_ns,
         centroid_map=state.centroid,
         box=state.box,
     )
