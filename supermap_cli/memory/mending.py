@@ -262,7 +262,7 @@ _NAMES = {
     "visit": (
         (
             f"{_OF_INSTANCE.format('visit', 'instance_number')} || ' in ' || "
-            "(SELECT t.name FROM traversal t WHERE t.id = visit.traversal_id)"
+            "(SELECT t.name FROM traversal t WHERE t.id = visit.traversal_id)"  # noqa: S608 - constants of this module
         ),
     ),
     "spatial_edge": (
