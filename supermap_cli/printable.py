@@ -18,6 +18,13 @@ def printable_line(text: str) -> str:
     return printable(text).replace("\n", "\\n").replace("\t", "\\t")
 
 
+def printable_paragraph(text: str) -> str:
+    """As `printable_line`, with the empty lines before and after it that set it apart."""
+    line = text.strip("\n")
+    start = text.index(line)
+    return text[:start] + printable_line(line) + text[start + len(line) :]
+
+
 def _spelt(letter: str) -> str:
     code = ord(letter)
     return f"\\x{code:02x}" if code < 0x100 else f"\\u{code:04x}"

@@ -147,8 +147,12 @@ def build(  # noqa: PLR0917 - a command line has many options
     """
     from supermap_cli.config import load_user_config  # noqa: PLC0415 - heavy imports only when a build starts
 
-    if name is not None and len(recordings) > 1:
-        raise ConfigError("--name names one traversal", cure="build the recordings one by one")
+    if name is not None:
+        from supermap_cli.memory.names import checked_name  # noqa: PLC0415
+
+        checked_name(name)
+        if len(recordings) > 1:
+            raise ConfigError("--name names one traversal", cure="build the recordings one by one")
     follow = Follow(_unfinished(resume=resume, restart=restart), again=again, name=name, align=align, wait_s=wait)
     config = override(
         load_user_config(Path.cwd()).build,

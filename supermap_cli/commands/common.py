@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 DEFAULT_DB = "supermap.db"
 
 MOST = 4e9
-"""No number on a command line is larger, of whatever unit. A window of a recording whose clock was set by network begins
+"""No number on a command line is larger, of whatever unit. A window after a robot's clock was set by network begins
 1.8e9 s after its first message; so many nanoseconds and a stamp fit into int64."""
 
 
@@ -125,7 +125,12 @@ JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON by the publ
 
 
 def database_url(given: str | None) -> str:
-    """The database: the option, else `SUPERMAP_DB`, else `supermap.toml`, else `supermap.db` in the current folder."""
+    """The database: the option, else `SUPERMAP_DB`, else `supermap.toml`, else `supermap.db` in the current folder.
+
+    Raises `ConfigError` for an option that is given and empty.
+    """
+    if given is not None and not given.strip():
+        raise ConfigError("--db names nothing", cure="name a file or a URL, or leave --db out")
     return given or os.environ.get("SUPERMAP_DB") or load_user_config(Path.cwd()).db or DEFAULT_DB
 
 
@@ -143,11 +148,12 @@ def _console(*, stderr: bool) -> Console:
     """A console on which texts of recordings and maps cannot act."""
     from rich.console import Console  # noqa: PLC0415 - keeps start-up light
 
-    from supermap_cli.printable import printable  # noqa: PLC0415
+    from supermap_cli.printable import printable_paragraph  # noqa: PLC0415
 
     class SafeConsole(Console):
         def print(self, *objects: Any, **options: Any) -> None:
-            super().print(*(printable(each) if isinstance(each, str) else each for each in objects), **options)
+            texts = (printable_paragraph(each) if isinstance(each, str) else each for each in objects)
+            super().print(*texts, **options)
 
     stream = sys.stderr if stderr else sys.stdout
     return SafeConsole(stderr=stderr, highlight=False, soft_wrap=not stream.isatty())

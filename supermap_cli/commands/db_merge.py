@@ -53,7 +53,7 @@ def merge(  # noqa: PLR0917 - a command line has many options
 
     if db is not None and into is not None:
         raise typer.BadParameter("give --into or --db, not both")
-    url = database_url(into or db)
+    url = database_url(db if into is None else into)
     with (
         open_store(url, read_only=dry_run, waiting=waiting(wait)) as store,
         open_store(other, read_only=True) as source,

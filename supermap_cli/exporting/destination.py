@@ -6,6 +6,7 @@ import os
 import re
 import shutil
 import signal
+import stat
 import threading
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
@@ -27,6 +28,7 @@ def atomic_file(path: Path, kind: str, *, force: bool) -> Iterator[Path]:
     and if it cannot be written.
     """
     with _sigterm_as_interrupt():
+        _refuse_device(path)
         path = _resolved(path)
         _check_target(path, force=force)
         check_output(path, kind, option="--out")
@@ -48,6 +50,7 @@ def atomic_folder(path: Path, names: Collection[str], kind: str, *, force: bool)
     never is. Raises `ExportError` like `atomic_file`.
     """
     with _sigterm_as_interrupt():
+        _refuse_device(path)
         path = _resolved(path)
         _check_target(path, force=force)
         if path.exists():
@@ -96,6 +99,18 @@ def _resolved(path: Path) -> Path:
     """The path with links resolved: what a link leads to is replaced, not the link."""
     with _os_errors_as_export_errors(path):
         return path.resolve()
+
+
+def _refuse_device(path: Path) -> None:
+    """Before links are resolved: what `/dev/stdout` leads to has no name of its own where it is a pipe."""
+    with _os_errors_as_export_errors(path):
+        mode = path.stat().st_mode if path.exists() else stat.S_IFREG
+    if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
+        raise ExportError(
+            "a device or a pipe, no regular file",
+            where=str(path),
+            cure="name a file with --out; --out - prints json and geojson",
+        )
 
 
 def _check_target(path: Path, *, force: bool) -> None:

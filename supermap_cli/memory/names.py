@@ -7,6 +7,10 @@ from collections import Counter
 from collections.abc import Collection, Iterable
 from pathlib import Path
 
+from supermap_cli.errors import ConfigError
+from supermap_cli.output_files import NAME_BYTES
+from supermap_cli.printable import printable_line
+
 
 def label_slug(label: str) -> str:
     """A label as the first part of a text id: lower case, words joined by hyphens."""
@@ -20,6 +24,18 @@ _NO_TEXT = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\ud800-\udfff]")
 def clean_text(text: str) -> str:
     """A text as it enters the map: valid UTF-8 without NUL and control characters, which become U+FFFD."""
     return _NO_TEXT.sub("\ufffd", text)
+
+
+def checked_name(name: str) -> str:
+    """A traversal's name that somebody gave. Raises `ConfigError` for one that is no line of text."""
+    cure = "give a short name in letters, such as --name monday"
+    if not name.strip():
+        raise ConfigError("--name is empty", cure=cure)
+    if printable_line(name) != name:
+        raise ConfigError(f"--name {name!r} holds line ends or control characters", cure=cure)
+    if len(name.encode()) > NAME_BYTES:
+        raise ConfigError(f"--name {name[:20]!r}... has more than {NAME_BYTES} bytes", cure=cure)
+    return name
 
 
 class InstanceIds:
@@ -40,7 +56,7 @@ class InstanceIds:
 
 def traversal_name(recording: str, taken: Collection[str]) -> str:
     """A recording's name without folder and suffix, made unique by a counter ("monday", "monday-2")."""
-    return unique_name(Path(recording).stem or "traversal", taken)
+    return unique_name(printable_line(Path(recording).stem) or "traversal", taken)
 
 
 def unique_name(wanted: str, taken: Collection[str]) -> str:

@@ -15,6 +15,7 @@ from supermap_cli.errors import RecordingError
 from supermap_cli.recordings import messages
 from supermap_cli.recordings.calibration import is_calibrated
 from supermap_cli.recordings.decoding import Decoder
+from supermap_cli.recordings.image_size import PixelLimitError
 from supermap_cli.recordings.images import decode_color, decode_depth, is_depth_encoding
 from supermap_cli.recordings.limits import Limits
 from supermap_cli.recordings.messages import CalibrationMessage, ImageMessage, Kind, PoseMessage
@@ -303,6 +304,9 @@ def _image_sample(image: ImageMessage, log_ns: int, limits: Limits, *, thorough:
             depth = float(np.median(pixels[pixels > 0])) if is_depth_encoding(image) and (pixels > 0).any() else None
         except RecordingError as error:
             fault = error
+        except PixelLimitError as error:
+            cure = f"raise it with --limit image_pixels={error.pixels}, or name another topic"
+            fault = RecordingError(f"the first image is too large: {error}", cure=cure)
         except ValueError as error:
             fault = RecordingError(f"the first image is broken: {error}", cure="name another topic")
     return _Sample(offset_ns, image.frame_id, image=image, size=size, depth=depth, fault=fault)

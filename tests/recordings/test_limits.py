@@ -14,6 +14,7 @@ from supermap_cli.hookspecs import RecordingRequest
 from supermap_cli.recordings import open_bag_recording
 from supermap_cli.recordings.containers import open_storage
 from supermap_cli.recordings.decoding import Decoder, MessageError
+from supermap_cli.recordings.image_size import PixelLimitError
 from supermap_cli.recordings.images import decode_color, decode_depth
 from supermap_cli.recordings.messages import ImageMessage, header_of, peek_stamp_ns, read_transforms
 from supermap_cli.recordings.notes import Notes
@@ -175,3 +176,10 @@ def test_messages_of_times_that_no_clock_shows_are_left_out(tmp_path):
     storage = open_storage(path, notes)
     assert [raw.log_ns for raw in storage.messages(["/imu"])] == [5, 6]
     assert "which no clock shows" in notes.lines[0]
+
+
+def test_an_image_beyond_the_users_limit_says_what_limit_would_do():
+    raw = ImageMessage(0, "camera", "rgb8", bytes(4 * 3 * 3), width=4, height=3, step=12)
+    with pytest.raises(PixelLimitError) as refused:
+        decode_color(raw, RecordingLimits(image_pixels=11))
+    assert decode_color(raw, RecordingLimits(image_pixels=refused.value.pixels)).shape == (3, 4, 3)
