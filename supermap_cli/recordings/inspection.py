@@ -14,6 +14,7 @@ import numpy as np
 from supermap_cli.errors import RecordingError
 from supermap_cli.hookspecs import RecordingRequest
 from supermap_cli.recordings.bag_recording import BagRecording
+from supermap_cli.recordings.depth_values import depth_problem
 from supermap_cli.recordings.doctor import RoleVerdict, explicit_settings, verdicts
 from supermap_cli.recordings.opening import OpenedCamera, OpenedRecording, open_recording
 from supermap_cli.recordings.roles import CAMERA_ROLES, ROLES
@@ -189,6 +190,8 @@ def _try_streams(opened: OpenedRecording, recording: BagRecording) -> tuple[list
             next(recording.frames(first.__contains__, camera.camera_id), None)
         except RecordingError as error:
             problems.append(error)
+        if camera.depth is not None and (problem := depth_problem(opened, camera.depth)) is not None:
+            problems.append(problem)
         plan = camera.plan
         reports.append(CameraReport(plan.camera_id, camera.color, plan.frame_id, _model_text(camera), usable))
     streams: list[tuple[str, Callable[[], Iterator[object]]]] = [

@@ -13,6 +13,7 @@ from supermap_cli.recordings.camera_finding import CameraFinder, RecordedRobot, 
 from supermap_cli.recordings.camera_rigs import CameraRigs, OpenedCamera, RecordedMotion, RigFrames
 from supermap_cli.recordings.messages import PoseMessage
 from supermap_cli.recordings.motion import MotionFinder, PoseSource, find_base_frame
+from supermap_cli.recordings.motion_agreement import MotionAgreement
 from supermap_cli.recordings.mounting import check_frames, joint_messages, parse_mounts, same_frames, with_given_frames
 from supermap_cli.recordings.notes import Notes
 from supermap_cli.recordings.robots import topics_of_robot
@@ -100,6 +101,8 @@ class _RigFinder:
             length_s = (self._data.storage.end_ns - self._data.storage.start_ns) / 1e9
             motion = MotionFinder(self.topics, frames.tree, self._request.frames, length_s)
             source, not_motion = motion.find(plan, notes), motion.not_motion()
+            if source is not None:
+                source = MotionAgreement(self._data, self.topics, frames.tree).checked(source, plan, notes)
             base_frame = self._base_frame(plan, source, frames.tree, notes)
             frames = frames.with_given(self._links(source, base_frame, frames.tree, notes))
             plan = self._cameras_of(

@@ -53,6 +53,9 @@ class BuildStatistics:
 
     def funnel(self, confirmed: int = 0) -> str:
         """How many came through each stage, and what held most back."""
+        return f"{self._counted(confirmed)}; {': '.join(self._narrowest())}"
+
+    def _counted(self, confirmed: int = 0) -> str:
         counts = {
             "images": max(self.frames, self.keyframes + self.without_pose),
             "mapped with a pose": self.keyframes,
@@ -62,20 +65,19 @@ class BuildStatistics:
             "objects left tentative": self.tentative,
             "confirmed": confirmed,
         }
-        counted = ", ".join(f"{count} {what}" for what, count in counts.items())
-        return f"{counted}; {self._held_back()}"
+        return ", ".join(f"{count} {what}" for what, count in counts.items())
 
-    def _held_back(self) -> str:
-        """The first stage that let next to nothing through."""
+    def _narrowest(self) -> tuple[str, str]:
+        """The first stage that let next to nothing through, and what helps there."""
         if self.perceived == 0:
-            return "no image met its detections: see their times with `supermap inspect`"
+            return "no image met its detections", "see their times with `supermap inspect`"
         if self.detections == 0:
-            return "the detector found nothing"
+            return "the detector found nothing", "try another model or a lower score (--option)"
         if self.masks == 0:
-            return "no detection got a mask: see the depth with `supermap inspect`"
+            return "no detection got a mask", "see the depth with `supermap inspect --doctor`"
         if self.lifted < self.detections / 10:
-            return "most detections met no depth: see the depth with `supermap inspect`"
-        return "most were held back because too few views agreed: map more with --rate, or lower --min-confidence"
+            return "most detections met no depth", "see the depth with `supermap inspect --doctor`"
+        return "most were held back because too few views agreed", "map more with --rate, or lower --min-confidence"
 
     def _is_empty_place(self, detections_recorded: bool) -> bool:
         if self.detections == 0:
@@ -118,11 +120,12 @@ class BuildStatistics:
                 where=where,
                 cure="try another model or a lower score (--option, see `supermap plugins`)",
             )
+        held_back, cure = self._narrowest()
         raise RecordingError(
             f"nothing could be mapped: {self.detections} detections in {self.keyframes} images, "
             f"{self.masks} with a mask, no object confirmed"
             + (f"; for {lost_results} images they never came" if lost_results else "")
-            + f" ({self.funnel()})",
+            + f" ({self._counted()}; {held_back})",
             where=where,
-            cure="check the depth (`supermap inspect`), map more images with --rate, or lower --min-confidence",
+            cure=cure,
         )
