@@ -62,7 +62,8 @@ def recover(url: str, out: Path) -> Recovered:
             found = _rebuilt(copy, made)
         except (sqlite3.Error, DatabaseError, UnicodeDecodeError) as error:
             raise sqlite_error(getattr(error, "orig", None) or error, str(source)) from error
-        if not found.saved.get("traversal"):
+        seen = found.saved.get("keyframe", 0) + found.saved.get("instance", 0)
+        if not found.saved.get("traversal") or (not seen and any(found.lost.values())):
             raise MemoryStoreError(
                 "nothing of the map can be read", where=str(source), cure="go back to a copy of it, or build anew"
             )
