@@ -85,7 +85,7 @@ def test_a_file_that_was_cut_off_is_named_and_recovered(db: Path, tmp_path: Path
     assert "pages of" in said or "problems in" in said
 
 
-@settings(max_examples=8, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
+@settings(max_examples=5, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
 @given(
     hits=st.lists(st.tuples(st.floats(0, 1, exclude_max=True), st.binary(min_size=1, max_size=300)), max_size=12),
     share=st.sampled_from((1.0, 1.0, 0.9, 0.5)),
