@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,6 +13,7 @@ from supermap_cli.commands import db_merge, db_sql, db_vacuum
 from supermap_cli.commands.common import DbOption, JsonOption, WaitOption, database_url, err, out, print_json, waiting
 from supermap_cli.commands.show import print_traversals
 from supermap_cli.commands.tables import print_table
+from supermap_cli.errors import MemoryStoreError
 
 if TYPE_CHECKING:
     from supermap_cli.query.clock import Clock
@@ -58,7 +61,10 @@ def check(
     from supermap_cli.memory.checking import check as problems_of  # noqa: PLC0415
     from supermap_cli.query.views import to_document  # noqa: PLC0415
 
-    with open_store(database_url(db), read_only=not repair, waiting=waiting(wait)) as store:
+    with (
+        _file_named(database_url(db)),
+        open_store(database_url(db), read_only=not repair, waiting=waiting(wait)) as store,
+    ):
         for done in store.repair() if repair else ():
             err().print(f"repaired: {done}", markup=False)
         with store.reader() as reader:
@@ -72,6 +78,24 @@ def check(
         out().print(f"{store.where}: sound", markup=False)
     if problems:
         raise typer.Exit(1)
+
+
+@contextmanager
+def _file_named(url: str) -> Iterator[None]:
+    """An error that leads to `supermap db check` says instead what is wrong with the file, and what saves the rest."""
+    from supermap_cli.memory.databases import database_of  # noqa: PLC0415 - keeps start-up light
+    from supermap_cli.memory.databases.sqlite_pages import header_fault  # noqa: PLC0415
+
+    try:
+        yield
+    except MemoryStoreError as error:
+        if "supermap db check" not in (error.cure or ""):
+            raise
+        file = database_of(url).file
+        fault = header_fault(file) if file is not None and file.is_file() else None
+        what = error.what if fault is None else f"{error.what}; {fault}"
+        cure = "`supermap db recover --out NEW.db` saves what can be read"
+        raise MemoryStoreError(what, where=error.where, cure=cure) from error
 
 
 def recover(

@@ -220,14 +220,17 @@ def make_spans(connection: Connection) -> None:
 
 
 def make_traversals(connection: Connection) -> int:
-    """A traversal whose row is lost but whose keyframes are there is one again. Returns how many."""
+    """A traversal whose row is lost is one again if anything was seen in it. Returns how many."""
     return connection.exec_driver_sql(
         """INSERT OR IGNORE INTO traversal (id, number, name, recording, fingerprint, start_ns, end_ns, T_map_odom,
            config, versions, status, warnings)
-           SELECT traversal_id, traversal_id, 'recovered-' || traversal_id, 'unknown', 'unknown', min(stamp_ns),
-           max(stamp_ns), '[[1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]', '{}', '{}', 'complete',
-           '["recovered from a damaged map that had lost everything of this traversal but its keyframes"]'
-           FROM keyframe WHERE traversal_id NOT IN (SELECT id FROM traversal) GROUP BY traversal_id"""
+           SELECT traversal_id, traversal_id, 'recovered-' || traversal_id, 'unknown', 'unknown', min(first_ns),
+           max(last_ns), '[[1,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]', '{}', '{}', 'complete',
+           '["recovered from a damaged map that had lost everything of this traversal but what was seen in it"]'
+           FROM (SELECT traversal_id, stamp_ns AS first_ns, stamp_ns AS last_ns FROM keyframe
+                 UNION ALL SELECT traversal_id, first_seen_ns, last_seen_ns FROM instance
+                 UNION ALL SELECT traversal_id, first_seen_ns, last_seen_ns FROM state)
+           WHERE traversal_id NOT IN (SELECT id FROM traversal) GROUP BY traversal_id"""
     ).rowcount
 
 
@@ -256,15 +259,11 @@ _KEYFRAMES_LOST = f"""UPDATE traversal SET warnings = json_insert(warnings, '$[#
     WHERE lost.id = s.id AND (s.first_seen_ns BETWEEN start_ns AND end_ns
     OR s.last_seen_ns BETWEEN start_ns AND end_ns))"""  # noqa: S608 - constants of this module
 _OF_INSTANCE = "(SELECT i.id FROM instance i WHERE i.number = {}.{})"
+_RUN = "(SELECT t.name FROM traversal t WHERE t.id = {}.traversal_id)"
 _NAMES = {
     "instance": ("id", "CAST(number AS TEXT)"),
     "state": ("CAST(id AS TEXT)", f"{_OF_INSTANCE.format('state', 'instance_number')} || ' state ' || state_index"),
-    "visit": (
-        (
-            f"{_OF_INSTANCE.format('visit', 'instance_number')} || ' in ' || "
-            "(SELECT t.name FROM traversal t WHERE t.id = visit.traversal_id)"  # noqa: S608 - constants of this module
-        ),
-    ),
+    "visit": (f"{_OF_INSTANCE.format('visit', 'instance_number')} || ' in ' || {_RUN.format('visit')}",),
     "spatial_edge": (
         "CAST(id AS TEXT)",
         (

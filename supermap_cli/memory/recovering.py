@@ -27,6 +27,8 @@ from supermap_schema import SCHEMA_VERSION, models, sqlite
 from supermap_schema.checksums import store_all_sums
 from supermap_schema.upgrading import upgrade
 
+_UNREADABLE = (sqlite3.Error, UnicodeDecodeError)
+"""What SQLite's module raises over damage; the latter where the error itself quotes what is no text."""
 _ROUNDS = 20
 """Rows whose loss breaks others are dropped in rounds; a chain of states and changes is sound long before."""
 
@@ -62,7 +64,8 @@ def recover(url: str, out: Path) -> Recovered:
             found = _rebuilt(copy, made)
         except (sqlite3.Error, DatabaseError, UnicodeDecodeError) as error:
             raise sqlite_error(getattr(error, "orig", None) or error, str(source)) from error
-        if not found.saved.get("traversal"):
+        seen = found.saved.get("keyframe", 0) + found.saved.get("instance", 0)
+        if not found.saved.get("traversal") or (not seen and any(found.lost.values())):
             raise MemoryStoreError(
                 "nothing of the map can be read", where=str(source), cure="go back to a copy of it, or build anew"
             )
@@ -79,7 +82,7 @@ def _copy(source: Path, copy: Path) -> None:
             shutil.copyfile(beside, copy.with_name(copy.name + suffix))
             has_log = suffix == "-wal" and beside.stat().st_size > 0
     mend_header(copy, has_log=has_log)
-    with suppress(sqlite3.Error), closing(sqlite3.connect(copy)) as connection:
+    with suppress(*_UNREADABLE), closing(sqlite3.connect(copy)) as connection:
         connection.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchall()
     mend_header(copy, has_log=False)
 
@@ -117,7 +120,7 @@ def _rebuilt(copy: Path, made: SqliteFile) -> Recovered:
 def _has(source: sqlite3.Connection, table: Table) -> bool:
     try:
         return bool(source.execute("SELECT 1 FROM sqlite_master WHERE name = ?", (table.name,)).fetchall())
-    except sqlite3.Error:
+    except _UNREADABLE:
         return True
 
 
@@ -220,7 +223,7 @@ def _some_rows(source: sqlite3.Connection, table: Table, order: str, at: int | N
     try:
         for row in source.execute(query):
             rows.append(dict(row))  # noqa: PERF401 - those before the one that fails are kept
-    except sqlite3.Error:
+    except _UNREADABLE:
         return rows, True
     return rows, False
 
