@@ -209,7 +209,7 @@ class BuildQuestions(BuildHappenings):
         if condition is None:
             raise NoReading
         things = only(parts, tree.Things)
-        if things.quantity == "any" or things == ANYTHING or _is_anybody(things):
+        if things.quantity == "any" or things.number is not None or things == ANYTHING or _is_anybody(things):
             return tree.Exists(with_condition(things, condition))
         return tree.Holds(things, condition)
 

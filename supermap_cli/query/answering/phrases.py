@@ -175,7 +175,7 @@ def superlative_text(superlative: Superlative) -> str:
     return f"{rank}{_SUPERLATIVES[superlative.measure]}"
 
 
-def condition_text(condition: Condition) -> str:  # noqa: PLR0911 - one case a kind of condition
+def condition_text(condition: Condition) -> str:  # noqa: C901, PLR0911 - one case a kind of condition
     """A condition as it follows a noun."""
     match condition:
         case Related(relation, reference, inverse):

@@ -36,6 +36,9 @@ def ask(tmp_path_factory: pytest.TempPathFactory) -> Ask:
         ("is the vase on the table", "yes"),
         ("is the tv on the table", "no"),
         ("are all chairs near the tv", "no"),
+        ("are the chairs near the tv", "no"),
+        ("are the chairs still there", "no"),
+        ("is the chair near the tv", "yes"),
         ("is any chair near the tv", "yes"),
     ],
 )
