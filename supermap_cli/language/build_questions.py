@@ -209,6 +209,8 @@ class BuildQuestions(BuildHappenings):
         if condition is None:
             raise NoReading
         things = only(parts, tree.Things)
+        if _is_second_clause(condition) or _names_two(things.condition):
+            raise NoReading
         if things.quantity == "any" or things.number is not None or things == ANYTHING or _is_anybody(things):
             return tree.Exists(with_condition(things, condition))
         return tree.Holds(things, condition)
@@ -339,6 +341,21 @@ def _only_value(parts: list[Any]) -> Any:
 
 def _person() -> tree.Things:
     return tree.Things(tree.Named("person", "who", hypernym=True))
+
+
+def _is_second_clause(condition: tree.Condition) -> bool:
+    """Whether a condition may be two clauses: "is the cup on the table and the book on the desk"."""
+    if not isinstance(condition, tree.And):
+        return False
+    last = condition.conditions[-1]
+    return isinstance(last, tree.Related) and last.reference.condition is not None
+
+
+def _names_two(condition: tree.Condition | None) -> bool:
+    """Whether the subject stands in one relation to two things: "the cup on the table and the book" is two clauses."""
+    parts = condition.conditions if isinstance(condition, tree.And) else ()
+    names = [part.relation for part in parts if isinstance(part, tree.Related)]
+    return len(set(names)) < len(names)
 
 
 def _is_anybody(things: tree.Things) -> bool:

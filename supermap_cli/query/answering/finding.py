@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from supermap_cli.language.questions import (
     And,
@@ -20,6 +21,7 @@ from supermap_cli.language.questions import (
     Or,
     Related,
     Things,
+    Union,
     Usable,
 )
 from supermap_cli.query.answering.conditions import Judgement
@@ -63,6 +65,8 @@ def find(finder: ThingsFinder, question: Find, when: str) -> Reply:
     uncertain = lister.uncertain(things, instances, counting=False)
     lister.note_uncertain(uncertain)
     nearest = () if instances else lister.nearest(things, found.dropped)
+    if instances:
+        finder.asking.note(*_without_match(finder, things, when))
     sentence = (
         _found_sentence(finder, things, instances, found, when, place=question.place)
         if instances
@@ -110,6 +114,8 @@ def count(finder: ThingsFinder, question: Count, when: str) -> Reply:
 
 def exists(finder: ThingsFinder, question: Exists, when: str) -> Reply:
     """Whether there are any, or as many as asked for."""
+    if members := each_of(question.things):
+        return _each_exists([exists(finder, replace(question, things=member), when) for member in members])
     things, lister = question.things, Lister(finder)
     wanted = things.number or 1
     found = finder.find(things, counting=wanted > 1 or things.quantity == "only")
@@ -154,6 +160,38 @@ def _existence(
         for miss in nearest
     )
     return "unknown" if lost else "no"
+
+
+def each_of(things: Things) -> tuple[Things, ...]:
+    """The phrases of "a cup and a bottle on the table", each with what is said of all; nothing for other phrases."""
+    if not isinstance(things.noun, Union) or not things.noun.every or things.superlative is not None:
+        return ()
+    members = []
+    for member in things.noun.members:
+        conditions = [each for each in (member.condition, things.condition) if each is not None]
+        condition = And(tuple(conditions)) if len(conditions) > 1 else next(iter(conditions), None)
+        members.append(replace(member, condition=condition, attributes=(*things.attributes, *member.attributes)))
+    return tuple(members)
+
+
+def _without_match(finder: ThingsFinder, things: Things, when: str) -> list[str]:
+    """The sentences for those phrases of several that nothing matches."""
+    return [
+        missing_sentence(finder, member, (), when).removesuffix(".")
+        for member in each_of(things)
+        if not finder.find(member).candidates
+    ]
+
+
+def _each_exists(replies: Sequence[Reply]) -> Reply:
+    """Whether all of several exist."""
+    verdicts = [reply.verdict for reply in replies]
+    verdict: Truth = "no" if "no" in verdicts else "unknown" if "unknown" in verdicts else "yes"
+    lead = {"yes": "Yes: ", "no": "No: ", "unknown": "Nobody can say: "}[verdict]
+    told = [reply.message.partition(": ")[2] for reply in sorted(replies, key=lambda each: each.verdict != verdict)]
+    instances = tuple({view.id: view for reply in replies for view in reply.instances}.values())
+    nearest = tuple(miss for reply in replies for miss in reply.nearest)
+    return Reply("exists", lead + " ".join(told), instances, nearest, verdict=verdict)
 
 
 def missing_sentence(finder: ThingsFinder, things: Things, nearest: Sequence[NearMiss], when: str) -> str:

@@ -36,6 +36,9 @@ def ask(tmp_path_factory: pytest.TempPathFactory) -> Ask:
         ("is the vase on the table", "yes"),
         ("is the tv on the table", "no"),
         ("are all chairs near the tv", "no"),
+        ("is there a chair and a piano", "no"),
+        ("is there both a chair and a tv", "yes"),
+        ("is there a piano or a chair", "yes"),
         ("are the chairs near the tv", "no"),
         ("are the chairs still there", "no"),
         ("is the chair near the tv", "yes"),
@@ -86,3 +89,9 @@ def test_another_name_of_a_detector_is_told_before_it_is_answered_with(ask: Ask)
 def test_a_missing_part_of_a_question_is_not_answered_for(ask: Ask) -> None:
     assert ask("is the cup near the piano").verdict == "no"
     assert "There is no piano in the map" in ask("cup near the piano").message
+
+
+def test_what_is_missing_of_several_things_is_told(ask: Ask) -> None:
+    found = ask("where are the tv and the piano")
+    assert ids(found) == ["tv-1"]
+    assert any("no piano" in note for note in found.notes)
