@@ -16,6 +16,7 @@ from supermap_cli.language.build_things import (
     to_reference,
     with_condition,
 )
+from supermap_cli.language.build_times import AtStart
 from supermap_cli.language.forest import NoReading, Word
 from supermap_cli.language.parts import Comparative, maybe, of_type, only, words
 from supermap_cli.language.refusals import RefusalKind
@@ -66,7 +67,8 @@ class BuildQuestions(BuildHappenings):
             body = body.body
         if len(found) > 1:
             raise NoReading
-        return Asked(cast("tree.Body", body), cast("times.Time | None", found[0] if found else None))
+        time = _started(found[0], body) if found and isinstance(found[0], AtStart) else found[0] if found else None
+        return Asked(cast("tree.Body", body), cast("times.Time | None", time))
 
     timed_front = timed
 
@@ -96,12 +98,14 @@ class BuildQuestions(BuildHappenings):
         body = tree.Find(only(parts, tree.Things), place=True)
         return Asked(body, sight[0] if sight else times.Last(), implied=not sight)
 
-    def find_sighted(self, parts: list[Any]) -> tree.Find:
-        measure: tree.Measure = "seen" if of_type(parts, times.Last) else "old"
+    def find_sighted(self, parts: list[Any]) -> Asked:
+        last = bool(of_type(parts, times.Last))
+        measure: tree.Measure = "seen" if last else "old"
         things = maybe(parts, tree.Things) or ANYTHING
         if things.superlative is not None:
             raise NoReading
-        return tree.Find(replace(things, superlative=tree.Superlative(measure)))
+        sight = times.Last() if last else times.First()
+        return Asked(tree.Find(replace(things, superlative=tree.Superlative(measure))), sight)
 
     def find_earlier(self, parts: list[Any]) -> Asked:
         return Asked(self.find_what(parts), times.Earlier(), implied=True)
@@ -330,6 +334,15 @@ def _timed_inside(build: Callable[[list[Any]], tree.Body | Asked], parts: list[A
     if len(found) > 1 or not isinstance(body, BODIES):
         raise NoReading
     return Asked(body, cast("times.Time", found[0]))
+
+
+def _started(start: AtStart, body: Any) -> times.Time:
+    """The start of what a question is about: "where was the cup originally" asks for its own first place; whether it
+    was there at the start, for the first traversal.
+    """
+    if isinstance(body, tree.Find) and body.place and body.things.condition is None:
+        return times.First()
+    return times.InTraversal(start.name)
 
 
 def _only_value(parts: list[Any]) -> Any:

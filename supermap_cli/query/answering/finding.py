@@ -24,6 +24,7 @@ from supermap_cli.language.questions import (
     Union,
     Usable,
 )
+from supermap_cli.language.times import Now
 from supermap_cli.query.answering.conditions import Judgement
 from supermap_cli.query.answering.document import NearMiss, Reply, Truth
 from supermap_cli.query.answering.listing import Lister
@@ -131,6 +132,9 @@ def exists(finder: ThingsFinder, question: Exists, when: str) -> Reply:
         sentence = missing_sentence(finder, things, nearest, when)
     if negated and verdict != "unknown":
         verdict = "no" if verdict == "yes" else "yes"
+    if isinstance(finder.asked_time, Now) and instances and finder.asking.is_dynamic(things.noun):
+        verdict = "unknown"
+        sentence = f"nobody is known to be here now, what moves is only known when it is seen. {sentence}"
     lead = {"yes": "Yes: ", "no": "No: ", "unknown": "Nobody can say: "}[verdict]
     return Reply(
         "exists",

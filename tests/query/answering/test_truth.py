@@ -36,6 +36,8 @@ def ask(tmp_path_factory: pytest.TempPathFactory) -> Ask:
         ("is the vase on the table", "yes"),
         ("is the tv on the table", "no"),
         ("are all chairs near the tv", "no"),
+        ("was the vase there at the start", "no"),
+        ("was the cup there originally", "yes"),
         ("is there a chair and a piano", "no"),
         ("is there both a chair and a tv", "yes"),
         ("is there a piano or a chair", "yes"),
@@ -76,6 +78,7 @@ def test_people_are_told_of_where_and_when_they_were_seen(tmp_path: Path) -> Non
     assert (found.verdict, ids(found)) == ("yes", ["person-1"])
     assert "from 2026-01-05T09:00:03.0Z to 2026-01-05T09:00:05.0Z, 0.40 m from desk-1" in found.message
     assert ids(ask("where is person-1")) == ["person-1"]
+    assert ask("is anyone here now").verdict == "unknown"
     assert ask("did you see a dog").verdict == "no"
 
 
