@@ -196,8 +196,11 @@ class BuildQuestions(BuildHappenings):
 
     # --- Yes or no ---
 
-    def exists(self, parts: list[Any]) -> tree.Exists:
-        return tree.Exists(only(parts, tree.Things))
+    def exists(self, parts: list[Any]) -> tree.Exists | tree.Holds:
+        things = only(parts, tree.Things)
+        if things.quantity in {"all", "every"} and things.condition is None:
+            return tree.Holds(things, still=True)
+        return tree.Exists(things)
 
     def exists_any(self, parts: list[Any]) -> tree.Exists:
         return tree.Exists(replace(only(parts, tree.Things), quantity="any"))
@@ -228,8 +231,13 @@ class BuildQuestions(BuildHappenings):
         first, second = of_type(parts, tree.Things)
         return tree.Holds(first, tree.Related(str(words(parts, "RELATION")[0].value), second))
 
-    def holds_there(self, parts: list[Any]) -> tree.Exists:
-        return tree.Exists(only(parts, tree.Things))
+    def holds_there(self, parts: list[Any]) -> tree.Exists | tree.Holds:
+        return self.exists(parts)
+
+    still_or_left = holds_there
+
+    def still_so(self, parts: list[Any]) -> tree.Holds | tree.Exists:
+        return self.holds(parts)
 
     # --- Comparing, measuring, describing ---
 
