@@ -21,7 +21,7 @@ from supermap_cli.language.forest import Builder, Forest, Interpretation
 from supermap_cli.language.known_names import KnownNames
 from supermap_cli.language.language_data import LanguageData, language_data
 from supermap_cli.language.lexicon import load_lexicon
-from supermap_cli.language.mending import mended_words
+from supermap_cli.language.mending import is_english, mended_words
 from supermap_cli.language.prepared import Phrases, load_grammar
 from supermap_cli.language.questions import Body, Holds, Named, Question
 from supermap_cli.language.refusals import RefusedQuestionError
@@ -110,7 +110,11 @@ def parse(text: str, known: KnownNames, language: str | None = None) -> Question
     if not _asks(readings) and (fewer := _without_fillers(words, rules.data)) != words:
         words, readings = fewer, _readings(fewer, rules, tokeniser) or readings
     if not _asks(readings):
-        mended = mended_words(words, tokeniser.unknown(words), rules.phrases, _names_of_map(known, code))
+        unknown = set(tokeniser.unknown(words))
+        names = _names_of_map(known, code)
+        held = {word for name in (*names, *rules.phrases) for word in name.casefold().split()}
+        if code != "en" or not any(map(is_english, unknown - held)):
+            mended = mended_words(words, unknown, rules.phrases, names)
         if mended:
             meant = dict(mended)
             words = tuple(meant.get(word, word) for word in words)

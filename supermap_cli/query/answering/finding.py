@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+from supermap_cli.errors import QueryError
 from supermap_cli.language.questions import (
     And,
     Anything,
@@ -20,6 +21,7 @@ from supermap_cli.language.questions import (
     Not,
     Or,
     Related,
+    Robot,
     Things,
     Union,
     Usable,
@@ -60,6 +62,8 @@ MAX_GROUPS = 4
 
 def find(finder: ThingsFinder, question: Find, when: str) -> Reply:
     """Which things, and where."""
+    if isinstance(question.things.noun, Robot):
+        return _robot(finder, question.things)
     things, lister = question.things, Lister(finder)
     found = finder.find(things)
     instances = lister.views(found.candidates)
@@ -82,6 +86,15 @@ def find(finder: ThingsFinder, question: Find, when: str) -> Reply:
         more=found.more,
         measures=finder.measurements(),
     )
+
+
+def _robot(finder: ThingsFinder, things: Things) -> Reply:
+    """Where the robot was last. Raises `QueryError` for another time, or where no pose of it is known."""
+    position = finder.asking.robot_position
+    if position is None or things != Things(Robot()) or finder.selector.kind not in {"now", "last"}:
+        raise QueryError("of the robot only its last place is known", cure="ask 'where are you'")
+    x, y, z = (float(value) for value in position)
+    return Reply("find", f"The robot was last at ({x:.2f}, {y:.2f}, {z:.2f}) m, at the end of the map.", (), ())
 
 
 def count(finder: ThingsFinder, question: Count, when: str) -> Reply:

@@ -98,3 +98,7 @@ def test_what_is_missing_of_several_things_is_told(ask: Ask) -> None:
     found = ask("where are the tv and the piano")
     assert ids(found) == ["tv-1"]
     assert any("no piano" in note for note in found.notes)
+
+
+def test_the_robot_is_where_it_was_last(ask: Ask) -> None:
+    assert ask("where are you").message.startswith("The robot was last at (")
