@@ -16,6 +16,7 @@ from supermap_cli.language.build_things import (
     to_reference,
     with_condition,
 )
+from supermap_cli.language.build_times import AtStart
 from supermap_cli.language.forest import NoReading, Word
 from supermap_cli.language.parts import Comparative, maybe, of_type, only, words
 from supermap_cli.language.refusals import RefusalKind
@@ -66,7 +67,8 @@ class BuildQuestions(BuildHappenings):
             body = body.body
         if len(found) > 1:
             raise NoReading
-        return Asked(cast("tree.Body", body), cast("times.Time | None", found[0] if found else None))
+        time = _started(found[0], body) if found and isinstance(found[0], AtStart) else found[0] if found else None
+        return Asked(cast("tree.Body", body), cast("times.Time | None", time))
 
     timed_front = timed
 
@@ -96,12 +98,14 @@ class BuildQuestions(BuildHappenings):
         body = tree.Find(only(parts, tree.Things), place=True)
         return Asked(body, sight[0] if sight else times.Last(), implied=not sight)
 
-    def find_sighted(self, parts: list[Any]) -> tree.Find:
-        measure: tree.Measure = "seen" if of_type(parts, times.Last) else "old"
+    def find_sighted(self, parts: list[Any]) -> Asked:
+        last = bool(of_type(parts, times.Last))
+        measure: tree.Measure = "seen" if last else "old"
         things = maybe(parts, tree.Things) or ANYTHING
         if things.superlative is not None:
             raise NoReading
-        return tree.Find(replace(things, superlative=tree.Superlative(measure)))
+        sight = times.Last() if last else times.First()
+        return Asked(tree.Find(replace(things, superlative=tree.Superlative(measure))), sight)
 
     def find_earlier(self, parts: list[Any]) -> Asked:
         return Asked(self.find_what(parts), times.Earlier(), implied=True)
@@ -192,8 +196,11 @@ class BuildQuestions(BuildHappenings):
 
     # --- Yes or no ---
 
-    def exists(self, parts: list[Any]) -> tree.Exists:
-        return tree.Exists(only(parts, tree.Things))
+    def exists(self, parts: list[Any]) -> tree.Exists | tree.Holds:
+        things = only(parts, tree.Things)
+        if things.quantity in {"all", "every"} and things.condition is None:
+            return tree.Holds(things, still=True)
+        return tree.Exists(things)
 
     def exists_any(self, parts: list[Any]) -> tree.Exists:
         return tree.Exists(replace(only(parts, tree.Things), quantity="any"))
@@ -209,7 +216,9 @@ class BuildQuestions(BuildHappenings):
         if condition is None:
             raise NoReading
         things = only(parts, tree.Things)
-        if things.quantity == "any" or things == ANYTHING or _is_anybody(things):
+        if _is_second_clause(condition) or _names_two(things.condition):
+            raise NoReading
+        if things.quantity == "any" or things.number is not None or things == ANYTHING or _is_anybody(things):
             return tree.Exists(with_condition(things, condition))
         return tree.Holds(things, condition)
 
@@ -222,8 +231,13 @@ class BuildQuestions(BuildHappenings):
         first, second = of_type(parts, tree.Things)
         return tree.Holds(first, tree.Related(str(words(parts, "RELATION")[0].value), second))
 
-    def holds_there(self, parts: list[Any]) -> tree.Exists:
-        return tree.Exists(only(parts, tree.Things))
+    def holds_there(self, parts: list[Any]) -> tree.Exists | tree.Holds:
+        return self.exists(parts)
+
+    still_or_left = holds_there
+
+    def still_so(self, parts: list[Any]) -> tree.Holds | tree.Exists:
+        return self.holds(parts)
 
     # --- Comparing, measuring, describing ---
 
@@ -330,6 +344,15 @@ def _timed_inside(build: Callable[[list[Any]], tree.Body | Asked], parts: list[A
     return Asked(body, cast("times.Time", found[0]))
 
 
+def _started(start: AtStart, body: Any) -> times.Time:
+    """The start of what a question is about: "where was the cup originally" asks for its own first place; whether it
+    was there at the start, for the first traversal.
+    """
+    if isinstance(body, tree.Find) and body.place and body.things.condition is None:
+        return times.First()
+    return times.InTraversal(start.name)
+
+
 def _only_value(parts: list[Any]) -> Any:
     values = [part for part in parts if isinstance(part, (Asked, Refused))]
     if len(values) != 1:
@@ -339,6 +362,21 @@ def _only_value(parts: list[Any]) -> Any:
 
 def _person() -> tree.Things:
     return tree.Things(tree.Named("person", "who", hypernym=True))
+
+
+def _is_second_clause(condition: tree.Condition) -> bool:
+    """Whether a condition may be two clauses: "is the cup on the table and the book on the desk"."""
+    if not isinstance(condition, tree.And):
+        return False
+    last = condition.conditions[-1]
+    return isinstance(last, tree.Related) and last.reference.condition is not None
+
+
+def _names_two(condition: tree.Condition | None) -> bool:
+    """Whether the subject stands in one relation to two things: "the cup on the table and the book" is two clauses."""
+    parts = condition.conditions if isinstance(condition, tree.And) else ()
+    names = [part.relation for part in parts if isinstance(part, tree.Related)]
+    return len(set(names)) < len(names)
 
 
 def _is_anybody(things: tree.Things) -> bool:

@@ -166,6 +166,12 @@ class BuildThings:
             return tree.Things(tree.Union((*others, replace(last, condition=None))), condition=last.condition)
         return tree.Things(tree.Union(members))
 
+    def union_of_all(self, parts: list[Any]) -> tree.Things:
+        things = self.union(parts)
+        members = cast("tree.Union", things.noun).members
+        first = replace(members[0], quantity=None if members[0].quantity == "both" else members[0].quantity)
+        return replace(things, noun=tree.Union((first, *members[1:]), every=True))
+
     def nothing(self, _parts: list[Any]) -> None:
         return None
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any, cast, get_args
 
 from supermap_cli.language import questions as tree
@@ -12,6 +13,11 @@ from supermap_cli.language.parts import Duration, maybe, of_type, only, words
 
 SECONDS = {"SECOND": 1.0, "MINUTE": 60.0, "HOUR": 3600.0, "DAY": 86400.0, "WEEK": 604800.0}
 _MOMENTS = get_args(times.Moment)
+
+
+@dataclass(frozen=True)
+class AtStart(times.InTraversal):
+    """At the start of the map, until it is known what is asked of it."""
 
 
 class BuildTimes:
@@ -25,6 +31,9 @@ class BuildTimes:
 
     def first(self, _parts: list[Any]) -> times.First:
         return times.First()
+
+    def at_start(self, _parts: list[Any]) -> AtStart:
+        return AtStart("first")
 
     def last(self, _parts: list[Any]) -> times.Last:
         return times.Last()

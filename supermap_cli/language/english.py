@@ -192,7 +192,7 @@ def _attribute(attribute: tree.Attribute) -> str:
             return name
 
 
-def _noun(noun: tree.Noun, *, plural: bool) -> str:
+def _noun(noun: tree.Noun, *, plural: bool) -> str:  # noqa: PLR0911 - one case a kind of noun
     match noun:
         case tree.Anything():
             return "things" if plural else "thing"
@@ -204,8 +204,10 @@ def _noun(noun: tree.Noun, *, plural: bool) -> str:
             return f"thing to {use}"
         case tree.Robot():
             return "you"
-        case tree.Union(members):
+        case tree.Union(members, every):
             *firsts, last = (bare_in_english(member, plural=plural) for member in members)
+            if not every:
+                return f"({' or '.join([*firsts, last])})"
             return f"({', '.join(firsts)} and {last})"
 
 

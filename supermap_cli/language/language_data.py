@@ -22,7 +22,8 @@ class LanguageData:
     `elisions` are what an apostrophe separates from the next word ("l" of French "l'armoire"). A language is `joined`
     if it writes no spaces between words: then every character is looked at as a word. `values` are what words stand
     for that are no English ("montag": "monday"). `past` are the words of which one tells that a question is in the past
-    tense, `fillers` those that say nothing wherever they stand.
+    tense, `fillers` those that say nothing wherever they stand; the first of `plural_verbs` and `singular_verbs` tells
+    whether a question is about several things.
     """
 
     code: str
@@ -37,6 +38,8 @@ class LanguageData:
     joined: bool
     past: frozenset[str]
     fillers: frozenset[str]
+    plural_verbs: frozenset[str]
+    singular_verbs: frozenset[str]
     refusals: Mapping[str, str]
 
     def refusal(
@@ -73,6 +76,8 @@ def language_data(code: str) -> LanguageData:
         table.get("joined", False),
         frozenset(spelt(dict.fromkeys(table["past"], ""))),
         frozenset(spelt(dict.fromkeys(table.get("fillers", ()), ""))),
+        frozenset(spelt(dict.fromkeys(table["plural_verbs"], ""))),
+        frozenset(spelt(dict.fromkeys(table["singular_verbs"], ""))),
         table["refusals"],
     )
 

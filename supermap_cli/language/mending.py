@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Sequence
+from functools import cache
+from importlib.resources import files
 from itertools import pairwise
 
+from supermap_cli.language.inflection import singulars
 from supermap_cli.language.spelling import close_words
 
 LEAST_SIMILARITY = (0.75, 0.8)
@@ -21,6 +24,18 @@ MOST_MENDED = 3
 """Words of one question that are replaced; with more of them it is no English, or no question."""
 
 
+@cache
+def _english_words() -> frozenset[str]:
+    words = files("supermap_cli.language.lexicons") / "en_words.txt"
+    return frozenset(words.read_text(encoding="utf-8").split())
+
+
+def is_english(word: str) -> bool:
+    """Whether a word, or the singular or the verb that it may be a form of, is English, so that it is not misspelt."""
+    forms = {word, *singulars(word), word.removesuffix("ed"), word.removesuffix("ing"), word.removesuffix("d")}
+    return not forms.isdisjoint(_english_words())
+
+
 def mended_words(
     words: Sequence[str], unknown: Collection[str], of_language: Iterable[str], of_map: Collection[str]
 ) -> tuple[tuple[str, str], ...]:
@@ -33,7 +48,11 @@ def mended_words(
         return ()
     known = [sorted(_words_of(of_map)), sorted(_words_of(of_language))]
     found = [(word, _meant(word, known)) for word in distinct]
-    return tuple((word, meant) for word, meant in found if meant) if all(meant for _, meant in found) else ()
+    return (
+        tuple((word, meant) for word, meant in found if meant and meant != word)
+        if all(meant for _, meant in found)
+        else ()
+    )
 
 
 def _meant(word: str, known: Sequence[Collection[str]]) -> str | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
 
@@ -21,9 +21,9 @@ from supermap_cli.language.forest import Builder, Forest, Interpretation
 from supermap_cli.language.known_names import KnownNames
 from supermap_cli.language.language_data import LanguageData, language_data
 from supermap_cli.language.lexicon import load_lexicon
-from supermap_cli.language.mending import mended_words
+from supermap_cli.language.mending import is_english, mended_words
 from supermap_cli.language.prepared import Phrases, load_grammar
-from supermap_cli.language.questions import Question
+from supermap_cli.language.questions import Body, Holds, Named, Question
 from supermap_cli.language.refusals import RefusedQuestionError
 from supermap_cli.language.tokens import Lexeme, Tokeniser
 from supermap_cli.language.translations import Nouns, load_nouns
@@ -110,7 +110,11 @@ def parse(text: str, known: KnownNames, language: str | None = None) -> Question
     if not _asks(readings) and (fewer := _without_fillers(words, rules.data)) != words:
         words, readings = fewer, _readings(fewer, rules, tokeniser) or readings
     if not _asks(readings):
-        mended = mended_words(words, tokeniser.unknown(words), rules.phrases, _names_of_map(known, code))
+        unknown = set(tokeniser.unknown(words))
+        names = _names_of_map(known, code)
+        held = {word for name in (*names, *rules.phrases) for word in name.casefold().split()}
+        if code != "en" or not any(map(is_english, unknown - held)):
+            mended = mended_words(words, unknown, rules.phrases, names)
         if mended:
             meant = dict(mended)
             words = tuple(meant.get(word, word) for word in words)
@@ -126,7 +130,25 @@ def parse(text: str, known: KnownNames, language: str | None = None) -> Question
         if isinstance(reading.value, Asked) and reading.rank == readings[0].rank and reading.value.time == best.time
     )
     past = not rules.data.past.isdisjoint((*words, *(piece.written for piece in next(tokeniser.cuts(words)))))
-    return Question(text, best.body, best.time, past, code, others, mended)
+    several = _is_plural(words, rules.data)
+    bodies = tuple(_of_all(body) if several else body for body in (best.body, *others))
+    return Question(text, bodies[0], best.time, past, code, bodies[1:], mended)
+
+
+def _is_plural(words: Sequence[str], data: LanguageData) -> bool:
+    """Whether the first verb is in the plural; never in a language whose verbs do not tell."""
+    verbs = (word for word in words if word in data.plural_verbs or word in data.singular_verbs)
+    return next(verbs, None) in data.plural_verbs
+
+
+def _of_all(body: Body) -> Body:
+    """The question asked of all of its things: "are the chairs red" is answered with yes only if all of them are."""
+    if not isinstance(body, Holds) or body.things.quantity is not None:
+        return body
+    noun = body.things.noun
+    if isinstance(noun, Named) and (noun.written != noun.name or noun.name.endswith("s")):
+        return replace(body, things=replace(body.things, quantity="all"))
+    return body
 
 
 def _names_of_map(known: KnownNames, code: str) -> tuple[str, ...]:

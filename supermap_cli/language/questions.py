@@ -55,9 +55,13 @@ class Robot:
 
 @dataclass(frozen=True)
 class Union:
-    """What any of several noun phrases names: "chairs and tables", "a cup or a bottle"."""
+    """What any of several noun phrases names: "chairs and tables", "a cup or a bottle".
+
+    `every`: each of them is asked for, as "is there a cup and a bottle" is answered with yes only if there are both.
+    """
 
     members: tuple[Things, ...]
+    every: bool = False
 
 
 Noun = Anything | Named | Identified | Usable | Robot | Union

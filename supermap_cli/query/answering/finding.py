@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
+from supermap_cli.errors import QueryError
 from supermap_cli.language.questions import (
     And,
     Anything,
@@ -19,9 +21,12 @@ from supermap_cli.language.questions import (
     Not,
     Or,
     Related,
+    Robot,
     Things,
+    Union,
     Usable,
 )
+from supermap_cli.language.times import Now
 from supermap_cli.query.answering.conditions import Judgement
 from supermap_cli.query.answering.document import NearMiss, Reply, Truth
 from supermap_cli.query.answering.listing import Lister
@@ -57,12 +62,16 @@ MAX_GROUPS = 4
 
 def find(finder: ThingsFinder, question: Find, when: str) -> Reply:
     """Which things, and where."""
+    if isinstance(question.things.noun, Robot):
+        return _robot(finder, question.things)
     things, lister = question.things, Lister(finder)
     found = finder.find(things)
     instances = lister.views(found.candidates)
     uncertain = lister.uncertain(things, instances, counting=False)
     lister.note_uncertain(uncertain)
     nearest = () if instances else lister.nearest(things, found.dropped)
+    if instances:
+        finder.asking.note(*_without_match(finder, things, when))
     sentence = (
         _found_sentence(finder, things, instances, found, when, place=question.place)
         if instances
@@ -77,6 +86,15 @@ def find(finder: ThingsFinder, question: Find, when: str) -> Reply:
         more=found.more,
         measures=finder.measurements(),
     )
+
+
+def _robot(finder: ThingsFinder, things: Things) -> Reply:
+    """Where the robot was last. Raises `QueryError` for another time, or where no pose of it is known."""
+    position = finder.asking.robot_position
+    if position is None or things != Things(Robot()) or finder.selector.kind not in {"now", "last"}:
+        raise QueryError("of the robot only its last place is known", cure="ask 'where are you'")
+    x, y, z = (float(value) for value in position)
+    return Reply("find", f"The robot was last at ({x:.2f}, {y:.2f}, {z:.2f}) m, at the end of the map.", (), ())
 
 
 def count(finder: ThingsFinder, question: Count, when: str) -> Reply:
@@ -110,6 +128,8 @@ def count(finder: ThingsFinder, question: Count, when: str) -> Reply:
 
 def exists(finder: ThingsFinder, question: Exists, when: str) -> Reply:
     """Whether there are any, or as many as asked for."""
+    if members := each_of(question.things):
+        return _each_exists([exists(finder, replace(question, things=member), when) for member in members])
     things, lister = question.things, Lister(finder)
     wanted = things.number or 1
     found = finder.find(things, counting=wanted > 1 or things.quantity == "only")
@@ -125,6 +145,9 @@ def exists(finder: ThingsFinder, question: Exists, when: str) -> Reply:
         sentence = missing_sentence(finder, things, nearest, when)
     if negated and verdict != "unknown":
         verdict = "no" if verdict == "yes" else "yes"
+    if isinstance(finder.asked_time, Now) and instances and finder.asking.is_dynamic(things.noun):
+        verdict = "unknown"
+        sentence = f"nobody is known to be here now, what moves is only known when it is seen. {sentence}"
     lead = {"yes": "Yes: ", "no": "No: ", "unknown": "Nobody can say: "}[verdict]
     return Reply(
         "exists",
@@ -154,6 +177,38 @@ def _existence(
         for miss in nearest
     )
     return "unknown" if lost else "no"
+
+
+def each_of(things: Things) -> tuple[Things, ...]:
+    """The phrases of "a cup and a bottle on the table", each with what is said of all; nothing for other phrases."""
+    if not isinstance(things.noun, Union) or not things.noun.every or things.superlative is not None:
+        return ()
+    members = []
+    for member in things.noun.members:
+        conditions = [each for each in (member.condition, things.condition) if each is not None]
+        condition = And(tuple(conditions)) if len(conditions) > 1 else next(iter(conditions), None)
+        members.append(replace(member, condition=condition, attributes=(*things.attributes, *member.attributes)))
+    return tuple(members)
+
+
+def _without_match(finder: ThingsFinder, things: Things, when: str) -> list[str]:
+    """The sentences for those phrases of several that nothing matches."""
+    return [
+        missing_sentence(finder, member, (), when).removesuffix(".")
+        for member in each_of(things)
+        if not finder.find(member).candidates
+    ]
+
+
+def _each_exists(replies: Sequence[Reply]) -> Reply:
+    """Whether all of several exist."""
+    verdicts = [reply.verdict for reply in replies]
+    verdict: Truth = "no" if "no" in verdicts else "unknown" if "unknown" in verdicts else "yes"
+    lead = {"yes": "Yes: ", "no": "No: ", "unknown": "Nobody can say: "}[verdict]
+    told = [reply.message.partition(": ")[2] for reply in sorted(replies, key=lambda each: each.verdict != verdict)]
+    instances = tuple({view.id: view for reply in replies for view in reply.instances}.values())
+    nearest = tuple(miss for reply in replies for miss in reply.nearest)
+    return Reply("exists", lead + " ".join(told), instances, nearest, verdict=verdict)
 
 
 def missing_sentence(finder: ThingsFinder, things: Things, nearest: Sequence[NearMiss], when: str) -> str:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from itertools import chain
 from typing import TYPE_CHECKING
 
+from supermap_cli.errors import QueryError
 from supermap_cli.language.questions import Measure, Robot, Superlative, Things
 from supermap_cli.query.answering.asking import Value
 from supermap_cli.query.answering.attributes import size_of, size_unit
@@ -91,6 +92,11 @@ def value_text(value: Value, finder: ThingsFinder) -> str:
 def _measure(
     finder: ThingsFinder, measure: Measure, to: Things | None, *, anything: bool
 ) -> Callable[[InstanceCandidate], Value | None]:
+    if measure in {"old", "seen"} and finder.selector.kind in {"traversal", "during", "at"}:
+        raise QueryError(
+            f"which thing was seen first or last {finder.selector.text} is not known",
+            cure="ask it of the whole map: 'what did you see first'",
+        )
     match measure:
         case "near" | "far":
             return _distance_measure(finder, to, anything=anything)

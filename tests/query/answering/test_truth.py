@@ -36,6 +36,14 @@ def ask(tmp_path_factory: pytest.TempPathFactory) -> Ask:
         ("is the vase on the table", "yes"),
         ("is the tv on the table", "no"),
         ("are all chairs near the tv", "no"),
+        ("was the vase there at the start", "no"),
+        ("was the cup there originally", "yes"),
+        ("is there a chair and a piano", "no"),
+        ("is there both a chair and a tv", "yes"),
+        ("is there a piano or a chair", "yes"),
+        ("are the chairs near the tv", "no"),
+        ("are the chairs still there", "no"),
+        ("is the chair near the tv", "yes"),
         ("is any chair near the tv", "yes"),
     ],
 )
@@ -70,6 +78,7 @@ def test_people_are_told_of_where_and_when_they_were_seen(tmp_path: Path) -> Non
     assert (found.verdict, ids(found)) == ("yes", ["person-1"])
     assert "from 2026-01-05T09:00:03.0Z to 2026-01-05T09:00:05.0Z, 0.40 m from desk-1" in found.message
     assert ids(ask("where is person-1")) == ["person-1"]
+    assert ask("is anyone here now").verdict == "unknown"
     assert ask("did you see a dog").verdict == "no"
 
 
@@ -83,3 +92,13 @@ def test_another_name_of_a_detector_is_told_before_it_is_answered_with(ask: Ask)
 def test_a_missing_part_of_a_question_is_not_answered_for(ask: Ask) -> None:
     assert ask("is the cup near the piano").verdict == "no"
     assert "There is no piano in the map" in ask("cup near the piano").message
+
+
+def test_what_is_missing_of_several_things_is_told(ask: Ask) -> None:
+    found = ask("where are the tv and the piano")
+    assert ids(found) == ["tv-1"]
+    assert any("no piano" in note for note in found.notes)
+
+
+def test_the_robot_is_where_it_was_last(ask: Ask) -> None:
+    assert ask("where are you").message.startswith("The robot was last at (")
