@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
 
@@ -10,7 +11,7 @@ from supermap_cli.memory.values import StoredInstance
 from supermap_cli.query.answering.asking import Asking
 from supermap_cli.query.candidates import InstanceCandidate
 from supermap_cli.query.relations import box_distance_m
-from supermap_cli.query.time_selector import TimeSelector, TimeSpan
+from supermap_cli.query.time_selector import TimeSelector, TimeSpan, state_end_ns
 from supermap_cli.query.views import Vector
 from supermap_cli.types.labels import DYNAMIC_CLASSES
 from supermap_cli.types.memory import SpatialEdge, StateRecord
@@ -81,12 +82,15 @@ def _tells(edge: SpatialEdge, candidate: InstanceCandidate, other: StoredInstanc
 def _standing_with(
     candidate: InstanceCandidate, other: StoredInstance, selector: TimeSelector
 ) -> Iterator[tuple[StateRecord, TimeSpan]]:
-    """The states in which another thing stood there while the candidate did, within the selected time."""
+    """The states in which another thing stood there while the candidate did, within the selected time. One that ended
+    is not known to have held after it was last seen.
+    """
     if other.presence == "doubted" or other.label in DYNAMIC_CLASSES:
         return
     for state in selector.reference_states(other):
         span = selector.span_of((candidate.state, candidate.instance), (state, other))
-        if span is not None:
+        ended = state_end_ns(state, other.states) < math.inf and state.last_seen_ns < selector.low_ns
+        if span is not None and not ended:
             yield state, span
 
 
