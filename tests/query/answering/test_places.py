@@ -10,7 +10,7 @@ import pytest
 from supermap_cli.types.memory import MapDelta
 from support import kitchen
 from support import memories as m
-from support.asking import Ask, asker
+from support.asking import Ask, asker, ids
 
 STOOL, BOX, BUCKET = 1, 2, 3
 
@@ -73,3 +73,14 @@ def test_a_told_place_is_confirmed_when_asked_for(tmp_path: Path, when: str, is_
             told += 1
             assert ask(f"{is_or_was} {text_id} {relation} {other}{when}").verdict == "yes", message
     assert told
+
+
+def test_a_stored_relation_of_one_pair_says_nothing_of_another(tmp_path: Path) -> None:
+    """Only chair-1 has edges; the cup near it and the chair near the TV are found by their boxes all the same."""
+    ask = asker(kitchen.make_kitchen(tmp_path / "map.db"))
+    for question, thing in (
+        ("what was near the chair on monday", "tv-1"),
+        ("chairs near something on monday", "chair-2"),
+    ):
+        assert thing in ids(ask(question))
+    assert ask("was the tv near chair-2 on monday").verdict == "yes"
