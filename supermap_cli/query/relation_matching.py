@@ -1,4 +1,4 @@
-"""Matches candidates and references of a relation: by stored edges, and only without any match, by their boxes."""
+"""Matches candidates and references of a relation, pair by pair: by a stored edge, else by their boxes."""
 
 from __future__ import annotations
 
@@ -96,19 +96,23 @@ class RelationMatcher:
                 return
 
     def _bases(self, candidates: CandidateSource) -> tuple[Basis, ...]:
-        """What may decide: boxes only where the scene graph does not keep the relation now. Where it does, it judged
-        all that stands there by the same geometry.
+        """What decides: stored edges alone where the scene graph keeps the relation now, which judged all that stands
+        there by the same geometry; else the boxes of each pair without an edge, too.
         """
-        stored = BASES[:1] if self._any_stored_edge(candidates) else ()
-        decides = self.selector.kind == "now" and bool(self._forms) and self._relations.graph_keeps(self.name)
-        return stored if decides else (*stored, BASES[1])
+        if not self._edges_decide:
+            return BASES[1:]
+        return BASES[:1] if self._any_stored_edge(candidates) else ()
+
+    @cached_property
+    def _edges_decide(self) -> bool:
+        return self.selector.kind == "now" and bool(self._forms) and self._relations.graph_keeps(self.name)
 
     def match_count(self, candidates: CandidateSource) -> MatchCount | None:
-        """The number of matches by stored edges, if the database can count them: for kind "now" and one relation. Only
+        """The number of matches where stored edges decide, if the database can count them: for one relation. Only
         instances for which an edge alone does not decide are read. `None` also if there is no match by stored edges.
         """
         counter = self._edge_counter(candidates)
-        if counter is None or not self._forms:
+        if counter is None or not self._edges_decide:
             return None
         forms = self._forms
         merged = counter.merged({form.relation for form in forms})
@@ -166,15 +170,15 @@ class RelationMatcher:
     ) -> RelatedPairs:
         """The pairs of some candidates and the references (`turned`: some references and the candidates)."""
         related_pairs = RelatedPairs()
+        if self._forms:
+            for edge in self.reader.edges_of(numbers, {form.relation for form in self._forms}):
+                related_pairs.add_edge(edge)
         if basis == "boxes":
             labels = others.labels if isinstance(others, LabelCandidates) else None
             for pair in self.reader.search.near(
                 numbers, self._relations.registry.reach(self.name), labels, turned=turned
             ):
                 related_pairs.add_pair(*pair)
-        else:
-            for edge in self.reader.edges_of(numbers, {form.relation for form in self._forms}):
-                related_pairs.add_edge(edge)
         return related_pairs
 
     def _with_relations(
@@ -205,9 +209,10 @@ class RelationMatcher:
         span = self.selector.span_of((candidate.state, candidate.instance), (reference.state, reference.instance))
         if span is None:
             return None
-        if basis == "boxes":
-            return self._by_boxes(candidate, reference, span)
-        return self._by_edges(candidate, reference, span, related_pairs)
+        stored = self._by_edges(candidate, reference, span, related_pairs)
+        if stored is not None or basis == "stored":
+            return stored
+        return self._by_boxes(candidate, reference, span)
 
     def _by_edges(
         self, candidate: InstanceCandidate, reference: InstanceCandidate, span: TimeSpan, related_pairs: RelatedPairs

@@ -20,10 +20,18 @@ _UPRIGHT = _words(
 )
 """Nouns of things with an upright surface that others hang on."""
 
+_SHELVES = _words("bookcase bookshelf bookshelves cabinet rack shelf shelves shelving")
+"""Nouns of furniture whose boards things stand on within its box."""
+
 
 def may_contain(label: str) -> bool:
     """Whether things within the box of something with this label are in it."""
     return head_noun(label) not in _OPEN
+
+
+def has_shelves(label: str) -> bool:
+    """Whether things within the box of something with this label stand on its boards."""
+    return head_noun(label) in _SHELVES
 
 
 def is_upright_surface(label: str) -> bool:

@@ -8,16 +8,19 @@ from __future__ import annotations
 
 import numpy as np
 
-from supermap_cli.relations.labels import is_upright_surface, may_contain
+from supermap_cli.relations.labels import has_shelves, is_upright_surface, may_contain
 from supermap_cli.types.relations import Pair
 
 
 def on(pair: Pair, slack: float) -> float:
     """On(A, B): the lower side of A is near the surface of B beneath it, and A's footprint lies mostly within B's.
 
-    Of a surface that nobody has seen there (a desk full of things), the top of B's box tells the height.
+    Of a surface that nobody has seen there (a desk full of things), the top of B's box tells the height. What stands
+    within shelves is on them.
     """
     parameters = pair.parameters
+    if has_shelves(pair.other.label) and (confidence := inside(pair, slack)) > 0:
+        return confidence
     if pair.overlap_share < parameters.on_overlap / slack:
         return 0.0
     heights, other = pair.surface_heights, pair.other
@@ -36,10 +39,21 @@ def on(pair: Pair, slack: float) -> float:
 def _rests_at(pair: Pair, surface_m: float, slack: float) -> float:
     """The confidence that the subject rests on a surface at a height."""
     parameters, box = pair.parameters, pair.subject.box
+    highest_m = min(surface_m - parameters.on_higher_m * slack, _slab_middle_m(pair, surface_m))
     height_m = min(float(box.size[2]), parameters.on_reach_height_m)
     reach = (parameters.contact_m + parameters.on_reach_share * height_m) * slack
-    higher = box.center[2] > surface_m - parameters.on_higher_m * slack
-    return pair.falling(abs(box.z_min - surface_m), reach) if higher else 0.0
+    return pair.falling(abs(box.z_min - surface_m), reach) if box.center[2] > highest_m else 0.0
+
+
+def _slab_middle_m(pair: Pair, surface_m: float) -> float:
+    """The height of the middle of the slab below a surface: a table top seems thicker than it is, and a book on it is
+    then measured within.
+    """
+    lowest_m = surface_m - pair.parameters.on_slab_m
+    layer = pair.surface_heights[(pair.surface_heights >= lowest_m) & (pair.surface_heights <= surface_m)]
+    if len(pair.other.points) and len(layer):
+        return float(np.median(layer))
+    return max(float(pair.other.box.center[2]), lowest_m)
 
 
 def under(pair: Pair, slack: float) -> float:

@@ -42,6 +42,9 @@ class PredicateParameters:
     )
     on_cell_m: float = parameter(0.05, "m", "on: edge of the cells of that share", "coarsest voxels", at_least=0.01)
     on_higher_m: float = parameter(0.02, "m", "on: how far the subject's middle may lie below the surface", _DESIGN)
+    on_slab_m: float = parameter(
+        0.1, "m", "on: thickness that a board is measured with, at most", "a table top of the kitchen: 0.08 m"
+    )
     under_overlap: float = parameter(0.3, "1", "under: share below the other, at least", _DESIGN)
     under_covered: float = parameter(0.5, "1", "under: share of the other's heights above the top, at least", _DESIGN)
     under_margin_m: float = parameter(0.05, "m", "under: how far below the top these may lie", _DESIGN)

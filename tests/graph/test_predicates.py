@@ -212,3 +212,21 @@ def test_a_turned_pair_is_the_pair_seen_from_the_other_side() -> None:
     assert (turned.subject.number, turned.other.number) == (2, 1)
     assert turned.overlap_share == pytest.approx(0.08 * 0.08 / (1.6 * 0.9), rel=0.01)
     assert turned.gap_m == 0.0
+
+
+@pytest.mark.parametrize(("low_m", "is_on"), [(0.695, True), (0.70, True), (0.66, False), (0.60, False)])
+def test_a_thin_thing_measured_within_a_thin_table_top_lies_on_it(low_m: float, is_on: bool) -> None:
+    book: Point = (0.3, 0.22, 0.03)
+    with_points = node(2, "dining table", (0, 0, 0.66), (2.0, 0.9, 0.08))
+    for top in (with_points, GraphNode(2, "dining table", with_points.box, np.zeros((0, 3)))):
+        assert holds("on", node(1, "book", (0.3, 0.1, low_m), book), top) == is_on
+        assert not holds("on", top, node(1, "book", (0.3, 0.1, low_m), book))
+
+
+def test_what_stands_within_shelves_is_on_them_and_in_them() -> None:
+    book, inside = (0.05, 0.2, 0.25), (0.3, 0, 0.8)
+    for label in ("bookshelf", "wall shelf", "cabinet"):
+        shelf = node(2, label, (0, 0, 0), (1.0, 0.4, 1.8))
+        assert relations(node(1, "book", inside, book), shelf) >= {"on", "inside"}
+    box = node(2, "box", (0, 0, 0), (1.0, 0.4, 1.8))
+    assert "on" not in relations(node(1, "book", inside, book), box)

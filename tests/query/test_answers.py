@@ -73,7 +73,7 @@ def ask(kitchen_map: Path) -> Ask:
         ("cup in the first traversal", ["cup-1"]),
         ("cup on the table in the first run", ["cup-1"]),
         ("cup in the last traversal", []),
-        ("everything near the chair in the first traversal", ["dining-table-1", "potted-plant-1"]),
+        ("everything near the chair in the first traversal", ["dining-table-1", "cup-1", "tv-1", "potted-plant-1"]),
     ],
 )  # fmt: skip
 def test_matching_instances(ask: Ask, question: str, ids: list[str]) -> None:

@@ -174,7 +174,7 @@ class ConditionJudge:
         ]
 
     def _matcher(self, related: Related) -> tuple[RelationMatcher, Basis]:
-        """The matcher of a relation; by stored edges, and only where none of them matches by boxes."""
+        """The matcher of a relation, and what decides it."""
         if related not in self._bases:
             matcher = self.finder.matcher(related)
             first = next(iter(matcher.matches(self.everything)), None)

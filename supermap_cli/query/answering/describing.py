@@ -44,7 +44,7 @@ def _descriptions(finder: ThingsFinder, candidates: list[InstanceCandidate], wha
         case "confidence":
             return [_confidence_text(each) for each in candidates]
         case _:
-            colours, told = finder.attributes.colours(candidates), places(finder.asking, candidates)
+            colours, told = finder.attributes.colours(candidates), places(finder.asking, candidates, finder.selector)
             return [
                 f"{each.instance.id} is {_name_text(each)}, {_size_text(each, 'size')}; colour: "
                 f"{colours[each.instance.number].words}; {told.get(each.instance.number, 'no landmark is near')}; "

@@ -275,7 +275,7 @@ def _placed_sentence(finder: ThingsFinder, things: Things, found: Found, when: s
     newest = {candidate.instance.number: candidate for candidate in found.candidates}
     if not 0 < len(newest) <= MAX_PLACED or found.more != 0:
         return None
-    told = places(finder.asking, list(newest.values()))
+    told = places(finder.asking, list(newest.values()), finder.selector)
     parts = []
     for number, candidate in sorted(newest.items()):
         x, y, z = (float(value) for value in candidate.state.centroid_map)
@@ -292,7 +292,7 @@ def _dynamic_sentence(finder: ThingsFinder, found: Found) -> str:
     """People and animals: when and where each was seen; they are not said to be anywhere now."""
     newest = {candidate.instance.number: candidate for candidate in found.candidates}
     shown = list(newest.values())[:MAX_PLACED]
-    told, clock = places(finder.asking, shown), finder.asking.clock
+    told, clock = places(finder.asking, shown, finder.selector), finder.asking.clock
     parts = []
     for candidate in shown:
         state = candidate.state

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from collections import defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 from supermap_cli.geometry.boxes import Reach
 from supermap_cli.memory.values import StoredInstance
 from supermap_cli.query.answering.asking import Asking
 from supermap_cli.query.candidates import InstanceCandidate
 from supermap_cli.query.relations import box_distance_m
-from supermap_cli.query.time_selector import state_end_ns
+from supermap_cli.query.time_selector import TimeSelector, TimeSpan, state_end_ns
 from supermap_cli.query.views import Vector
 from supermap_cli.types.labels import DYNAMIC_CLASSES
 from supermap_cli.types.memory import SpatialEdge, StateRecord
@@ -28,18 +29,20 @@ SEARCH_M = (2.0, 8.0)
 """Distances (m) within which the nearest landmark is looked for where no relation is stored, one after the other."""
 
 
-def places(asking: Asking, candidates: Sequence[InstanceCandidate]) -> dict[int, str]:
-    """The place of each candidate by instance number: "on desk-1", "beside tv-1", "1.20 m from couch-1"."""
-    states = {candidate.instance.number: candidate.state for candidate in candidates}
-    owners = {candidate.instance.number: candidate.instance for candidate in candidates}
-    by_edges = _by_edges(asking, states, owners)
-    missing = {number: state for number, state in states.items() if number not in by_edges}
-    return by_edges | (_by_distance(asking, missing) if missing else {})
+def places(asking: Asking, candidates: Sequence[InstanceCandidate], selector: TimeSelector) -> dict[int, str]:
+    """The place of each candidate at the selected time, by instance number: "on desk-1", "1.20 m from couch-1"."""
+    by_number = {candidate.instance.number: candidate for candidate in candidates}
+    by_edges = _by_edges(asking, by_number, selector)
+    missing = {number: candidate for number, candidate in by_number.items() if number not in by_edges}
+    return by_edges | (_by_distance(asking, missing, selector) if missing else {})
 
 
 def place_of(asking: Asking, instance: StoredInstance, state: StateRecord) -> str:
     """The place of one instance in one of its states; its position where no landmark is near."""
-    found = places(asking, [InstanceCandidate(instance, state)])
+    selector = TimeSelector("during", "then", state.first_seen_ns, state.last_seen_ns)
+    if instance.presence == "present" and state.index == instance.states[-1].index:
+        selector = TimeSelector("now", "now", low_ns=asking.reader.now_ns)
+    found = places(asking, [InstanceCandidate(instance, state)], selector)
     x, y, z = (float(value) for value in state.centroid_map)
     return found.get(instance.number, f"at {position_text((x, y, z))}")
 
@@ -50,16 +53,15 @@ def position_text(position: Vector) -> str:
     return f"({x:.2f}, {y:.2f}, {z:.2f}) m"
 
 
-def _by_edges(asking: Asking, states: dict[int, StateRecord], owners: dict[int, StoredInstance]) -> dict[int, str]:
-    edges = asking.reader.edges_of(list(states), set(_WORDS))
+def _by_edges(asking: Asking, placed: dict[int, InstanceCandidate], selector: TimeSelector) -> dict[int, str]:
+    edges = asking.reader.edges_of(list(placed), set(_WORDS))
     ends = {number for edge in edges for number in (edge.subject, edge.object)}
     others = {instance.number: instance for instance in asking.reader.instances_of(ends, visits=False)}
     best: dict[int, tuple[tuple[int, float], str]] = {}
     for edge in edges:
         for number in (edge.subject, edge.object):
-            placed = number in states and _tells(edge, number, states[number], owners[number])
             other = others.get(edge.object if number == edge.subject else edge.subject)
-            if not placed or other is None or other.presence == "doubted" or other.label in DYNAMIC_CLASSES:
+            if number not in placed or other is None or not _tells(edge, placed[number], other, selector):
                 continue
             rank = (list(_WORDS).index(edge.relation), -other.box.volume)
             if number not in best or rank < best[number][0]:
@@ -67,35 +69,56 @@ def _by_edges(asking: Asking, states: dict[int, StateRecord], owners: dict[int, 
     return {number: text for number, (_, text) in best.items()}
 
 
-def _tells(edge: SpatialEdge, number: int, state: StateRecord, owner: StoredInstance) -> bool:
-    """Whether an edge holds in a state, and tells its subject's place (or the object's, if it holds both ways)."""
-    if number != edge.subject and edge.relation not in {"near", "beside"}:
+def _tells(edge: SpatialEdge, candidate: InstanceCandidate, other: StoredInstance, selector: TimeSelector) -> bool:
+    """Whether an edge holds at the selected time, and tells its subject's place (or the object's, if it holds both
+    ways).
+    """
+    if candidate.instance.number != edge.subject and edge.relation not in {"near", "beside"}:
         return False
-    return edge.since_ns < state_end_ns(state, owner.states) and (
-        edge.until_ns is None or edge.until_ns > state.first_seen_ns
-    )
+    spans = (span for _, span in _standing_with(candidate, other, selector))
+    return any(span.overlaps(edge.since_ns, edge.until_ns) for span in spans)
 
 
-def _by_distance(asking: Asking, states: dict[int, StateRecord]) -> dict[int, str]:
-    """The nearest thing that is present."""
+def _standing_with(
+    candidate: InstanceCandidate, other: StoredInstance, selector: TimeSelector
+) -> Iterator[tuple[StateRecord, TimeSpan]]:
+    """The states in which another thing stood there while the candidate did, within the selected time. One that ended
+    is not known to have held after it was last seen.
+    """
+    if other.presence == "doubted" or other.label in DYNAMIC_CLASSES:
+        return
+    for state in selector.reference_states(other):
+        span = selector.span_of((candidate.state, candidate.instance), (state, other))
+        ended = state_end_ns(state, other.states) < math.inf and state.last_seen_ns < selector.low_ns
+        if span is not None and not ended:
+            yield state, span
+
+
+def _by_distance(asking: Asking, placed: dict[int, InstanceCandidate], selector: TimeSelector) -> dict[int, str]:
+    """The nearest thing that stood there at the selected time."""
     found: dict[int, str] = {}
     for reach_m in SEARCH_M:
         around: dict[int, set[int]] = defaultdict(set)
-        for here, there in asking.reader.search.near(states.keys() - found.keys(), Reach(reach_m, reach_m)):
+        for here, there in asking.reader.search.near(placed.keys() - found.keys(), Reach(reach_m, reach_m)):
             around[here].add(there)
         others = asking.reader.instances_by_number({there for numbers in around.values() for there in numbers})
         for number, neighbours in around.items():
-            text = _nearest(states[number], (others[other] for other in neighbours if other in others))
+            near = (others[other] for other in neighbours if other in others and other != number)
+            text = _nearest(placed[number], near, selector, reach_m)
             if text is not None:
                 found[number] = text
-        if len(found) == len(states):
+        if len(found) == len(placed):
             break
     return found
 
 
-def _nearest(state: StateRecord, others: Iterable[StoredInstance]) -> str | None:
-    distances = [(box_distance_m(state.box, other.box), other.id) for other in others if other.presence == "present"]
-    if not distances:
-        return None
-    distance_m, text_id = min(distances)
-    return f"{distance_m:.2f} m from {text_id}"
+def _nearest(
+    candidate: InstanceCandidate, others: Iterable[StoredInstance], selector: TimeSelector, reach_m: float
+) -> str | None:
+    distances = [
+        (box_distance_m(candidate.state.box, state.box), other.id)
+        for other in others
+        for state, _ in _standing_with(candidate, other, selector)
+    ]
+    distance_m, text_id = min(distances, default=(reach_m, None))
+    return None if text_id is None or distance_m > reach_m else f"{distance_m:.2f} m from {text_id}"

@@ -25,7 +25,7 @@ def ask(tmp_path_factory: pytest.TempPathFactory) -> Ask:
         ("cups in the last minute", []),
         ("cups in the first minute", ["cup-1"]),
         ("what was on the table on monday", ["cup-1"]),
-        ("what was near the chair on monday", ["dining-table-1", "potted-plant-1"]),
+        ("what was near the chair on monday", ["dining-table-1", "cup-1", "tv-1", "potted-plant-1"]),
     ],
 )  # fmt: skip
 def test_found(ask: Ask, question: str, found: list[str]) -> None:
