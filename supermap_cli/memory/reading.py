@@ -245,7 +245,9 @@ class MapReader:
     def edges_of(
         self, numbers: Collection[int], relations: Collection[str] | None = None, *, open_only: bool = False
     ) -> tuple[SpatialEdge, ...]:
-        """The spatial edges that begin or end at one of the given instances, in the order of their row ids."""
+        """The spatial edges that begin or end at one of the given instances, in the order of their row ids. Of those
+        that a merge made one (a relation of a part and of the survivor that began at once), the one that lasts longest.
+        """
         edge = models.SpatialEdge
         named = [] if relations is None else [edge.relation.in_(relations)]
         found: dict[int, Any] = {}
@@ -259,7 +261,9 @@ class MapReader:
             subject, obj = survivors[row.subject_number], survivors[row.object_number]
             if subject != obj:
                 stored = SpatialEdge(subject, row.relation, obj, row.since_ns, row.until_ns, row.confidence)
-                edges[subject, row.relation, obj, row.since_ns] = stored
+                key = (subject, row.relation, obj, row.since_ns)
+                if key not in edges or _lasts_longer(stored, edges[key]):
+                    edges[key] = stored
         return tuple(edge for edge in edges.values() if edge.until_ns is None or not open_only)
 
     def temporal_edges(self, numbers: Collection[int] | None = None) -> tuple[TemporalEdge, ...]:
@@ -420,6 +424,11 @@ class MapReader:
         for (survivor, _), visit in sorted(summed.items(), key=lambda item: item[0][1]):
             visits[survivor].append(visit)
         return visits
+
+
+def _lasts_longer(edge: SpatialEdge, other: SpatialEdge) -> bool:
+    """Whether an edge ends later than another; an open one does."""
+    return other.until_ns is not None and (edge.until_ns is None or edge.until_ns > other.until_ns)
 
 
 def _ordered_by_time(statement: Select[*tuple[Any, ...]], instance: StoredInstance) -> Select[*tuple[Any, ...]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -34,6 +35,16 @@ def test_what_was_merged_counts_for_its_survivor(tmp_path: Path) -> None:
         assert named is not None
         assert (named.number, named.visits) == (chair.number, chair.visits)
         assert reader.instance("piano-1") is None
+
+
+def test_a_relation_that_only_the_merged_part_lost_is_kept(tmp_path: Path) -> None:
+    edges = (m.spatial(1, "near", 3, 1), m.spatial(2, "near", 3, 1, 2))
+    for order in (edges, edges[::-1]):
+        path = m.make_memory(
+            tmp_path / f"{order[0].subject}.db", ("monday", (0, 10), replace(MERGED, spatial_edges=order))
+        )
+        with open_store(str(path), read_only=True) as store, store.reader() as reader:
+            assert [(e.subject, e.object, e.until_ns) for e in reader.edges_of([3])] == [(1, 3, None)]
 
 
 def test_the_trajectory_is_where_the_robot_was(tmp_path: Path) -> None:
