@@ -121,23 +121,18 @@ class BruteForce:
 
     def _related(self, matching: list[Match], related: RelationPhrase) -> list[Match]:
         references = self._find(related.reference, as_reference=True)
-        for basis in (self._stored, self._boxes):
-            found: list[Match] = []
-            for instance, state, _ in matching:
-                views = []
-                for reference, reference_state, _ in references:
-                    span = self.selector.span_of((state, instance), (reference_state, reference))
-                    if reference.number != instance.number and span is not None:
-                        views += [
-                            view
-                            for view in [basis(related, (instance, state), (reference, reference_state), span)]
-                            if view
-                        ]
-                if views:
-                    found.append((instance, state, tuple(views)))
-            if found:
-                return found
-        return []
+        found: list[Match] = []
+        for instance, state, _ in matching:
+            views = []
+            for reference, reference_state, _ in references:
+                span = self.selector.span_of((state, instance), (reference_state, reference))
+                if reference.number != instance.number and span is not None:
+                    pair = (instance, state), (reference, reference_state)
+                    view = self._stored(related, *pair, span) or self._boxes(related, *pair, span)
+                    views += [view] if view else []
+            if views:
+                found.append((instance, state, tuple(views)))
+        return found
 
     def _stored(self, related, candidate, reference, span):  # type: ignore[no-untyped-def]
         for form in STORED_FORMS[related.name]:

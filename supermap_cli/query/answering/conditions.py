@@ -12,6 +12,7 @@ from supermap_cli.errors import QueryError
 from supermap_cli.geometry.boxes import Reach
 from supermap_cli.language.questions import (
     And,
+    Anything,
     Between,
     Condition,
     Directed,
@@ -211,8 +212,13 @@ class ConditionJudge:
             distance_m = robot_distance_m(self.finder.asking)
             return self._distances(batch, condition.metres, distance_m, farther=condition.farther)
         nearest = self._nearest_within(reference, condition.metres, batch)
+        numbers = {candidate.instance.number for candidate in batch} if isinstance(self.noun, Anything) else set[int]()
+        own = {each.instance.number for each in self.finder.references(reference).with_numbers(numbers)}
         judged = []
         for candidate in batch:
+            if candidate.instance.number in own:
+                judged.append(Judgement(candidate, "no", "it is what the distance is from"))
+                continue
             view = nearest.get(candidate.key)
             if view is None:
                 reason, verdict = f"nothing of it within {condition.metres:g} m", condition.farther

@@ -125,3 +125,7 @@ def test_an_explanation_has_a_reason_for_every_candidate(ask: Ask) -> None:
 def test_a_colour_is_described_with_its_share(ask: Ask) -> None:
     assert ask("what colour is mug-1").message == "mug-1 is blue (100%)."
     assert np.isclose(ask("how tall is chair-1").measures[0].value, 0.9)  # type: ignore[index]
+
+
+def test_a_thing_is_at_no_distance_from_itself(ask: Ask) -> None:
+    assert ids(ask("things more than 2 m from the table")) == ["chair-4"]
