@@ -52,6 +52,7 @@ class ContinuousPoses:
         self._T_continuous_raw: FloatArray = np.eye(4)
         self._jumped = False
         self._last: StampedPose | None = None
+        self._received_ns = 0
         self._step: FloatArray | None = None
         self._step_s = 1.0
         self._steps_s: deque[float] = deque(maxlen=REMEMBERED_STEPS)
@@ -61,13 +62,14 @@ class ContinuousPoses:
     def add(self, pose: StampedPose) -> tuple[StampedPose, PoseJump | None]:
         """The pose in the frame of the first one, and its jump if it is one. Its stamp is later than the last one's."""
         T, last = self._T_continuous_raw @ pose.T_odom_base, self._last
+        silent_s, self._received_ns = (pose.stamp_ns - self._received_ns) / 1e9, pose.stamp_ns
         if last is None or np.array_equal(T, last.T_odom_base):
             self._last = self._last or pose
             return self._moved(pose, T), None
         waited_s = (pose.stamp_ns - last.stamp_ns) / 1e9
         usual_s = float(np.median(self._steps_s)) if self._steps_s else waited_s
-        rested = waited_s > 2 * usual_s
-        elapsed_s = min(waited_s, usual_s) if rested else waited_s
+        rested = waited_s > 2 * usual_s and silent_s < waited_s / 2
+        elapsed_s = max(usual_s, silent_s) if rested else waited_s
         expected = last.T_odom_base if rested or self._step is None else self._gone_on(last.T_odom_base, elapsed_s)
         jump = None if self._step is None or elapsed_s > LONGEST_STEP_S else self._jump(expected, T, elapsed_s)
         if jump is not None:
