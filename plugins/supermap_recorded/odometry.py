@@ -1,11 +1,18 @@
-"""The robot's own poses as odometry, checked and made continuous: those of a recording, or pushed."""
+"""The robot's own poses as odometry, checked: those of a recording, or pushed."""
 
 from __future__ import annotations
 
+import numpy as np
+
 from supermap_cli.errors import OdometryError
+from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.protocols import Recording
 from supermap_cli.types.sensing import CameraFrame, ImuSample, StampedPose, Sweep
-from supermap_recorded.continuous_poses import ContinuousPoses, PoseJump
+
+JUMP_SLACK_M, LARGEST_ACCELERATION = 0.5, 20.0
+"""m and m/s^2; a base that leaves its constant-velocity prediction by more than these allow has jumped: 2 g is more
+than wheels, legs and hands give.
+"""
 
 LEAST_JUMPS, MOST_JUMPS = 5, 0.1
 """A trajectory with more jumps than this, and in a larger share of its steps, is none (estimate)."""
@@ -14,17 +21,16 @@ LEAST_JUMPS, MOST_JUMPS = 5, 0.1
 class RecordedOdometry:
     """The poses of the recording's odometry topic or TF; without a recording, those that are pushed.
 
-    `warnings` grows while the poses are read: from a pose that jumps (a localisation that relocated, a filter that was
-    reset) on, all are brought back to where the body went on, and it is reported (`ContinuousPoses`); a trajectory that
-    mostly jumps is an error.
+    `warnings` grows while the poses are read: a pose that jumps (a localisation that relocated, a clock that was reset)
+    is kept and reported, because a map can live with one; a trajectory that mostly jumps is an error.
     """
 
     def __init__(self, recording: Recording | None) -> None:
         self._where = "pushed poses" if recording is None else str(recording.path)
         self._pushed = recording is None
         self.warnings: list[str] = []
-        self._last_ns: int | None = None
-        self._continuous = ContinuousPoses()
+        self._last: StampedPose | None = None
+        self._velocity: FloatArray = np.zeros(3)
         self._steps = 0
         self._jumps = 0
 
@@ -34,22 +40,25 @@ class RecordedOdometry:
         return frozenset({"poses"})
 
     def register_pose(self, pose: StampedPose) -> StampedPose | None:
-        """The pose, brought back behind a jump; strictly forward in time, repeated stamps are left out.
+        """The pose itself, strictly forward in time; repeated stamps are left out.
 
         Raises `OdometryError` when time goes back, or when a tenth of all steps are jumps.
         """
-        if self._last_ns is not None:
-            elapsed_s = (pose.stamp_ns - self._last_ns) / 1e9
+        if self._last is not None:
+            elapsed_s = (pose.stamp_ns - self._last.stamp_ns) / 1e9
             if elapsed_s == 0:
                 return None
             self._check_order(elapsed_s, pose)
-        self._last_ns = pose.stamp_ns
-        self._steps += 1
-        continuous, jump = self._continuous.add(pose)
-        if jump is not None:
-            self._jumps += 1
-            self._report_jump(jump, pose)
-        return continuous
+            step = pose.T_odom_base[:3, 3] - self._last.T_odom_base[:3, 3]
+            deviation_m = float(np.linalg.norm(step - self._velocity * elapsed_s))
+            self._steps += 1
+            if self._steps > 1 and deviation_m > JUMP_SLACK_M + 0.5 * LARGEST_ACCELERATION * elapsed_s**2:
+                self._jumps += 1
+                self._report_jump(deviation_m, pose)
+            else:
+                self._velocity = step / elapsed_s
+        self._last = pose
+        return pose
 
     def add_imu(self, sample: ImuSample) -> None:
         """Not used."""
@@ -64,7 +73,7 @@ class RecordedOdometry:
 
     def finish(self) -> None:
         """Raises `OdometryError` when there was no pose."""
-        if self._last_ns is None:
+        if self._last is None:
             raise OdometryError(
                 "no usable pose was pushed" if self._pushed else "no usable pose in the recording",
                 where=self._where,
@@ -86,7 +95,7 @@ class RecordedOdometry:
                 ),
             )
 
-    def _report_jump(self, jump: PoseJump, pose: StampedPose) -> None:
+    def _report_jump(self, deviation_m: float, pose: StampedPose) -> None:
         if self._jumps > LEAST_JUMPS and self._jumps > MOST_JUMPS * self._steps:
             raise OdometryError(
                 f"the recorded poses jump again and again ({self._jumps} of {self._steps} steps)",
@@ -94,6 +103,6 @@ class RecordedOdometry:
                 cure=self._cure("name another odometry topic with --topic odometry=/x, or use --odometry kiss-icp"),
             )
         self.warnings.append(
-            f"the recorded pose jumps by {jump.distance_m:.2f} m and {jump.turn_deg:.1f} degrees at {pose.stamp_ns} ns "
-            f"({self._where}), farther than anything moves: the poses after it are brought back"
+            f"the recorded pose jumps by {deviation_m:.2f} m at {pose.stamp_ns} ns ({self._where}): things seen "
+            "before and after may be mapped twice"
         )

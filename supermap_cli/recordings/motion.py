@@ -28,6 +28,11 @@ class PoseSource:
     child_frame: str
 
     @property
+    def is_continuous(self) -> bool:
+        """Whether the poses are in a frame of odometry, which never jumps; one of a map may (REP-105)."""
+        return _is_odom(self.odom_frame)
+
+    @property
     def description(self) -> str:
         """For people."""
         frames = f"{self.odom_frame or '?'} -> {self.child_frame or '?'}"

@@ -10,6 +10,7 @@ import numpy as np
 from supermap_cli.errors import RecordingError
 from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.recordings import messages
+from supermap_cli.recordings.continuous_poses import ContinuousPoses
 from supermap_cli.recordings.motion import PoseSource
 from supermap_cli.recordings.opening import MARGIN_NS, OpenedRecording
 from supermap_cli.recordings.survey import Topic
@@ -27,7 +28,7 @@ def recorded_poses(opened: OpenedRecording, source: PoseSource) -> Iterator[Stam
     else:
         poses = _from_topic(opened, source, source.topic, skipped)
     count = 0
-    for pose in poses:
+    for pose in _continuous(opened, source, poses) if source.is_continuous else poses:
         if opened.window.holds(pose.stamp_ns, MARGIN_NS):
             count += 1
             yield replace(pose, T_odom_base=_from_origin(pose.T_odom_base, opened.origin))
@@ -37,6 +38,25 @@ def recorded_poses(opened: OpenedRecording, source: PoseSource) -> Iterator[Stam
             where=f"{opened.path}, {source.description}",
             cure="widen --start/--end, name another source with --topic odometry=/..., or record again",
         )
+
+
+def _continuous(opened: OpenedRecording, source: PoseSource, poses: Iterator[StampedPose]) -> Iterator[StampedPose]:
+    """The poses without the jumps of their frame, each of which is noted; those that go back in time as they are."""
+    continuous, last_ns = ContinuousPoses(), None
+    for pose in poses:
+        if last_ns is not None and pose.stamp_ns <= last_ns:
+            yield pose
+            continue
+        last_ns = pose.stamp_ns
+        moved, jump = continuous.add(pose)
+        if jump is not None:
+            place = opened.place(source.topic.name if source.topic else "TF", pose.stamp_ns)
+            opened.notes.note(
+                f"jump at {pose.stamp_ns}",
+                f"{place}: the odometry jumps by {jump.distance_m:.2f} m and {jump.turn_deg:.1f} degrees, farther than "
+                "anything moves: the poses after it are brought back to where the robot went on",
+            )
+        yield moved
 
 
 class _SkippedPoses:

@@ -1,8 +1,9 @@
-"""A pose that steps farther than any body can move is a jump of its frame: the poses after it are brought back.
+"""Odometry that steps farther than any body can move: its frame has jumped, and the poses after it are brought back.
 
-A localisation that relocates, a loop that is closed, a filter that resets and a wheel that slips all shift the frame in
-which later poses are given. Locally the motion is known all the same: a body goes on about as it went before, to
-within half its acceleration times the time squared.
+A frame of odometry is continuous (REP-105). Where a driver starts anew, a filter resets or a match fails it is not, and
+later poses are wrong by the jump. Locally the motion is known all the same: a body goes on about as it went before, to
+within half its acceleration times the time squared. A frame of a map jumps rightly, when localization has corrected
+itself or a loop was closed; its poses are taken as they are.
 """
 
 from __future__ import annotations
