@@ -72,6 +72,8 @@ def record_profile(  # noqa: PLR0917 - a command line has many options
             cure="`supermap inspect` says what is in it; name topics with --topic ROLE=TOPIC",
         )
     profile = profile_of(opened)
-    out().print(profile.script(), markup=False, soft_wrap=True, end="")
+    console = out()
+    for line in profile.script().splitlines():
+        console.print(line, markup=False, soft_wrap=True)
     for note in profile.notes:
         err().print(f"note: {note}", markup=False)

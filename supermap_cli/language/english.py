@@ -73,7 +73,9 @@ def body_in_english(body: tree.Body) -> str:  # noqa: C901, PLR0911, PLR0912 - o
         case tree.Holds(things, condition, still):
             if condition is None or still:
                 return f"is {bare_in_english(things)} still there"
-            return f"is {bare_in_english(things)} {condition_in_english(condition)}"
+            happened = isinstance(condition, tree.Happened)  # in parentheses, a time after it is that of the question
+            holds = _grouped(condition) if happened else condition_in_english(condition)
+            return f"is {bare_in_english(things)} {holds}"
         case tree.MostOf(things, counted, relation, fewest):
             most = "fewest" if fewest else "most"
             subject, others = bare_in_english(things), bare_in_english(counted, plural=True)

@@ -55,24 +55,30 @@ def find_detection_clock(
     """The clock of detections, (stamp, time of recording) each; `None` where it is the camera's.
 
     `camera_offset_ns` is the stamp minus the time of recording of the images of topic `camera`, `joined` the share of
-    arrays that have the stamp of an image.
+    arrays that have the stamp of an image. Times of recording that do not go on with the stamps (all zero, say) tell
+    nothing.
     """
     if not stamped_ns or not len(images_ns):
         return None
     stamps_ns = np.array([stamp_ns for stamp_ns, _ in stamped_ns if stamp_ns], np.int64)
     offsets_ns = np.array([stamp_ns - log_ns for stamp_ns, log_ns in stamped_ns], np.int64)
     apart_ns = int(np.median(offsets_ns)) - camera_offset_ns
-    spread_ns = int(np.subtract(*np.percentile(offsets_ns, (75, 25))))
+    spread_ns = _quartiles_apart_ns(offsets_ns)
+    stands_still = 2 * spread_ns > _quartiles_apart_ns(stamps_ns) if len(stamps_ns) else False
     ahead = apart_ns > _AHEAD_NS
     behind = -apart_ns > _NEVER_SO_SLOW_NS and joined < _LEAST_JOINED
     behind |= -apart_ns > _SLOW_NS and joined < _HARDLY_JOINED
-    if not (ahead or behind) or spread_ns > _SLOW_NS:
+    if not (ahead or behind) or spread_ns > _SLOW_NS or stands_still:
         return None
     what = f"its clock is {apart_text(apart_ns, camera)}, by times of recording"
     if (known_ns := known_scale_ns(apart_ns)) is not None:
         return DetectionClock(-known_ns, sure=True, what=what)
     shift_ns, clear = _best_shift(stamps_ns, images_ns, -apart_ns)
     return DetectionClock(shift_ns, sure=clear, what=what)
+
+
+def _quartiles_apart_ns(times_ns: IntArray) -> int:
+    return int(np.subtract(*np.percentile(times_ns, (75, 25))))
 
 
 def _best_shift(stamps_ns: IntArray, images_ns: IntArray, about_ns: int) -> tuple[int, bool]:

@@ -151,7 +151,7 @@ def test_a_broken_plugin_is_told_and_left_out(plugins: f.FakePlugins, monkeypatc
         (["--option", "fake.score=high"], ConfigError, "fake.score"),
         (["--option", "nobody.score=1"], ConfigError, "'nobody', which is no backend"),
         (["--ablate", "everything"], ConfigError, "ablate"),
-        (["--rate", "0"], ConfigError, "keyframes.rate_hz"),
+        (["--rate", "0"], ConfigError, "--rate: it must be greater than 0"),
         (["--align", "somewhere"], SupermapError, "'somewhere'"),
         (["--detector", "nobody"], PluginError, "no detector is called 'nobody'"),
     ],

@@ -13,7 +13,7 @@ from support.random_questions import QUESTIONS
 from support.typed_questions import KNOWN, short_question
 
 
-@settings(max_examples=30, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck))
+@settings(max_examples=100, deadline=None, suppress_health_check=list(HealthCheck))
 @given(QUESTIONS)
 def test_a_sentence_of_a_question_asks_the_same(question: Question) -> None:
     sentence = question_in_english(question)

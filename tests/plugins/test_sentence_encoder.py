@@ -34,8 +34,7 @@ def folder(tmp_path: Path) -> Path:
 
 
 def encoder(folder: Path) -> unseen_words.TextEncoder:
-    plugins = load_plugins([SimpleNamespace(register_encoders=register_encoders)])
-    made: unseen_words.TextEncoder = plugins.encoders.make("sentence", {"model": str(folder)})
+    made: unseen_words.TextEncoder = load_plugins().encoders.make("sentence", {"model": str(folder)})
     return made
 
 

@@ -27,7 +27,7 @@ _NAMED = st.sampled_from(LABELS).map(lambda label: tree.Things(tree.Named(label,
 _OCCURRENCES = st.builds(times.AtEvent, _NAMED, _EVENTS)
 _MOMENTS = st.one_of(_TRAVERSALS, _CLOCKS.map(times.AtClock), _DAYS, _OCCURRENCES, _NUMBERS.map(times.Ago))
 TIMES = st.one_of(
-    st.sampled_from((times.Now(), times.Earlier(), times.First())),
+    st.sampled_from((times.Now(), times.Earlier())),
     _MOMENTS,
     _MOMENTS.map(times.Before),
     _MOMENTS.map(times.Since),
@@ -112,7 +112,7 @@ def _find(things: tree.Things, where: str) -> tree.Body:
 BODIES = st.one_of(
     st.builds(_find, _SOME_THINGS.filter(lambda things: things.quantity != "any"), st.sampled_from(("", "where"))),
     st.builds(tree.Count, _SOME_THINGS),
-    st.builds(tree.Exists, _SOME_THINGS),
+    st.builds(tree.Exists, _SOME_THINGS.filter(lambda things: things.quantity not in {"all", "every", "both"})),
     st.builds(tree.Holds, _CERTAIN, CONDITIONS),
     st.builds(tree.Holds, _OBJECTS, still=st.just(value=True)),
     st.builds(tree.MostOf, _NAMED, _OBJECTS, st.sampled_from(RELATIONS), st.booleans()),
@@ -128,4 +128,7 @@ BODIES = st.one_of(
     st.builds(tree.Changes, _ONE_EVENT, THINGS, count=st.just(value=True)),
     st.builds(tree.MovedWhere, _OBJECTS, st.sampled_from(("from", "to"))),
 )
-QUESTIONS = st.builds(tree.Question, st.just(""), BODIES, st.none() | TIMES)
+_AT_FIRST = st.builds(tree.Question, st.just(""), st.builds(tree.Find, _NAMED, st.just(value=True)), st.just(times.First()))
+"""Only where things are is asked of their own first place; with all other questions "at first" is the first traversal."""
+
+QUESTIONS = st.builds(tree.Question, st.just(""), BODIES, st.none() | TIMES) | _AT_FIRST
