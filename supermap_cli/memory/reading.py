@@ -347,7 +347,9 @@ class MapReader:
     # Merged instances
 
     def parts_of(self, numbers: Collection[int]) -> dict[int, int]:
-        """The given instances and those merged into them: number -> the given one's number."""
+        """The given instances and those merged into them: number -> the given one's number; where one of the given is
+        merged into another, the other's.
+        """
         instance = models.Instance
         if len(self._parts_read) > KEPT_INSTANCES:
             self._parts_read.clear()
@@ -359,7 +361,8 @@ class MapReader:
             for row in self.connection.execute(select(part.union(merged))):
                 own[row.survivor].append(row.number)
             self._parts_read |= {number: tuple(sorted(parts)) for number, parts in own.items()}
-        return dict(sorted((part, number) for number in numbers for part in self._parts_read[number]))
+        whole_last = sorted(numbers, key=lambda number: len(self._parts_read[number]))
+        return dict(sorted({part: number for number in whole_last for part in self._parts_read[number]}.items()))
 
     def _survivors(self, numbers: Collection[int]) -> dict[int, int]:
         """Follows merges of merges, one step of all at a time."""

@@ -37,6 +37,14 @@ def test_what_was_merged_counts_for_its_survivor(tmp_path: Path) -> None:
         assert reader.instance("piano-1") is None
 
 
+def test_what_was_merged_counts_for_its_survivor_where_both_are_named(tmp_path: Path) -> None:
+    path = m.make_memory(tmp_path / "map.db", ("monday", (0, 10), MERGED))
+    with open_store(str(path), read_only=True) as store, store.reader() as reader:
+        assert reader.parts_of([1, 2, 3]) == reader.parts_of([2, 3, 1]) == {1: 1, 2: 1, 3: 3}
+        chair = reader.instances_by_number([1, 2], [1])[1]
+        assert (chair.visit(1).supported, chair.visit(1).in_view) == (2, 3)
+
+
 def test_a_relation_that_only_the_merged_part_lost_is_kept(tmp_path: Path) -> None:
     edges = (m.spatial(1, "near", 3, 1), m.spatial(2, "near", 3, 1, 2))
     for order in (edges, edges[::-1]):

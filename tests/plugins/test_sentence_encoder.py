@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,7 +14,7 @@ from supermap_cli.language.language_data import language_data
 from supermap_cli.plugin_manager import load_plugins
 from supermap_cli.query import unseen_words
 from supermap_cli.query.unseen_words import similar_labels, with_suggestions
-from supermap_sentence_encoder import SentenceOptions, register_encoders
+from supermap_sentence_encoder import SentenceOptions
 from support.tiny_onnx import write_token_vectors
 
 WORDS = ("[PAD]", "[UNK]", "couch", "settee", "lamp")

@@ -6,7 +6,7 @@ import tempfile
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
 from supermap_cli.memory import open_store
@@ -17,6 +17,8 @@ from support.random_memories import LABELS, make_random_memory
 
 WORDS = (*LABELS, "everything", "chair-1", "cup-2", "piano", "stool")
 RELATIONS = ("near", "next to", "on", "under", "inside", "above", "attached to")
+UNSHRUNK = (Phase.explicit, Phase.reuse, Phase.generate)
+"""An input takes a second, so that making one smaller that fails would take minutes."""
 TIMES = (
     "",
     "last",
@@ -44,7 +46,7 @@ questions = st.builds(
 
 
 @pytest.mark.parametrize("part", [100, 2])
-@settings(max_examples=examples(12), deadline=None)
+@settings(max_examples=examples(12), deadline=None, phases=UNSHRUNK)
 @given(seed=st.integers(0, 10_000), texts=st.lists(questions, min_size=3, max_size=12))
 def test_indexed_answers_equal_exhaustive_search(part: int, seed: int, texts: list[str]) -> None:
     with pytest.MonkeyPatch.context() as patch, tempfile.TemporaryDirectory() as folder:

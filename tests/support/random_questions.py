@@ -128,7 +128,9 @@ BODIES = st.one_of(
     st.builds(tree.Changes, _ONE_EVENT, THINGS, count=st.just(value=True)),
     st.builds(tree.MovedWhere, _OBJECTS, st.sampled_from(("from", "to"))),
 )
-_AT_FIRST = st.builds(tree.Question, st.just(""), st.builds(tree.Find, _NAMED, st.just(value=True)), st.just(times.First()))
+_AT_FIRST = st.builds(
+    tree.Question, st.just(""), st.builds(tree.Find, _NAMED, st.just(value=True)), st.just(times.First())
+)
 """Only where things are is asked of their own first place; with all other questions "at first" is the first traversal."""
 
 QUESTIONS = st.builds(tree.Question, st.just(""), BODIES, st.none() | TIMES) | _AT_FIRST
