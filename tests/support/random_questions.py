@@ -128,9 +128,8 @@ BODIES = st.one_of(
     st.builds(tree.Changes, _ONE_EVENT, THINGS, count=st.just(value=True)),
     st.builds(tree.MovedWhere, _OBJECTS, st.sampled_from(("from", "to"))),
 )
-_AT_FIRST = st.builds(
-    tree.Question, st.just(""), st.builds(tree.Find, _NAMED, st.just(value=True)), st.just(times.First())
-)
-"""Only where things are is asked of their own first place; with all other questions "at first" is the first traversal."""
+_PLACES = st.builds(tree.Find, _NAMED, st.just(value=True))
+_AT_FIRST = st.builds(tree.Question, st.just(""), _PLACES, st.just(times.First()))
+"""Only where a thing is is asked of its own first place; of all others "at first" is the first traversal."""
 
 QUESTIONS = st.builds(tree.Question, st.just(""), BODIES, st.none() | TIMES) | _AT_FIRST
