@@ -88,7 +88,7 @@ def instance_record(obj: MapObject, merged_into: int | None = None) -> InstanceR
         number=obj.number,
         label=obj.label,
         label_belief=obj.labels.probabilities(),
-        existence_log_odds=obj.existence.log_odds,
+        existence_log_odds=obj.existence_log_odds,
         presence="doubted" if obj.demoted else "present" if obj.present else "absent",
         first_seen_ns=obj.first_seen_ns,
         last_seen_ns=obj.last_seen_ns,
@@ -108,6 +108,8 @@ def instance_record(obj: MapObject, merged_into: int | None = None) -> InstanceR
             best_crop=obj.best_crop,
             seen_apart={str(number): images for number, images in sorted(obj.seen_apart.items())},
             words=_words_of(obj.labels),
+            log_odds_by_views=obj.existence.log_odds,
+            relief={label: (looks.flat, looks.raised) for label, looks in sorted(obj.relief.items())},
             found_by={name: (looks.found, looks.missed) for name, looks in sorted(obj.found_by.items())},
         ).to_document(),
     )

@@ -37,16 +37,21 @@ DEFAULT = ClassSizeParameters()
 
 
 @cache
-def _longest_sides_m() -> dict[str, float]:
+def _table(name: str) -> dict[str, float]:
     text = files(__package__).joinpath("class_sizes.toml").read_text(encoding="utf-8")
-    return {label: float(side) for label, side in tomllib.loads(text)["longest_side_m"].items()}
+    return {label: float(length) for label, length in tomllib.loads(text)[name].items()}
+
+
+def thickness_m(label: str) -> float | None:
+    """How far a thing of this class rises at least from what it stands on or before, in metres; `None` if unlisted."""
+    return _table("thickness_m").get(label)
 
 
 def size_log_likelihood(label: str, longest_side_m: float, parameters: ClassSizeParameters = DEFAULT) -> float:
     """Log P(a thing of this class measures so much), 0 up to the class's greatest plausible size; 0 for unlisted
     classes.
     """
-    greatest = _longest_sides_m().get(label)
+    greatest = _table("longest_side_m").get(label)
     if greatest is None or longest_side_m <= greatest:
         return 0.0
     deviations = float(np.log(longest_side_m / greatest)) / parameters.log_sigma

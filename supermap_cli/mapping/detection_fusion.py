@@ -22,6 +22,7 @@ from supermap_cli.mapping.lifting import LiftedDetection
 from supermap_cli.mapping.objects import MapObject
 from supermap_cli.mapping.parameters import MappingParameters
 from supermap_cli.mapping.recall import FoundBy, RecallModel, ScoreModel
+from supermap_cli.mapping.relief import look_at
 from supermap_cli.mapping.seam import box_before_turning
 from supermap_cli.mapping.transitions import Transitions
 from supermap_cli.mapping.visibility import ObjectView
@@ -92,15 +93,19 @@ class DetectionFusion:
     ) -> None:
         """Label, existence, track and the observation itself."""
         keyframe, sets = view.keyframe, obj.parameters
+        if obj.confirmed and obj.existence_log_odds > self.parameters.recall.sure_log_odds:
+            self.scores.record_real(detection.score)
         if "semantic-fusion" in self.ablate:
             obj.labels = LabelBelief(
                 parameters=sets.belief, size_parameters=sets.class_sizes, detector=self.recall.detector
             )
-        if obj.confirmed and obj.existence.log_odds > self.parameters.recall.sure_log_odds:
-            self.scores.record_real(detection.score)
         viewpoint = view.viewpoint_of(obj)
         fuse_detection(obj, detection, self.scores, self.recall, viewpoint)
-        obj.add_look(self.recall.detector, FoundBy(found=obj.existence.viewpoints.last_weight(viewpoint)))
+        weight = obj.existence.viewpoints.last_weight(viewpoint)
+        obj.add_look(self.recall.detector, FoundBy(found=weight))
+        label = detection.hypotheses[0].label
+        if (relief_look := look_at(detection.relief, label, weight, sets.relief)) is not None:
+            obj.add_relief(label, relief_look)
         obj.observations += 1
         for share, truncated in obj.misses.unsettled:
             self.recall.record(obj.label, share, truncated, detected=False, weight=1.0)

@@ -95,5 +95,7 @@ def merge_evidence(kept: MapObject, joined: MapObject) -> None:
     kept.pending += joined.pending
     for detector, looks in joined.found_by.items():
         kept.add_look(detector, looks)
+    for label, seen in joined.relief.items():
+        kept.add_relief(label, seen)
     kept.track_ids = joined.track_ids | kept.track_ids
     kept.voxels_changed()

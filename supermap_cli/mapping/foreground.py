@@ -21,7 +21,9 @@ import numpy as np
 from supermap_cli.geometry.arrays import BoolArray, Float32Array, FloatArray, IntArray
 from supermap_cli.geometry.cameras import Camera
 from supermap_cli.geometry.percentiles import percentiles
+from supermap_cli.mapping import relief
 from supermap_cli.mapping.depth import DepthView, edge_step_m, pixel_scale
+from supermap_cli.mapping.relief import Relief, ReliefParameters, planes_through, relief_of
 from supermap_cli.types.detections import RegionMask
 from supermap_cli.types.parameters import parameter
 
@@ -87,6 +89,17 @@ class ForegroundParameters:
 DEFAULT = ForegroundParameters()
 
 
+@dataclass(frozen=True)
+class Foreground:
+    """What depth says of a mask: the pixels of the thing that it is of (`region`, `None` where depth cannot tell them
+    from what is around), and how far what it shows rises from the planes that go on beside it (`relief`, `None` where
+    there are none).
+    """
+
+    region: RegionMask | None = None
+    relief: Relief | None = None
+
+
 @lru_cache(maxsize=8)
 def _ray_columns(camera: Camera) -> Float32Array:
     """(3, height, width) a camera's rays, coordinate by coordinate: what lies so in memory is faster to work with."""
@@ -133,8 +146,10 @@ def foreground(
     core: Callable[[], BoolArray],
     masked: BoolArray,
     parameters: ForegroundParameters = DEFAULT,
-) -> RegionMask | None:
-    """The pixels of the thing that a mask is of; `None` where depth cannot tell them from what is around.
+    *,
+    relief_parameters: ReliefParameters = relief.DEFAULT,
+) -> Foreground:
+    """The pixels of the thing that a mask is of, and its relief.
 
     `core` gives the mask without its rim, on its region, and is asked only where that matters; `masked` (h, w): pixels
     in any mask of the image; what lies in those of others is not the surroundings.
@@ -143,7 +158,7 @@ def foreground(
     measured = (window.depth_m > 0) & view.camera.valid_mask()[window.at]
     in_mask = np.flatnonzero(window.own & measured)
     if len(in_mask) < parameters.min_points:
-        return None
+        return Foreground()
     beside = np.flatnonzero(measured & ~(window.own | window.others))
     points = window.points(view)
     tolerance_m = np.asarray(parameters.plane_sigmas * window.sigma_m + parameters.plane_m, np.float32).ravel()
@@ -151,17 +166,31 @@ def foreground(
     on_plane = np.zeros(measured.size, dtype=bool)
     thinned = beside[:: len(beside) // parameters.ring_points + 1]
     ring = thinned[ring_order(*np.divmod(thinned, window.own.shape[1]))]
-    for normal, offset in planes_beside(np.ascontiguousarray(points[:, ring].T), tolerance_m[ring], parameters):
+    planes = planes_beside(np.ascontiguousarray(points[:, ring].T), tolerance_m[ring], parameters)
+    for normal, offset in planes:
         if stands_before(normal @ own_points - offset, own_tolerance_m, parameters):
             on_plane |= np.abs(normal @ points - offset) < tolerance_m
     on_planes = measured & on_plane.reshape(measured.shape)
     left = _own_surfaces(view, window, measured & ~on_planes, lambda: _thinned(mask, core(), window.at), parameters)
     left &= ~window.others
+    outer = ring[~_near_mask(window, ring)]
+    behind = planes_through(points[:, outer], tolerance_m[outer], planes, parameters.plane_share)
+    rise = relief_of(own_points, own_tolerance_m, behind, relief_parameters)
     if not on_planes.any() and not np.count_nonzero(left & ~window.own):
-        return None
+        return Foreground(None, rise)
     if np.count_nonzero(left) < parameters.min_points or _spanned(left, window.own) < parameters.span_share:
-        return None
-    return window.region(left)
+        return Foreground(None, rise)
+    return Foreground(window.region(left), rise)
+
+
+def _near_mask(window: _Window, pixels: IntArray) -> BoolArray:
+    """(n,) which pixels of a window lie no farther from the mask's box than half the width of the surroundings."""
+    u, v, w, h = cv2.boundingRect(window.own.view(np.uint8))
+    height, width = window.own.shape
+    rows, columns = np.divmod(pixels, width)
+    above, left, below, right = v / 2, u / 2, (v + h + height) / 2, (u + w + width) / 2
+    near: BoolArray = (rows >= above) & (rows < below) & (columns >= left) & (columns < right)
+    return near
 
 
 def stands_before(

@@ -11,15 +11,17 @@ Comes between `GenerateMasks` and `Unproject` of the paper's algorithm 1, step (
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from supermap_cli.geometry.arrays import BoolArray, FloatArray, IntArray
-from supermap_cli.mapping import clusters, foreground
+from supermap_cli.geometry.arrays import BoolArray, Float32Array, FloatArray, IntArray
+from supermap_cli.mapping import clusters, foreground, relief
 from supermap_cli.mapping.clusters import ClusterParameters, cell_m, main_cluster, voxel_clusters
 from supermap_cli.mapping.depth import DepthView
 from supermap_cli.mapping.foreground import ForegroundParameters, planes_beside, ring_order, stands_before
+from supermap_cli.mapping.relief import Plane, Relief, ReliefParameters, relief_of
 from supermap_cli.mapping.returns import spacing_m
 from supermap_cli.types.detections import RegionMask
 from supermap_cli.types.parameters import parameter
@@ -71,6 +73,16 @@ class _Around:
     others: BoolArray
 
 
+@dataclass(frozen=True)
+class OwnReturns:
+    """Which returns (k,) are of the thing that a mask shows, none if nothing on the mask is of it; and how far what the
+    mask shows rises from the planes that go on beside it (`relief`, `None` where there are none).
+    """
+
+    which: IntArray
+    relief: Relief | None = None
+
+
 def own_returns(
     view: DepthView,
     mask: RegionMask,
@@ -80,30 +92,34 @@ def own_returns(
     parameters: LidarForegroundParameters = DEFAULT,
     surface_parameters: ForegroundParameters = foreground.DEFAULT,
     cluster_parameters: ClusterParameters = clusters.DEFAULT,
-) -> IntArray:
-    """Which returns (k,) are of the thing that a mask shows; none if nothing on the mask is of it.
+    relief_parameters: ReliefParameters = relief.DEFAULT,
+) -> OwnReturns:
+    """Which returns are of the thing that a mask shows, and its relief.
 
     `core`: the mask without its rim, on its region; `masked` (h, w): pixels in any mask of the image.
     """
     around = _around(view, mask, core, masked, parameters)
     none = np.zeros(0, np.int64)
     if not around.core.any():
-        return none
-    left = np.flatnonzero(~_on_planes_behind(view, around, surface_parameters))
+        return OwnReturns(none)
+    planes = _planes_beside(view, around, surface_parameters)
+    tolerance_m = _tolerance_m(view, around, surface_parameters)[around.own]
+    rise = relief_of(around.points[around.own].T, tolerance_m, planes, relief_parameters)
+    left = np.flatnonzero(~_on_planes_behind(view, around, planes, surface_parameters))
     left = left[:: len(left) // parameters.max_returns + 1]
     inside = around.own[left]
     if not inside.any():
-        return none
+        return OwnReturns(none, rise)
     points = around.points[left]
     depth_m = float(np.median(around.depth_m[left[inside]]))
     body = voxel_clusters(points, max(cell_m(depth_m, cluster_parameters), _apart_m(view, mask, around, depth_m)))
     own = _own_bodies(body, inside, around.core[left], parameters, surface_parameters) & ~around.others[left]
     if not own.any():
-        return none
+        return OwnReturns(none, rise)
     longest_m = max(mask.pixels.shape) * depth_m / view.camera.focal_px()
     beyond_m = parameters.depth_per_width * longest_m
     kept = _one_thing(points[own], around.depth_m[left[own]], body[own], beyond_m, cluster_parameters)
-    return around.which[left[own][kept]]
+    return OwnReturns(around.which[left[own][kept]], rise)
 
 
 def _around(
@@ -128,19 +144,31 @@ def _around(
     return _Around(which, returns.points_camera[which], returns.depth_m[which], np.stack([u, v]), own, inner, others)
 
 
-def _on_planes_behind(view: DepthView, around: _Around, parameters: ForegroundParameters) -> BoolArray:
-    """(n,) which returns lie on planes that go on beside the mask, and before which what is on none of them stands.
+def _tolerance_m(view: DepthView, around: _Around, parameters: ForegroundParameters) -> Float32Array:
+    """(n,) the distance from a plane within which a return lies on it."""
+    return (parameters.plane_sigmas * view.sigma_m(around.depth_m) + parameters.plane_m).astype(np.float32)
 
-    Of a corner, one wall may lie behind the other's plane; it says nothing of what stands before both.
-    """
-    tolerance_m = (parameters.plane_sigmas * view.sigma_m(around.depth_m) + parameters.plane_m).astype(np.float32)
-    points = around.points.astype(np.float32)
+
+def _planes_beside(view: DepthView, around: _Around, parameters: ForegroundParameters) -> list[Plane]:
+    """The planes that the returns beside the mask lie on."""
     beside = np.flatnonzero(~(around.own | around.others))
     thinned = beside[:: len(beside) // parameters.ring_points + 1]
     u, v = around.uv
     ring = thinned[ring_order(v[thinned], u[thinned])]
-    found = planes_beside(points[ring], tolerance_m[ring], parameters)
-    heights_m = np.array([points @ normal - offset for normal, offset in found])
+    tolerance_m = _tolerance_m(view, around, parameters)
+    return planes_beside(around.points[ring].astype(np.float32), tolerance_m[ring], parameters)
+
+
+def _on_planes_behind(
+    view: DepthView, around: _Around, planes: Sequence[Plane], parameters: ForegroundParameters
+) -> BoolArray:
+    """(n,) which returns lie on planes that go on beside the mask, and before which what is on none of them stands.
+
+    Of a corner, one wall may lie behind the other's plane; it says nothing of what stands before both.
+    """
+    tolerance_m = _tolerance_m(view, around, parameters)
+    points = around.points.astype(np.float32)
+    heights_m = np.array([points @ normal - offset for normal, offset in planes])
     near = np.abs(heights_m.reshape(-1, len(points))) < tolerance_m
     rest = around.own & ~near.any(axis=0)
     behind = np.zeros(len(points), bool)

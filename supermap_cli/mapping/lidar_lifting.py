@@ -12,7 +12,7 @@ import numpy as np
 
 from supermap_cli.geometry.arrays import BoolArray, FloatArray, UInt8Array
 from supermap_cli.geometry.se3 import transform_points
-from supermap_cli.mapping import below_lidar_fov, clusters, foreground, lidar_foreground
+from supermap_cli.mapping import below_lidar_fov, clusters, foreground, lidar_foreground, relief
 from supermap_cli.mapping.below_lidar_fov import (
     BelowLidarFovParameters,
     covered_below,
@@ -24,6 +24,7 @@ from supermap_cli.mapping.clusters import ClusterParameters
 from supermap_cli.mapping.depth import DepthView
 from supermap_cli.mapping.foreground import ForegroundParameters
 from supermap_cli.mapping.lidar_foreground import LidarForegroundParameters, own_returns
+from supermap_cli.mapping.relief import Relief, ReliefParameters
 from supermap_cli.types.detections import RegionMask
 from supermap_cli.types.keyframe import Keyframe
 from supermap_cli.types.parameters import TUNED, parameter
@@ -50,6 +51,21 @@ class LidarLiftingParameters:
 DEFAULT = LidarLiftingParameters()
 
 
+@dataclass(frozen=True)
+class LiftedPoints:
+    """What a mask shows in 3D: points (n, 3) in the map, in metres, their colours (n, 3), and their median distance.
+
+    `measured`: depth or returns tell where they are, and not the thing's foot alone. `relief` is how far what the mask
+    shows rises from the planes beside it, `None` where that is not known.
+    """
+
+    points_map: FloatArray
+    rgb: UInt8Array
+    depth_m: float
+    measured: bool
+    relief: Relief | None
+
+
 def lift_returns(
     keyframe: Keyframe,
     view: DepthView,
@@ -63,16 +79,16 @@ def lift_returns(
     surface_parameters: ForegroundParameters = foreground.DEFAULT,
     cluster_parameters: ClusterParameters = clusters.DEFAULT,
     fov_parameters: BelowLidarFovParameters = below_lidar_fov.DEFAULT,
-) -> tuple[FloatArray, UInt8Array, float, bool] | None:
-    """The returns on a mask that are the thing's, and what the image shows of it below them: points (n, 3) in the map,
-    their colours (n, 3), their median distance, and whether any returns are among them.
+    relief_parameters: ReliefParameters = relief.DEFAULT,
+) -> LiftedPoints | None:
+    """The returns on a mask that are the thing's, and what the image shows of it below them.
 
     `core`: the mask without its rim, on its region; `masks`: all of the image; `masked` (h, w): pixels in any of them.
     """
     if view.returns is None or view.lowest is None:
         return None
     least = parameters.min_returns
-    measured = own_returns(
+    own = own_returns(
         view,
         mask,
         core,
@@ -80,8 +96,9 @@ def lift_returns(
         parameters=foreground_parameters,
         surface_parameters=surface_parameters,
         cluster_parameters=cluster_parameters,
+        relief_parameters=relief_parameters,
     )
-    measured = measured if len(measured) >= least else measured[:0]
+    measured = own.which if len(own.which) >= least else own.which[:0]
     cluster = transform_points(keyframe.T_map_camera, view.returns.smoothed(measured))
     v, u = np.nonzero(mask.pixels)
     rays = mask_rays(keyframe.camera, keyframe.T_map_camera, u + mask.u0, v + mask.v0)
@@ -111,7 +128,7 @@ def lift_returns(
         chosen = np.linspace(0, len(points_map) - 1, parameters.max_points).astype(np.int64)
         points_map, u, v = points_map[chosen], u[chosen], v[chosen]
     depth_m = float(np.median(np.linalg.norm(points_map - rays.origin, axis=1)))
-    return points_map, keyframe.rgb[v, u], depth_m, len(measured) > 0
+    return LiftedPoints(points_map, keyframe.rgb[v, u], depth_m, measured=len(measured) > 0, relief=own.relief)
 
 
 def _is_beyond(cluster: FloatArray, on_floor: FloatArray, origin: FloatArray, beyond_m: float) -> bool:

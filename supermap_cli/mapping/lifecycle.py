@@ -110,4 +110,4 @@ def has_left(obj: MapObject, parameters: LifecycleParameters = DEFAULT) -> bool:
     """Whether an object whose place is empty has left it, rather than never having been there: one of an earlier
     traversal, or one that is believed in firmly.
     """
-    return obj.visit.earlier_ns is not None or obj.existence.log_odds >= parameters.left_log_odds
+    return obj.visit.earlier_ns is not None or obj.existence_log_odds >= parameters.left_log_odds

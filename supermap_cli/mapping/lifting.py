@@ -28,8 +28,9 @@ from supermap_cli.mapping.clusters import (
 from supermap_cli.mapping.depth import DepthView, edge_step_m, pixel_scale
 from supermap_cli.mapping.foreground import ForegroundParameters, foreground
 from supermap_cli.mapping.lidar_foreground import LidarForegroundParameters
-from supermap_cli.mapping.lidar_lifting import LidarLiftingParameters, lift_returns
+from supermap_cli.mapping.lidar_lifting import LidarLiftingParameters, LiftedPoints, lift_returns
 from supermap_cli.mapping.mask_core import MaskCore, MaskCoreParameters, erosion_px, off_depth_edges
+from supermap_cli.mapping.relief import Relief, ReliefParameters
 from supermap_cli.types.detections import Detections, Hypothesis, RegionMask
 from supermap_cli.types.keyframe import Keyframe
 from supermap_cli.types.parameters import TUNED, parameter
@@ -72,6 +73,7 @@ class LiftingParameterSets:
     lidar_lifting: LidarLiftingParameters = field(default_factory=LidarLiftingParameters)
     lidar_foreground: LidarForegroundParameters = field(default_factory=LidarForegroundParameters)
     below_lidar_fov: BelowLidarFovParameters = field(default_factory=BelowLidarFovParameters)
+    relief: ReliefParameters = field(default_factory=ReliefParameters)
     finest_voxel_m: float = voxel_map.DEFAULT.finest_voxel_m
 
 
@@ -86,7 +88,8 @@ class LiftedDetection:
     it that is surely the object's: all but its rim, and of the rim what lies in the foreground (both on the region of
     `mask`); `rim_px` is how wide the rim is; `truncated` says that the image's border cuts it, so that its extent is
     only part of the object's; `voxel_m` is the edge of voxels that are not finer than what the sensor tells apart.
-    `measured`: depth or returns tell where it is, and not its foot alone.
+    `measured`: depth or returns tell where it is, and not its foot alone. `relief` is how far what the mask shows
+    rises from the planes that go on beside it, `None` where that is not known.
     """
 
     index: int
@@ -104,6 +107,7 @@ class LiftedDetection:
     truncated: bool
     voxel_m: float = voxel_map.DEFAULT.finest_voxel_m
     measured: bool = True
+    relief: Relief | None = None
     parameters: LiftingParameters = DEFAULT
 
     def with_points(self, kept: BoolArray) -> LiftedDetection:
@@ -136,15 +140,15 @@ def lift(
         rim_px = erosion_px(
             int(np.count_nonzero(mask.pixels)), pixel_scale(keyframe.camera, view.parameters), sets.mask_core
         )
-        mask, core, clear = _own_part(view, mask, masked, rim_px, sets)
+        own = _own_part(view, mask, masked, rim_px, sets)
         if view.returns is None:
-            one = _lift_core(keyframe, view, mask, core, clear, sets=sets)
+            one = _lift_core(keyframe, view, own, sets)
         else:
             one = lift_returns(
                 keyframe,
                 view,
-                mask,
-                core,
+                own.mask,
+                own.core,
                 [other for other in detections.masks if other is not None],
                 masked=masked,
                 parameters=sets.lidar_lifting,
@@ -152,20 +156,20 @@ def lift(
                 surface_parameters=sets.foreground,
                 cluster_parameters=sets.clusters,
                 fov_parameters=sets.below_lidar_fov,
+                relief_parameters=sets.relief,
             )
         if one is None:
             continue
-        points, rgb, depth, measured = one
         box = detections.boxes_xyxy[index]
         lifted.append(
             LiftedDetection(
                 index,
-                points,
-                rgb,
-                percentiles(points, (50,))[0],
-                depth,
-                mask,
-                core,
+                one.points_map,
+                one.rgb,
+                percentiles(one.points_map, (50,))[0],
+                one.depth_m,
+                own.mask,
+                own.core,
                 rim_px,
                 box,
                 float(detections.scores[index]),
@@ -173,26 +177,37 @@ def lift(
                 int(track_ids[index]),
                 is_truncated(box, keyframe.camera, sets.lifting),
                 sets.finest_voxel_m if view.returns is None else view.returns.parameters.range_sigma_m,
-                measured,
+                one.measured,
+                one.relief,
                 sets.lifting,
             )
         )
     return lifted
 
 
+@dataclass(frozen=True)
+class _OwnPart:
+    """The mask of a thing after what depth says of the detector's; on its region, what of it is surely the thing's
+    (`core`), and what is surely on no depth edge (`clear`); and its relief.
+    """
+
+    mask: RegionMask
+    core: BoolArray
+    clear: BoolArray
+    relief: Relief | None = None
+
+
 def _own_part(
     view: DepthView, mask: RegionMask, masked: BoolArray, rim_px: int, sets: LiftingParameterSets
-) -> tuple[RegionMask, BoolArray, BoolArray]:
-    """The mask of a thing after what depth says of the detector's; on its region, what of it is surely the thing's, and
-    what is surely on no depth edge.
-    """
+) -> _OwnPart:
     whole = MaskCore(view, mask, rim_px, sets.mask_core)
     if view.returns is not None:
-        return mask, whole.pixels, whole.clear
-    own = foreground(view, mask, lambda: whole.pixels, masked, sets.foreground)
+        return _OwnPart(mask, whole.pixels, whole.clear)
+    found = foreground(view, mask, lambda: whole.pixels, masked, sets.foreground, relief_parameters=sets.relief)
+    own = found.region
     if own is None:
-        return mask, whole.pixels, whole.clear
-    return own, own.pixels, _near_side(view, own)
+        return _OwnPart(mask, whole.pixels, whole.clear, found.relief)
+    return _OwnPart(own, own.pixels, _near_side(view, own), found.relief)
 
 
 def _masked(view: DepthView, detections: Detections) -> BoolArray:
@@ -222,15 +237,12 @@ def is_truncated(box_xyxy: Float32Array | FloatArray, camera: Camera, parameters
 def _lift_core(
     keyframe: Keyframe,
     view: DepthView,
-    mask: RegionMask,
-    core: BoolArray,
-    clear: BoolArray,
-    *,
+    own: _OwnPart,
     sets: LiftingParameterSets,
-) -> tuple[FloatArray, UInt8Array, float, bool] | None:
-    parameters = sets.lifting
-    usable = np.ascontiguousarray(core & (view.depth_m[mask.window] > 0))
-    doubtful = np.flatnonzero(usable & ~clear)
+) -> LiftedPoints | None:
+    parameters, mask = sets.lifting, own.mask
+    usable = np.ascontiguousarray(own.core & (view.depth_m[mask.window] > 0))
+    doubtful = np.flatnonzero(usable & ~own.clear)
     usable.ravel()[doubtful] = off_depth_edges(view, *_pixels_of(mask, doubtful))
     chosen = np.flatnonzero(usable)
     if len(chosen) < parameters.min_points:
@@ -247,7 +259,8 @@ def _lift_core(
     if np.count_nonzero(main) < parameters.min_points:
         return None
     points_map = transform_points(keyframe.T_map_camera, points_camera[main])
-    return points_map, keyframe.rgb[v[main], u[main]], _median(depth_m[main]), True
+    rgb = keyframe.rgb[v[main], u[main]]
+    return LiftedPoints(points_map, rgb, _median(depth_m[main]), measured=True, relief=own.relief)
 
 
 def _pixels_of(mask: RegionMask, positions: IntArray) -> tuple[IntArray, IntArray]:

@@ -75,7 +75,7 @@ class MapUpdate:
         """
         for obj in list(self.objects):
             if not obj.confirmed:
-                if obj.existence.log_odds <= self.parameters.lifecycle.forget_log_odds or not obj.present:
+                if obj.existence_log_odds <= self.parameters.lifecycle.forget_log_odds or not obj.present:
                     if obj.present and not obj.is_dynamic:
                         self.scores.record_clutter(observation.score for observation in obj.pending)
                     self.objects.remove(obj.number)

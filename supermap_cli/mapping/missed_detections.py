@@ -197,7 +197,7 @@ def _rays_went_through(detectability: Detectability) -> bool:
 
 def _record_recall(recall: RecallModel, obj: MapObject, detectability: Detectability, *, found: bool) -> None:
     """A trial of the detector, if the object is surely there; where no ray reaches, later views say if it was."""
-    if not (obj.confirmed and obj.present and obj.existence.log_odds > recall.parameters.sure_log_odds):
+    if not (obj.confirmed and obj.present and obj.existence_log_odds > recall.parameters.sure_log_odds):
         return
     if detectability.unmeasured and not found:
         obj.misses.unsettled.append((detectability.area_share, detectability.truncated))

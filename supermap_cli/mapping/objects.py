@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 
 from supermap_cli.geometry.arrays import BoolArray, FloatArray
-from supermap_cli.mapping import belief, class_sizes, motion, object_shape, voxel_map
+from supermap_cli.mapping import belief, class_sizes, motion, object_shape, relief, voxel_map
 from supermap_cli.mapping.absence import AbsenceEvidence
 from supermap_cli.mapping.belief import BeliefParameters, Existence, LabelBelief, ViewpointHistory
 from supermap_cli.mapping.bounds import BoundsIndex
@@ -14,6 +14,7 @@ from supermap_cli.mapping.class_sizes import ClassSizeParameters
 from supermap_cli.mapping.motion import MotionParameters, MotionState
 from supermap_cli.mapping.object_shape import ObjectShape, ObjectShapeParameters, measure_shape
 from supermap_cli.mapping.recall import FoundBy
+from supermap_cli.mapping.relief import ReliefLooks, ReliefParameters
 from supermap_cli.mapping.voxel_map import VoxelMap, VoxelMapParameters
 from supermap_cli.types import existence
 from supermap_cli.types.existence import ExistenceParameters, probability_of
@@ -31,6 +32,7 @@ class ObjectParameterSets:
     motion: MotionParameters = motion.DEFAULT
     voxel_map: VoxelMapParameters = voxel_map.DEFAULT
     existence: ExistenceParameters = existence.DEFAULT
+    relief: ReliefParameters = relief.DEFAULT
 
 
 DEFAULT_SETS = ObjectParameterSets()
@@ -129,7 +131,7 @@ class MapObject:
     it was confirmed. `track_ids` are its tracks by camera, for each camera has a tracker of its own. `best_crop` is how
     good the best picture is that was kept of it in this traversal and place. `seen_apart` says of other objects, by
     number, how many images of all traversals have shown each of the two with a mask of its own. `found_by` says of each
-    detector, by its identity, how often it found the object.
+    detector, by its identity, how often it found the object, `relief` of each label how often it stood out like one.
     """
 
     number: int
@@ -151,6 +153,7 @@ class MapObject:
     best_crop: float = 0.0
     seen_apart: dict[int, int] = field(default_factory=dict)
     found_by: dict[str, FoundBy] = field(default_factory=dict)
+    relief: dict[str, ReliefLooks] = field(default_factory=dict)
     parameters: ObjectParameterSets = field(default=DEFAULT_SETS, repr=False)
     _shape: ObjectShape | None = field(default=None, repr=False)
     _changed: set[int] = field(default_factory=set, repr=False)
@@ -161,9 +164,20 @@ class MapObject:
         return self.labels.best
 
     @property
+    def existence_log_odds(self) -> float:
+        """That it is real: by what the detector said of it, and by whether it stands out like a thing so called.
+
+        What relief says is no sum over views, and is worth as much more than these as they are too sure.
+        """
+        looks = self.relief.get(self.label)
+        if looks is None:
+            return self.existence.log_odds
+        return self.existence.log_odds + looks.log_ratio(self.parameters.relief) / self.parameters.existence.slope
+
+    @property
     def confidence(self) -> float:
         """The probability that it is right: real, in its place, and rightly called."""
-        return probability_of(self.existence.log_odds, self.parameters.existence)
+        return probability_of(self.existence_log_odds, self.parameters.existence)
 
     @property
     def is_dynamic(self) -> bool:
@@ -218,6 +232,10 @@ class MapObject:
     def add_look(self, detector: str, look: FoundBy) -> None:
         """A detector has looked at the object."""
         self.found_by[detector] = self.found_by.get(detector, FoundBy()) + look
+
+    def add_relief(self, label: str, looks: ReliefLooks) -> None:
+        """It has been seen to be flat, or to stand out, for what it is called by this label."""
+        self.relief[label] = self.relief.get(label, ReliefLooks()) + looks
 
     def set_status(
         self, *, confirmed: bool | None = None, stored: bool | None = None, demoted: bool | None = None

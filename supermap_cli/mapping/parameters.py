@@ -41,6 +41,7 @@ from supermap_cli.mapping.objects import ObjectParameterSets
 from supermap_cli.mapping.pair_evidence import PairEvidenceParameters
 from supermap_cli.mapping.place_search import PlaceSearchParameters
 from supermap_cli.mapping.recall import RecallParameters
+from supermap_cli.mapping.relief import ReliefParameters
 from supermap_cli.mapping.relocation import RelocationParameters
 from supermap_cli.mapping.returns import ReturnsParameters
 from supermap_cli.mapping.seam import SeamParameters
@@ -71,6 +72,7 @@ class MappingParameters:
     seam: SeamParameters = field(default_factory=SeamParameters)
     mask_overlap: MaskOverlapParameters = field(default_factory=MaskOverlapParameters)
     foreground: ForegroundParameters = field(default_factory=ForegroundParameters)
+    relief: ReliefParameters = field(default_factory=ReliefParameters)
     mask_core: MaskCoreParameters = field(default_factory=MaskCoreParameters)
     clusters: ClusterParameters = field(default_factory=ClusterParameters)
     lifting: LiftingParameters = field(default_factory=LiftingParameters)
@@ -118,6 +120,7 @@ class MappingParameters:
             self.lidar_lifting,
             self.lidar_foreground,
             self.below_lidar_fov,
+            self.relief,
             self.voxel_map.finest_voxel_m,
         )
 
@@ -128,5 +131,5 @@ class MappingParameters:
     def object_sets(self) -> ObjectParameterSets:
         """What an object holds."""
         return ObjectParameterSets(
-            self.object_shape, self.belief, self.class_sizes, self.motion, self.voxel_map, self.existence
+            self.object_shape, self.belief, self.class_sizes, self.motion, self.voxel_map, self.existence, self.relief
         )

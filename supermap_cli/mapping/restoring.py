@@ -15,6 +15,7 @@ from supermap_cli.mapping.objects import (
     VisitCount,
 )
 from supermap_cli.mapping.recall import FoundBy
+from supermap_cli.mapping.relief import ReliefLooks
 from supermap_cli.mapping.voxel_map import voxel_map_from_cloud
 from supermap_cli.types.engine_state import EngineState
 from supermap_cli.types.memory import InstanceRecord
@@ -39,12 +40,13 @@ def restore_object(instance: InstanceRecord) -> MapObject:
     """One object as it was when it was last written. Raises `MemoryStoreError` if its engine state is damaged."""
     state = EngineState.of(instance.engine_state)
     words = {name: dict(counts) for name, counts in state.words.items()} or {"": dict(state.label_counts)}
+    by_views = state.log_odds_by_views
     cells = {name: ViewpointCell(*cell) for name, cell in state.viewpoints.items()}
     return MapObject(
         instance.number,
         voxel_map_from_cloud(instance.voxels),
         LabelBelief(dict(state.label_counts), state.label_weight, float(instance.box.size.max()), by_detector=words),
-        Existence(instance.existence_log_odds, ViewpointHistory(cells)),
+        Existence(instance.existence_log_odds if by_views is None else by_views, ViewpointHistory(cells)),
         OpenState(state.state_index, state.state_first_seen_ns, state.state_empty_before_ns),
         instance.first_seen_ns,
         instance.last_seen_ns,
@@ -59,5 +61,6 @@ def restore_object(instance: InstanceRecord) -> MapObject:
         visit=VisitCount(earlier_ns=instance.last_seen_ns),
         best_crop=state.best_crop,
         seen_apart={int(number): images for number, images in state.seen_apart.items()},
+        relief={label: ReliefLooks(*looks) for label, looks in state.relief.items()},
         found_by={name: FoundBy(*looks) for name, looks in state.found_by.items()},
     )

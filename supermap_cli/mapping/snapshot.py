@@ -34,6 +34,7 @@ from supermap_cli.mapping.objects import (
 from supermap_cli.mapping.pair_evidence import PairEvidence
 from supermap_cli.mapping.parameters import MappingParameters
 from supermap_cli.mapping.recall import FoundBy, RecallModel, ScoreModel
+from supermap_cli.mapping.relief import ReliefLooks
 from supermap_cli.mapping.splitting import Halves, SplitEvidence
 from supermap_cli.mapping.structure import Structure
 from supermap_cli.mapping.voxel_map import VoxelMap
@@ -48,9 +49,9 @@ CLASSES: Mapping[type, tuple[str, ...]] = {
     SplitEvidence: ("parameters", "belief_parameters"),
     **dict.fromkeys((ObjectShape, ViewpointHistory, Course, MotionState), ("parameters",)),
     **dict.fromkeys((PairEvidence, RecallModel, ScoreModel, FloorByFeet), ("parameters",)),
-    **dict.fromkeys((FoundBy, ObjectStatus, OpenState, Existence, ViewpointCell, OutcomeRun, VisitCount), ()),
+    **dict.fromkeys((FoundBy, ReliefLooks, ObjectStatus, OpenState, Existence, ViewpointCell, OutcomeRun), ()),
     **dict.fromkeys(
-        (AbsenceEvidence, EmptyRun, DisplacementEvidence, MissEvidence, Halves, IdentityLinks, FootRays), ()
+        (VisitCount, AbsenceEvidence, EmptyRun, DisplacementEvidence, MissEvidence, Halves, IdentityLinks, FootRays), ()
     ),
     **dict.fromkeys((Observation, Hypothesis, Box3D, DriftMark, DriftBelief), ()),
 }

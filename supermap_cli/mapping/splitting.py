@@ -201,6 +201,7 @@ def split_off(number: int, whole: MapObject, part: BoolArray, stamp_ns: int) -> 
         stamp_ns,
         status=ObjectStatus(confirmed=True, stored=True),
         found_by=dict(whole.found_by),
+        relief=dict(whole.relief),
     )
 
 

@@ -98,7 +98,8 @@ class Transitions:
         old.displacement.interrupt()
         old.displacement.shift_m = None
         old.labels.absorb(found.labels)
-        old.existence, old.last_seen_ns, old.track_ids = found.existence, found.last_seen_ns, found.track_ids
+        old.existence, old.relief = found.existence, found.relief
+        old.last_seen_ns, old.track_ids = found.last_seen_ns, found.track_ids
         old.state = OpenState(before + 1, found.state.first_seen_ns, found.state.empty_before_ns)
         old.observations += found.observations
         for detector, looks in found.found_by.items():

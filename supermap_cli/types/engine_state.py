@@ -22,7 +22,9 @@ class EngineState:
     greatest of them. `state_*` is the current state, `gone_ns` the stamp since which there is none; `best_crop` is the
     quality of the best image crop; `seen_apart` says in how many images other objects, by number, were seen beside it
     with masks of their own; `found_by` in how many looks each detector, by its identity, found it, and missed it;
-    `words` are the label counts of each detector that is known.
+    `words` are the label counts of each detector that is known; `relief` says in how many looks, called by a label,
+    it looked flat for one so called, and in how many it stood out. `log_odds_by_views` is the existence by detections
+    and misses alone, `None` in databases that know no other.
     """
 
     label_counts: Mapping[str, float]
@@ -36,13 +38,18 @@ class EngineState:
     seen_apart: Mapping[str, int] = field(default_factory=dict)
     found_by: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     words: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    relief: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    log_odds_by_views: float | None = None
 
     def to_document(self) -> dict[str, object]:
         """JSON numbers and strings only."""
-        lists: dict[str, Mapping[str, Sequence[float]]] = {"viewpoints": self.viewpoints, "found_by": self.found_by}
-        return asdict(self) | {
-            name: {key: list(values) for key, values in entries.items()} for name, entries in lists.items()
+        lists: dict[str, Mapping[str, Sequence[float]]] = {
+            "viewpoints": self.viewpoints,
+            "found_by": self.found_by,
+            "relief": self.relief,
         }
+        documents = {name: {key: list(values) for key, values in entries.items()} for name, entries in lists.items()}
+        return asdict(self) | documents
 
     @classmethod
     def of(cls, document: Mapping[str, Any]) -> EngineState:
@@ -51,10 +58,10 @@ class EngineState:
             document = _with_label_counts(document)
             values = {name: document[name] for name in _REQUIRED}
             values["seen_apart"] = {str(int(number)): int(n) for number, n in document.get("seen_apart", {}).items()}
-            values["found_by"] = {
-                str(name): (float(found), float(missed))
-                for name, (found, missed) in document.get("found_by", {}).items()
-            }
+            values["found_by"] = _pairs(document.get("found_by", {}))
+            values["relief"] = _pairs(document.get("relief", {}))
+            by_views = document.get("log_odds_by_views")
+            values["log_odds_by_views"] = None if by_views is None else float(by_views)
             values["words"] = {
                 str(name): {str(label): float(count) for label, count in counts.items()}
                 for name, counts in document.get("words", {}).items()
@@ -72,9 +79,10 @@ class EngineState:
         )
 
     def _is_valid(self) -> bool:
-        reals = [*self.label_counts.values(), self.label_weight, self.best_crop]
+        reals = [*self.label_counts.values(), self.label_weight, self.best_crop, self.log_odds_by_views or 0.0]
         reals += [real for cell in self.viewpoints.values() for real in cell[2:]]
         reals += [looks for both in self.found_by.values() for looks in both]
+        reals += [looks for both in self.relief.values() for looks in both]
         reals += [count for counts in self.words.values() for count in counts.values()]
         integers = [self.state_index, self.state_first_seen_ns]
         integers += [stamp_ns for stamp_ns in (self.state_empty_before_ns, self.gone_ns) if stamp_ns is not None]
@@ -85,7 +93,9 @@ class EngineState:
         )
 
 
-_REQUIRED = tuple(entry.name for entry in fields(EngineState) if entry.default_factory is MISSING)
+_REQUIRED = tuple(
+    entry.name for entry in fields(EngineState) if entry.default_factory is MISSING and entry.default is MISSING
+)
 
 
 def _with_label_counts(document: Mapping[str, Any]) -> Mapping[str, Any]:
@@ -99,6 +109,10 @@ def _with_label_counts(document: Mapping[str, Any]) -> Mapping[str, Any]:
         label: max(0.0, (float(log) - unseen_log) / math.log(20)) for label, log in document["label_logs"].items()
     }
     return {**document, "label_counts": counts, "label_weight": float(document["looks"])}
+
+
+def _pairs(stored: Mapping[str, Any]) -> dict[str, tuple[float, float]]:
+    return {str(name): (float(first), float(second)) for name, (first, second) in stored.items()}
 
 
 def _cell(stored: list[float] | int) -> ViewpointCounts:

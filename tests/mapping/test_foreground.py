@@ -65,7 +65,7 @@ def found(scene: s.Scene, mask: Mask, masked: Mask | None = None) -> Mask | None
     region = cut_mask(mask)
     assert region is not None
     core = erode(region.pixels, 1)
-    own = foreground(depth_view(scene.keyframe, 6.0), region, lambda: core, mask if masked is None else masked)
+    own = foreground(depth_view(scene.keyframe, 6.0), region, lambda: core, mask if masked is None else masked).region
     if own is None:
         return None
     image = np.zeros(mask.shape, dtype=bool)

@@ -46,7 +46,7 @@ def own_points(view: DepthView, points: np.ndarray, mask: RegionMask, *others: R
         masked[one.window] |= one.pixels
     core = np.zeros_like(mask.pixels)
     core[2:-2, 2:-2] = True
-    return points[own_returns(view, mask, core, masked)]
+    return points[own_returns(view, mask, core, masked).which]
 
 
 def test_of_a_table_its_legs_are_taken_and_not_the_wall_between_them() -> None:
