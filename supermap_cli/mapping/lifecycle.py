@@ -38,7 +38,7 @@ class LifecycleParameters:
         TUNED,
     )
     demote_confidence: float = parameter(
-        0.34,
+        0.42,
         "1",
         "a confirmed object of this confidence or less, or of less than min_confidence where that is lower, is "
         "demoted: it leaves the answers until confirmed anew",

@@ -23,7 +23,7 @@ class ExistenceParameters:
     """The line from existence log-odds to those of being right."""
 
     intercept: float = parameter(
-        -0.67, "1", "log-odds that an object whose existence has log-odds of 0 is right", _REGRESSION, at_least=-10.0
+        -0.34, "1", "log-odds that an object whose existence has log-odds of 0 is right", _REGRESSION, at_least=-10.0
     )
     slope: float = parameter(
         0.31, "1", "what one unit of its existence log-odds adds to them", _REGRESSION, at_least=0.01
