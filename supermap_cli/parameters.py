@@ -26,7 +26,7 @@ class MethodParameters:
             if file not in of_mapping and file not in of_graph:
                 raise unknown_parameter(f"build.parameters.{file}", file, (*of_mapping, *of_graph))
         return cls(
-            overridden(MappingParameters(), {file: values[file] for file in values if file in of_mapping}),
+            MappingParameters.from_overrides({file: values[file] for file in values if file in of_mapping}),
             overridden(GraphParameters(), {file: values[file] for file in values if file in of_graph}),
         )
 

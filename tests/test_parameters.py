@@ -55,6 +55,13 @@ def test_an_unknown_file_is_named_with_those_of_both_groups_that_are_near() -> N
         MethodParameters.from_overrides({"predicate": {}})
 
 
+def test_a_confidence_that_nothing_reaches_is_refused() -> None:
+    with pytest.raises(ConfigError, match=r"min_confidence is 0\.99, and no object can be surer than 0\.967"):
+        MethodParameters.from_overrides({"lifecycle": {"min_confidence": 0.99}})
+    surer = {"belief": {"max_existence": 20.0}, "lifecycle": {"min_confidence": 0.99}}
+    assert MethodParameters.from_overrides(surer).mapping.lifecycle.min_confidence == 0.99
+
+
 def test_all_sets_are_frozen_values() -> None:
     for group in (MappingParameters(), GraphParameters()):
         for own in fields(group):

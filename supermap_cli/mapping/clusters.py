@@ -86,16 +86,6 @@ def joined_clusters(points: FloatArray, cell_m: float, in_image: IntArray) -> In
     return np.asarray(cluster_of, np.int64)[in_image]
 
 
-def main_component(
-    points_camera: FloatArray, depth_m: float, apart_m: float = 0.0, parameters: ClusterParameters = DEFAULT
-) -> BoolArray:
-    """(n,) which points belong to the cluster in space that most of a mask's points belong to (`main_cluster`); points
-    that are no farther apart than `apart_m` may be connected.
-    """
-    clusters = voxel_clusters(points_camera, max(cell_m(depth_m, parameters), apart_m))
-    return main_cluster(points_camera, clusters, parameters)
-
-
 def main_cluster(points_camera: FloatArray, clusters: IntArray, parameters: ClusterParameters = DEFAULT) -> BoolArray:
     """(n,) which points belong to the largest cluster, (n,) clusters, and to what goes on near by.
 

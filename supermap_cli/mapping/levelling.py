@@ -98,15 +98,6 @@ def level_view(depth_odom: CoarseDepth) -> LevelView:
     return LevelView(depth_odom.structure(), -depth_odom.T_frame_camera[:3, 1])
 
 
-def sweep_view(
-    sweep: Sweep, T_odom_base: FloatArray, structure_parameters: StructureParameters = structure.DEFAULT
-) -> LevelView:
-    """A LiDAR's view, from a sweep and the base's pose at its time."""
-    T_odom_lidar = T_odom_base @ sweep.T_base_lidar
-    surfaces = structure_of_points(sweep.points_lidar, parameters=structure_parameters)
-    return LevelView(surfaces.moved(T_odom_lidar), T_odom_lidar[:3, 2])
-
-
 class LowReturns:
     """A LiDAR's returns from well below it, of a whole recording.
 

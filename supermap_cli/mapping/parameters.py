@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
+from supermap_cli.errors import ConfigError
 from supermap_cli.mapping.absence import AbsenceParameters
 from supermap_cli.mapping.alignment import AlignmentParameters, AlignmentParameterSets
 from supermap_cli.mapping.association import AssociationParameters
@@ -50,7 +51,7 @@ from supermap_cli.mapping.structure import StructureParameters
 from supermap_cli.mapping.visibility import VisibilityParameters
 from supermap_cli.mapping.voxel_map import VoxelMapParameters
 from supermap_cli.mapping.walls import WallParameters
-from supermap_cli.types.existence import ExistenceParameters
+from supermap_cli.types.existence import ExistenceParameters, probability_of
 from supermap_cli.types.parameters import ParameterRow, described, overridden
 
 
@@ -104,7 +105,15 @@ class MappingParameters:
     @classmethod
     def from_overrides(cls, values: Mapping[str, Mapping[str, object]]) -> MappingParameters:
         """The defaults but for the given values, by file and name. Raises `ConfigError` naming a wrong entry."""
-        return overridden(cls(), values)
+        parameters = overridden(cls(), values)
+        greatest = probability_of(parameters.belief.max_existence, parameters.existence)
+        if parameters.lifecycle.min_confidence > greatest:
+            raise ConfigError(
+                f"nothing would enter the map: min_confidence is {parameters.lifecycle.min_confidence:g}, and no "
+                f"object can be surer than {greatest:.3f}",
+                cure=f"choose less than {greatest:.2f}",
+            )
+        return parameters
 
     def describe(self) -> Iterator[ParameterRow]:
         """All parameters with unit, meaning and source."""

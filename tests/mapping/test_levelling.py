@@ -6,11 +6,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.geometry.se3 import make_transform, rotation_angle_rad
 from supermap_cli.geometry.trajectory import Trajectory
 from supermap_cli.hookspecs import RecordingRequest
-from supermap_cli.mapping.levelling import LevelView, LowReturns, gravity_up, level, level_view, sweep_view
-from supermap_cli.mapping.structure import Structure, coarse_depth, join
+from supermap_cli.mapping.levelling import LevelView, LowReturns, gravity_up, level, level_view
+from supermap_cli.mapping.structure import Structure, coarse_depth, join, structure_of_points
 from supermap_cli.recordings import open_bag_recording
 from supermap_cli.types.sensing import ImuSample, StampedPose, Sweep
 from support.synthetic_room import room_sweeps
@@ -126,6 +127,12 @@ def test_an_imu_that_contradicts_the_orientation_says_nothing() -> None:
         for k, s in enumerate(samples)
     ]
     assert gravity_up(samples, Trajectory(tumbling)) is None
+
+
+def sweep_view(sweep: Sweep, T_odom_base: FloatArray) -> LevelView:
+    """A LiDAR's view, from a sweep and the base's pose at its time."""
+    T_odom_lidar = T_odom_base @ sweep.T_base_lidar
+    return LevelView(structure_of_points(sweep.points_lidar).moved(T_odom_lidar), T_odom_lidar[:3, 2])
 
 
 def test_a_lidar_levels_by_the_floor_alone() -> None:
