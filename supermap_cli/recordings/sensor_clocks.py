@@ -14,11 +14,8 @@ from supermap_cli.types.limits import LARGEST_CLOCK_OFFSET_S
 OTHER_CLOCK_NS = 1_000_000_000
 """ns between the stamps of two sensors at one time of recording from which they are two clocks."""
 
-_SURE_NS = 10_000_000_000
-"""ns from which a difference can only be that of clocks: no message waits for so long before it is recorded."""
-
-_STEADY_NS = 60_000_000
-"""ns by which the offsets of one clock vary, at most; messages that are merely late vary more."""
+_SURE_NS = 60_000_000_000
+"""ns from which a difference can only be that of clocks: no message waits a minute before it is recorded."""
 
 _LATE_VARIES = 4
 """What waits to be recorded does so for times that vary by at least a quarter."""
@@ -97,11 +94,12 @@ def _is_late(topic: Topic, reference: Topic, apart_ns: int) -> bool:
 
 
 def _is_sure(topic: Topic, reference: Topic, apart_ns: int) -> bool:
-    """Whether a difference is that of two clocks, and not of messages that waited before they were recorded."""
-    if abs(apart_ns) >= _SURE_NS:
+    """Whether a difference is that of two clocks, and not of messages that waited before they were recorded: one that is
+    published by a slow program waits each time equally long, and its stamps are right.
+    """
+    if abs(apart_ns) >= _SURE_NS or known_scale_ns(apart_ns) is not None:
         return True
-    ahead = max(topic.clock_offset_ns, reference.clock_offset_ns) > _AHEAD_NS
-    return ahead or all(_spread_ns(each.offsets_ns) < _STEADY_NS for each in (topic, reference))
+    return max(topic.clock_offset_ns, reference.clock_offset_ns) > _AHEAD_NS
 
 
 def _is_steady(topic: Topic) -> bool:

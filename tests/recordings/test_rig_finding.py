@@ -209,7 +209,7 @@ def write_clocks(path, *, lidar_s=0.0, late_s=0.01, jitter_s=0.0):
     return path
 
 
-@pytest.mark.parametrize("apart_s", [37.0, -2.4, 7200.0, -1_699_990_000.25])
+@pytest.mark.parametrize("apart_s", [37.0, 2.4, -18.0, 7200.0, -1_699_990_000.25])
 def test_another_clock_is_brought_onto_the_cameras(tmp_path, apart_s):
     recording = open_(write_clocks(tmp_path / "run.mcap", lidar_s=apart_s))
     assert [sweep.stamp_ns for sweep in recording.sweeps()] == pytest.approx(
@@ -218,8 +218,9 @@ def test_another_clock_is_brought_onto_the_cameras(tmp_path, apart_s):
     assert any("/points: its clock is" in line for line in recording.warnings)
 
 
-def test_a_sensor_that_is_recorded_late_is_refused_until_the_user_decides(tmp_path):
-    path = write_clocks(tmp_path / "run.mcap", late_s=1.5, jitter_s=0.3)
+@pytest.mark.parametrize(("late_s", "jitter_s"), [(1.5, 0.3), (2.0, 0.0), (12.0, 0.0)])
+def test_a_sensor_that_is_recorded_late_is_refused_until_the_user_decides(tmp_path, late_s, jitter_s):
+    path = write_clocks(tmp_path / "run.mcap", late_s=late_s, jitter_s=jitter_s)
     (problem,) = problems_of(path)
     assert "recorded late" in problem
     assert "--clock /points=0" in problem
