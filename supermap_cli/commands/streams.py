@@ -23,6 +23,24 @@ class OutputError(SupermapError):
     """Standard output cannot be written."""
 
 
+class UsageError(SupermapError):
+    """A command line that names an option, a command or a value that there is not."""
+
+    exit_code = 2
+
+
+def usage_error(error: Exception) -> UsageError | None:
+    """The error for a command line that cannot be parsed; `None` for any other error.
+
+    Some versions of typer have Click's classes and others a copy of them, so that none can be named here.
+    """
+    message, context = getattr(error, "format_message", None), getattr(error, "ctx", None)
+    if message is None:
+        return None
+    command = getattr(context, "command_path", None) or "supermap"
+    return UsageError(message(), where=command, cure=f"{command} --help lists what there is")
+
+
 def flags_first(arguments: list[str]) -> list[str]:
     """A command line with its global flags before all else."""
     until = arguments.index("--") if "--" in arguments else len(arguments)

@@ -65,6 +65,30 @@ def test_errors_are_json_where_asked(db: Path, line: str) -> None:
     assert "nothing-1" in error["message"]
 
 
+@pytest.mark.parametrize(
+    ("line", "named"),
+    [
+        ("query --bogus", "--bogus"),
+        ("nosuch", "nosuch"),
+        ("build", "recordings"),
+        ("build x --rate fast", "--rate"),
+        ("query chair --limit 1 --json --nope", "--nope"),
+    ],
+)
+def test_a_wrong_command_line_is_json_where_asked(db: Path, line: str, named: str) -> None:
+    done = shell(f'"$@" --json-errors {line}', db)
+    assert (done.returncode, done.stdout) == (2, "")
+    error = json.loads(done.stderr)["error"]
+    assert (error["type"], error["exit_code"]) == ("UsageError", 2)
+    assert named in error["message"]
+
+
+@pytest.mark.parametrize("line", ["--version", "query chair", "--help", "show cup-1"])
+def test_asking_for_json_errors_changes_nothing_where_there_is_none(db: Path, line: str) -> None:
+    plain, asked = (shell(f'"$@" {flag} {line}', db) for flag in ("", "--json-errors"))
+    assert (asked.returncode, asked.stdout, asked.stderr) == (plain.returncode, plain.stdout, plain.stderr)
+
+
 def test_json_is_printed_whole_or_not_at_all(db: Path) -> None:
     failing = 'SELECT json(value) FROM json_each(\'["1", "{"]\')'
     result = supermap("db", "sql", failing, "--json", "--db", db)
