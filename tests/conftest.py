@@ -1,9 +1,11 @@
 """What holds for all tests."""
 
 import os
+import shutil
 import signal
 import tempfile
 from collections.abc import Generator
+from functools import partial
 from types import FrameType
 
 import pytest
@@ -23,7 +25,9 @@ def pytest_configure(config: pytest.Config) -> None:
     # A shell ignores SIGINT for a job (nohup ... &), and the children of tests would inherit that.
     signal.signal(signal.SIGINT, signal.default_int_handler)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT, signal.SIGTERM})
-    os.environ["XDG_STATE_HOME"] = tempfile.mkdtemp(prefix="supermap-state-")  # what is kept of builds that failed
+    state = tempfile.mkdtemp(prefix="supermap-state-")  # what is kept of builds that failed
+    config.add_cleanup(partial(shutil.rmtree, state, ignore_errors=True))
+    os.environ["XDG_STATE_HOME"] = state
     config.addinivalue_line("markers", "sqlite_only(reason): about what only an SQLite file has")
     config.addinivalue_line("markers", "postgresql_only: about what only a PostgreSQL server has")
     databases.replay_migrations()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import shutil
-import tempfile
 import weakref
 from collections.abc import Callable, Collection, Iterator, Sequence
 from functools import partial
@@ -12,6 +11,7 @@ from pathlib import Path, PurePath
 
 from supermap_cli.errors import RecordingError
 from supermap_cli.input_files import check_readable
+from supermap_cli.leftovers import new_temporary_folder
 from supermap_cli.recordings.file_kinds import COMPRESSED, FORMATS, FileKind, kind_of_file, no_recording
 from supermap_cli.recordings.limits import Limits
 from supermap_cli.recordings.notes import Notes
@@ -108,7 +108,7 @@ def _open_file(path: Path, notes: Notes, limits: Limits) -> Storage:
 
 
 def _open_packed(path: Path, kind: FileKind, unpack: Unpack, notes: Notes, limits: Limits) -> Storage:
-    folder = Path(tempfile.mkdtemp(prefix="supermap-"))
+    folder = new_temporary_folder("unpacked")
     try:
         inner = unpack(path, kind, folder, limits, notes)
         return _UnpackedStorage(_open_unpacked(inner, path, kind, notes, limits), folder)

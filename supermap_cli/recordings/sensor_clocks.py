@@ -94,8 +94,9 @@ def _is_late(topic: Topic, reference: Topic, apart_ns: int) -> bool:
 
 
 def _is_sure(topic: Topic, reference: Topic, apart_ns: int) -> bool:
-    """Whether a difference is that of two clocks, and not of messages that waited before they were recorded: what a slow
-    program publishes waits each time equally long, and its stamps are right.
+    """Whether a difference is that of two clocks, and not of messages that waited before they were recorded.
+
+    What a slow program publishes waits equally long each time, and its stamps are right.
     """
     if abs(apart_ns) >= _SURE_NS or known_scale_ns(apart_ns) is not None:
         return True
