@@ -7,7 +7,6 @@ cell of the floor is free where the floor was seen and everything above it, up t
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -175,7 +174,7 @@ def _extent(cells: UInt8Array, driven: BoolArray) -> tuple[tuple[int, int], tupl
 
 @dataclass
 class _Evidence:
-    """What one traversal saw: returns from and rays through each voxel, and where the floor was seen."""
+    """What one traversal saw: in how many views a voxel gave returns, or was looked through, and where floor was seen."""
 
     volume: _Volume
     hits: UInt16Array
@@ -195,14 +194,16 @@ class _Evidence:
         pixels = np.column_stack([columns, rows]).astype(np.float64) * view.step_px
         depth_m = small_m[rows, columns].astype(np.float64)
         returned = transform_points(T, view.camera.back_project(pixels, depth_m))
-        np.add.at(self.hits, self.volume.voxels_of(returned), 1)
+        codes = np.unique(np.ravel_multi_index(self.volume.voxels_of(returned), self.volume.shape))
+        self.hits.ravel()[codes] += 1
         on_floor = np.zeros(small_m.shape, bool)
         on_floor[rows, columns] = np.abs(returned[:, 2]) <= parameters.floor_m
-        for cells in self._columns_in_view(view):
-            self._look_through(view, cells, on_floor)
+        cells = self._columns_in_view(view)
+        seen_enough = self.passes[cells[:, 0], cells[:, 1], : self.volume.robot_levels].min(axis=1)
+        self._look_through(view, cells[seen_enough < parameters.enough_passes], on_floor)
 
-    def _columns_in_view(self, view: SmallView) -> Iterator[IntArray]:
-        """The cells (n, 2) that the camera looks over, in portions."""
+    def _columns_in_view(self, view: SmallView) -> IntArray:
+        """The cells (n, 2) that the camera looks over."""
         volume, T = self.volume, view.T_map_camera
         reach = math.ceil(volume.parameters.reach_m / volume.cell_m)
         middle = np.floor((T[:2, 3] - volume.origin_xy) / volume.cell_m).astype(np.int64)
@@ -216,7 +217,7 @@ class _Evidence:
         if half < math.pi / 2 and np.linalg.norm(axis) > 0.5:  # looking ahead: what lies behind is left out
             along = offsets @ (axis / np.linalg.norm(axis))
             near &= along >= np.cos(min(half, math.pi / 2)) * np.sqrt((offsets**2).sum(axis=-1)) - 4
-        yield np.column_stack([i[near], j[near]])
+        return np.column_stack([i[near], j[near]])
 
     def _look_through(self, view: SmallView, cells: IntArray, on_floor: BoolArray) -> None:
         """Project every level of the columns above the cells into the image and compare it with the depth there."""
@@ -224,9 +225,10 @@ class _Evidence:
         xy = (cells + 0.5) * volume.cell_m + volume.origin_xy
         T_camera_map = inverse(view.T_map_camera)
         heights = volume.heights_m()
+        on_ground = xy @ T_camera_map[:3, :2].T + T_camera_map[:3, 3]
         for level in range(-1, volume.robot_levels):
             z = 0.0 if level < 0 else heights[level]
-            points_camera = transform_points(T_camera_map, np.column_stack([xy, np.full(len(xy), z)]))
+            points_camera = on_ground + z * T_camera_map[:3, 2]
             v, u, seen = _small_pixels(view.camera, points_camera, view.step_px, on_floor.shape)
             if level < 0:
                 shown = cells[seen][on_floor[v, u]]

@@ -19,9 +19,12 @@ class NavigationParameters:
     floor_m: float = parameter(0.08, "m", "a return within this of z = 0 shows the floor", "3 sigma of depth at 4 m")
     top_m: float = parameter(2.6, "m", "up to this height things hide others", "a ceiling")
     reach_m: float = parameter(5.0, "m", "depth that is used: beyond it pixels are wider than cells", TUNED)
-    min_hits: int = parameter(2, "1", "returns from a voxel for it to be occupied: one may be noise", TUNED, at_least=1)
+    min_hits: int = parameter(2, "1", "views with returns from a voxel for it to be occupied", "two witnesses")
     hit_share: float = parameter(
-        0.2, "1", "returns among the rays to or through a voxel, for it to be occupied", TUNED, at_most=1
+        0.3, "1", "these among all views of a voxel: people who pass are seen and looked through", TUNED, at_most=1
+    )
+    enough_passes: int = parameter(
+        6, "1", "views through a whole column after which no more are tested", "bounds the time", at_least=2
     )
     views_per_cell: int = parameter(
         2, "1", "depth images of each viewpoint (0.5 m, 30 deg) and traversal", "bounds the time", at_least=1
