@@ -22,7 +22,7 @@ from supermap_cli.commands.tables import position_text, print_table
 from supermap_cli.errors import ConfigError, QueryError
 
 if TYPE_CHECKING:
-    from supermap_cli.navigation.route import Route, Waypoint
+    from supermap_cli.navigation.route import PlannedRoute, Waypoint
     from supermap_cli.query.clock import Clock
 
 EXAMPLES = """
@@ -86,13 +86,13 @@ def navigate(  # noqa: PLR0917 - typer makes its options of them
     from supermap_cli.memory import open_store  # noqa: PLC0415 - keeps start-up light
     from supermap_cli.navigation.observed_space import occupancy_grid  # noqa: PLC0415
     from supermap_cli.navigation.parameters import ROBOT_RADIUS_M, STANDOFF_M  # noqa: PLC0415
-    from supermap_cli.navigation.route import Robot, plan_route  # noqa: PLC0415
+    from supermap_cli.navigation.route import DrivingRobot, plan_route  # noqa: PLC0415
     from supermap_cli.query.clock import clock_of  # noqa: PLC0415
     from supermap_cli.query.views import to_document  # noqa: PLC0415
 
     pose = None if start is None else pose_of(start)
     radius_m = ROBOT_RADIUS_M if robot_radius is None else robot_radius
-    robot = Robot(radius_m, STANDOFF_M if standoff is None else standoff, robot_height)
+    robot = DrivingRobot(radius_m, STANDOFF_M if standoff is None else standoff, robot_height)
     with open_store(database_url(db), read_only=True) as store:
         if plot is not None:
             _check_plot(plot)
@@ -120,7 +120,9 @@ def pose_of(text: str) -> tuple[float, float, float]:
     except ValueError:
         x = y = yaw_deg = math.nan
     if not all(abs(value) < 1e6 for value in (x, y, yaw_deg)):
-        raise ConfigError(f"--from {text!r} is no pose", cure="give x and y in m and yaw in degrees: --from '1.5 -2 90'")
+        raise ConfigError(
+            f"--from {text!r} is no pose", cure="give x and y in m and yaw in degrees: --from '1.5 -2 90'"
+        )
     return x, y, math.radians(yaw_deg)
 
 
@@ -131,7 +133,7 @@ def _check_plot(path: Path) -> None:
         raise QueryError("a picture of an unknown kind", where=str(path), cure="name a .png, .svg or .pdf file")
 
 
-def _write_goals(route: Route, nav2: Path | None, mcap: Path | None) -> None:
+def _write_goals(route: PlannedRoute, nav2: Path | None, mcap: Path | None) -> None:
     from supermap_cli.exporting.route_goals import (  # noqa: PLC0415 - keeps start-up light
         check_complete,
         follow_waypoints_yaml,
@@ -146,7 +148,7 @@ def _write_goals(route: Route, nav2: Path | None, mcap: Path | None) -> None:
         replace_file(mcap, route_mcap(route))
 
 
-def _print(route: Route, clock: Clock) -> None:
+def _print(route: PlannedRoute, clock: Clock) -> None:
     console = out()
     columns = ("", "goal", "thing", "position (m)", "x (m)#", "y (m)#", "yaw (deg)#", "way (m)#", "", "last seen")
     print_table(console, "", columns, (_row(n, waypoint, clock) for n, waypoint in enumerate(route.waypoints, start=1)))

@@ -14,7 +14,7 @@ from mcap.writer import CompressionType, Writer
 from rosbags.typesys import Stores, get_typestore
 
 from supermap_cli.errors import ExportError
-from supermap_cli.navigation.route import PoseView, Route, Waypoint
+from supermap_cli.navigation.route import PlannedRoute, PoseView, Waypoint
 
 LIBRARY = "supermap navigate"
 PATH_TOPIC, MARKER_TOPIC = "/plan", "/goals"
@@ -26,7 +26,7 @@ _ARROW_SIZE_M = (0.4, 0.08, 0.08)
 _TEXT_M = 0.2
 
 
-def check_complete(route: Route) -> None:
+def check_complete(route: PlannedRoute) -> None:
     """Raises `ExportError` for a route of which a goal has no pose: a robot would leave it out without a word."""
     missing = [waypoint for waypoint in route.waypoints if waypoint.pose is None]
     if missing:
@@ -37,7 +37,7 @@ def check_complete(route: Route) -> None:
         )
 
 
-def follow_waypoints_yaml(route: Route) -> str:
+def follow_waypoints_yaml(route: PlannedRoute) -> str:
     """The goal of FollowWaypoints, for `ros2 action send_goal`; `poses` is what nav2's commander takes, too."""
     lines = [f"# {_one_line(route.instruction)}", "poses:"]
     for waypoint in route.waypoints:
@@ -57,7 +57,7 @@ def _one_line(text: str) -> str:
     return " ".join("".join(character if character.isprintable() else " " for character in text).split())
 
 
-def route_mcap(route: Route) -> bytes:
+def route_mcap(route: PlannedRoute) -> bytes:
     """The way as nav_msgs/Path and the goals as visualization_msgs/MarkerArray, at the end of the map's time."""
     messages = _Messages(route)
     content = BytesIO()
@@ -76,7 +76,7 @@ def route_mcap(route: Route) -> bytes:
 class _Messages:
     """Makes the messages of a route."""
 
-    def __init__(self, route: Route) -> None:
+    def __init__(self, route: PlannedRoute) -> None:
         self.route = route
         self.store = get_typestore(Stores.ROS2_JAZZY)
 
@@ -109,15 +109,16 @@ class _Messages:
         above = PoseView((x, y, z + box.size[2] / 2 + _TEXT_M), 0.0, (0.0, 0.0, 0.0, 1.0))
         text = f"{number + 1}: {waypoint.thing.id}"
         return [
-            self._marker("goal", number, _ARROW, waypoint.pose, _ARROW_SIZE_M, _GREEN),
-            self._marker("thing", number, _CUBE, turned, box.size, _BLUE),
-            self._marker("name", number, _TEXT, above, (0.0, 0.0, _TEXT_M), _WHITE, text),
+            self._marker("goal", number, kind=_ARROW, pose=waypoint.pose, scale=_ARROW_SIZE_M, colour=_GREEN),
+            self._marker("thing", number, kind=_CUBE, pose=turned, scale=box.size, colour=_BLUE),
+            self._marker("name", number, kind=_TEXT, pose=above, scale=(0.0, 0.0, _TEXT_M), colour=_WHITE, text=text),
         ]
 
     def _marker(
         self,
         namespace: str,
         number: int,
+        *,
         kind: int,
         pose: PoseView,
         scale: tuple[float, float, float],

@@ -149,7 +149,9 @@ def _goals(words: tuple[str, ...], known: KnownNames, code: str, language: str |
     text = text.replace(" ,", ",")
     if not text:
         raise QueryError("the instruction names no goal, or none between two of its words", cure=EXAMPLE)
-    question = parse(text, known, language or (code if code != "en" else None))
+    article = _phrases(code)["one_of_many"].at(words, 0)
+    asked = join([word for word in words[article:] if word != "."], joined=language_data(code).joined)
+    question = parse(asked.replace(" ,", ","), known, language or (code if code != "en" else None))
     things = question.body.things if isinstance(question.body, Find) else None
     if things is None or question.body.place or question.time is not None:  # type: ignore[union-attr]
         raise RefusedQuestionError(
@@ -160,7 +162,7 @@ def _goals(words: tuple[str, ...], known: KnownNames, code: str, language: str |
             cure="name things: 'go to the chair next to the desk, then to the door'",
             language=code,
         )
-    any_of = bool(_phrases(code)["one_of_many"].at(words, 0))
+    any_of = bool(article)
     members = things.noun.members if isinstance(things.noun, Union) else ()
     if members and any(_phrases(code)["both"].at(words, at) for at in range(len(words))) and things == _only(things):
         for member in members:

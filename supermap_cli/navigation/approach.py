@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from supermap_cli.geometry.arrays import BoolArray, FloatArray
+from supermap_cli.geometry.arrays import BoolArray, FloatArray, IntArray
 from supermap_cli.geometry.boxes import Box3D
 from supermap_cli.navigation.grid import OccupancyGrid
 from supermap_cli.navigation.ways import Reachable, Way
@@ -134,7 +134,7 @@ def _turns_rad(places_xy: FloatArray, target: Target) -> FloatArray:
     return turns
 
 
-def _spread(places_xy: FloatArray, ordered: FloatArray, cell_m: float) -> Iterator[FloatArray]:
+def _spread(places_xy: FloatArray, ordered: IntArray, cell_m: float) -> Iterator[IntArray]:
     """The places in their order, in batches; of neighbours within two cells the best one only."""
     _, first = np.unique(np.floor(places_xy[ordered] / (2 * cell_m)).astype(np.int64), axis=0, return_index=True)
     kept = ordered[np.sort(first)][:_TRIED]

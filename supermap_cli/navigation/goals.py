@@ -7,14 +7,15 @@ from typing import Literal
 
 import numpy as np
 
+from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.geometry.boxes import Box3D
+from supermap_cli.geometry.voxels import voxel_centers
 from supermap_cli.language.instructions import Goal
 from supermap_cli.language.questions import Find, Identified, Named, Question, Things, Union
 from supermap_cli.language.times import Last
 from supermap_cli.memory.keyframe_views import camera_poses, observing_keyframes
 from supermap_cli.memory.reading import MapReader
 from supermap_cli.memory.values import StoredInstance
-from supermap_cli.geometry.voxels import voxel_centers
 from supermap_cli.navigation.approach import Target
 from supermap_cli.navigation.parameters import DEFAULT, NavigationParameters
 from supermap_cli.query.answers import answer_question
@@ -90,7 +91,7 @@ def target_of(reader: MapReader, text_id: str, parameters: NavigationParameters 
     return Target(instance.box, _surface(reader, instance, parameters.target_points), _seen_from(reader, instance))
 
 
-def _surface(reader: MapReader, instance: StoredInstance, most: int) -> np.ndarray:
+def _surface(reader: MapReader, instance: StoredInstance, most: int) -> FloatArray:
     """Points (n, 3) of an instance, spread over its voxels; the middles of its box's faces where it has none."""
     cloud = reader.voxels(instance)
     points = voxel_centers(cloud.keys[cloud.log_odds > 0], cloud.voxel_m)
@@ -100,13 +101,14 @@ def _surface(reader: MapReader, instance: StoredInstance, most: int) -> np.ndarr
     return points[order[:: -(-len(order) // most)]]
 
 
-def _faces(box: Box3D) -> np.ndarray:
+def _faces(box: Box3D) -> FloatArray:
     c, s = np.cos(box.yaw), np.sin(box.yaw)
     axes = np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]]) * box.size[:, None] / 2
-    return box.center + np.concatenate([axes, -axes])
+    faces: FloatArray = box.center + np.concatenate([axes, -axes])
+    return faces
 
 
-def _seen_from(reader: MapReader, instance: StoredInstance) -> np.ndarray:
+def _seen_from(reader: MapReader, instance: StoredInstance) -> FloatArray:
     """Camera positions (k, 3) from which it was seen where it stands now."""
     observed = reader.observations(instance)
     stays_ns = instance.states[-1].first_seen_ns if instance.states else 0

@@ -41,7 +41,8 @@ class OccupancyGrid:
 
     def inside(self, indices: IntArray) -> BoolArray:
         """Which of the cells (n, 2) lie in the grid."""
-        inside: BoolArray = ((indices >= 0) & (indices < np.array(self.cells.shape))).all(axis=1)
+        within: BoolArray = (indices >= 0) & (indices < np.array(self.cells.shape))
+        inside: BoolArray = np.logical_and.reduce(within, axis=1)
         return inside
 
     @cached_property

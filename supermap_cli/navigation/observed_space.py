@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 
 from supermap_cli.errors import QueryError
-from supermap_cli.geometry.arrays import BoolArray, FloatArray, IntArray, UInt8Array, UInt16Array
+from supermap_cli.geometry.arrays import BoolArray, Float32Array, FloatArray, IntArray, UInt8Array, UInt16Array
 from supermap_cli.geometry.cameras import Camera, camera_from_json
 from supermap_cli.geometry.se3 import inverse, transform_points
 from supermap_cli.geometry.voxels import voxel_centers
@@ -23,7 +23,7 @@ from supermap_cli.mapping.visibility import tolerance_m
 from supermap_cli.memory.reading import MapReader
 from supermap_cli.navigation.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from supermap_cli.navigation.parameters import ABOVE_CAMERA_M, DEFAULT, ROBOT_HEIGHTS_M, NavigationParameters
-from supermap_cli.navigation.viewpoints import Viewpoint, all_viewpoints, depth_records, newest_of_each_place
+from supermap_cli.navigation.viewpoints import StoredViewpoint, all_viewpoints, depth_records, newest_of_each_place
 
 
 def occupancy_grid(
@@ -46,7 +46,7 @@ def occupancy_grid(
     newest = newest_of_each_place(viewpoints, parameters.views_per_cell)
     for traversal in sorted({viewpoint.traversal for viewpoint in newest}):
         of_traversal = [viewpoint for viewpoint in newest if viewpoint.traversal == traversal]
-        evidence = _Evidence.empty(volume)
+        evidence = _TraversalEvidence.empty(volume)
         for viewpoint, record in depth_records(reader, of_traversal):
             small_m = decode_small_depth(record)
             camera = camera_from_json(record.camera)
@@ -58,7 +58,7 @@ def occupancy_grid(
     return volume.grid(height_m, camera_m)
 
 
-def _height_by_cameras(viewpoints: list[Viewpoint]) -> float:
+def _height_by_cameras(viewpoints: list[StoredViewpoint]) -> float:
     low, high = ROBOT_HEIGHTS_M
     heights = [viewpoint.T_map_camera[2, 3] for viewpoint in viewpoints]
     return float(np.clip(math.ceil(10 * (np.percentile(heights, 90) + ABOVE_CAMERA_M)) / 10, low, high))
@@ -82,7 +82,7 @@ class _Volume:
         self.floor, self.driven = np.zeros(self.shape[:2], bool), np.zeros(self.shape[:2], bool)
 
     @classmethod
-    def around(cls, viewpoints: list[Viewpoint], height_m: float, parameters: NavigationParameters) -> _Volume:
+    def around(cls, viewpoints: list[StoredViewpoint], height_m: float, parameters: NavigationParameters) -> _Volume:
         """Room for everything within reach of the viewpoints."""
         positions = np.array([viewpoint.T_map_camera[:2, 3] for viewpoint in viewpoints])
         low, high = positions.min(axis=0) - parameters.reach_m, positions.max(axis=0) + parameters.reach_m
@@ -97,7 +97,7 @@ class _Volume:
 
     def heights_m(self) -> FloatArray:
         """The heights at which the levels are looked at: their upper ends."""
-        heights: FloatArray = (np.arange(self.shape[2]) + 1) * self.parameters.level_m
+        heights = (np.arange(self.shape[2], dtype=np.float64) + 1) * self.parameters.level_m
         return np.maximum(heights, self.parameters.lowest_m)
 
     def voxels_of(self, points_map: FloatArray) -> tuple[IntArray, IntArray, IntArray]:
@@ -108,7 +108,7 @@ class _Volume:
         kept &= ((cells >= 0) & (cells < np.array(self.shape[:2]))).all(axis=1)
         return cells[kept, 0], cells[kept, 1], levels[kept]
 
-    def update(self, evidence: _Evidence) -> None:
+    def update(self, evidence: _TraversalEvidence) -> None:
         """What a later traversal saw replaces what was known."""
         hits, passes = evidence.hits, evidence.passes
         occupied = (hits >= self.parameters.min_hits) & (hits > self.parameters.hit_share * (hits + passes))
@@ -116,7 +116,7 @@ class _Volume:
         self.state[~occupied & (passes > 0)] = FREE
         self.floor |= evidence.floor
 
-    def add_ways(self, viewpoints: list[Viewpoint]) -> None:
+    def add_ways(self, viewpoints: list[StoredViewpoint]) -> None:
         """The cells that the robot's base passed over, from one keyframe to the next."""
         for before, after in pairwise(viewpoints):
             start, end = before.T_map_base[:2, 3], after.T_map_base[:2, 3]
@@ -173,8 +173,8 @@ def _extent(cells: UInt8Array, driven: BoolArray) -> tuple[tuple[int, int], tupl
 
 
 @dataclass
-class _Evidence:
-    """What one traversal saw: in how many views a voxel gave returns, or was looked through, and where floor was seen."""
+class _TraversalEvidence:
+    """What one traversal saw: in how many views a voxel gave returns or was looked through, and where floor was."""
 
     volume: _Volume
     hits: UInt16Array
@@ -182,12 +182,12 @@ class _Evidence:
     floor: BoolArray
 
     @classmethod
-    def empty(cls, volume: _Volume) -> _Evidence:
+    def empty(cls, volume: _Volume) -> _TraversalEvidence:
         """Nothing seen yet."""
         hits = np.zeros(volume.shape, np.uint16)
         return cls(volume, hits, np.zeros_like(hits), np.zeros(volume.shape[:2], bool))
 
-    def add(self, view: SmallView, small_m: FloatArray) -> None:
+    def add(self, view: SmallView, small_m: Float32Array) -> None:
         """Add a depth image (h, w): where its rays ended, and what they went through."""
         parameters, T = self.volume.parameters, view.T_map_camera
         rows, columns = np.nonzero((small_m > 0) & (small_m <= parameters.reach_m))

@@ -12,7 +12,9 @@ class NavigationParameters:
     """How free floor is told from depth images, and where a robot may stand and drive."""
 
     cell_m: float = parameter(0.05, "m", "edge of a grid cell", "default of nav2's costmaps", at_least=0.01)
-    level_m: float = parameter(0.1, "m", "height between the levels that are looked through", "two cells", at_least=0.02)
+    level_m: float = parameter(
+        0.1, "m", "height between the levels that are looked through", "two cells", at_least=0.02
+    )
     lowest_m: float = parameter(
         0.1, "m", "lowest level that is looked through: what is lower counts as floor", "3 sigma of depth at 4 m"
     )

@@ -31,7 +31,7 @@ Quaternion = tuple[float, float, float, float]
 
 
 @dataclass(frozen=True)
-class Robot:
+class DrivingRobot:
     """Metres: the radius of the circle around the robot's base, how far from a thing it stops, and its height (`None`:
     as high as the cameras of the recordings).
     """
@@ -94,7 +94,7 @@ class Waypoint:
 
 
 @dataclass(frozen=True)
-class Route:
+class PlannedRoute:
     """The waypoints of an instruction in the frame `map`. `complete`: all of them have a pose; `start` is the pose that
     the first way begins at; areas are in square metres.
     """
@@ -116,20 +116,20 @@ class Route:
 def plan_route(
     reader: MapReader,
     instruction: str,
-    robot: Robot | None = None,
+    robot: DrivingRobot | None = None,
     start: tuple[float, float, float] | None = None,
     *,
     language: str | None = None,
     grid: OccupancyGrid | None = None,
     parameters: NavigationParameters = DEFAULT,
-) -> Route:
+) -> PlannedRoute:
     """Plan an instruction; `start` is x, y in metres and yaw in radians (default: where the robot was last). `grid` may
     be one that was made before from the same map.
 
     Raises `QueryError` for an instruction that is not understood, a map without depth images, and a start of which no
     free floor is near.
     """
-    robot = robot or Robot()
+    robot = robot or DrivingRobot()
     goals = parse_instruction(instruction, known_names(reader), language)
     floor = FreeFloor(grid or occupancy_grid(reader, robot.height_m, parameters), robot.radius_m, parameters)
     return _Planner(reader, floor, robot, clock_of(reader)).plan(instruction, goals, start)
@@ -139,11 +139,11 @@ def plan_route(
 class _Planner:
     reader: MapReader
     floor: FreeFloor
-    robot: Robot
+    robot: DrivingRobot
     clock: Clock
     notes: list[str] = field(default_factory=list)
 
-    def plan(self, instruction: str, goals: tuple[Goal, ...], start: tuple[float, float, float] | None) -> Route:
+    def plan(self, instruction: str, goals: tuple[Goal, ...], start: tuple[float, float, float] | None) -> PlannedRoute:
         x, y, yaw = self._last_pose() if start is None else start
         reachable, waypoints = self._start_at(np.array([x, y])), []
         for goal in goals:
@@ -153,7 +153,7 @@ class _Planner:
                 if waypoint.pose is not None:
                     reachable = self._from(waypoint.pose) or reachable
         counts = self.floor.grid.counts()
-        return Route(
+        return PlannedRoute(
             instruction=instruction,
             frame_id="map",
             complete=all(waypoint.status == "ready" for waypoint in waypoints),
@@ -227,9 +227,15 @@ class _Planner:
         seen = f"{instance.id}, last seen {self.clock.brief(thing.last_seen_ns)}"
         if isinstance(found, NoApproach):
             nearest = None if found.nearest is None else pose_view(found.nearest.xy, found.nearest.yaw_rad)
-            where = "" if nearest is None else (
-                f"; the nearest free place is ({nearest.position[0]:.2f}, {nearest.position[1]:.2f}), "
-                f"{found.nearest.gap_m:.2f} m from it" if found.nearest else ""
+            where = (
+                ""
+                if nearest is None
+                else (
+                    f"; the nearest free place is ({nearest.position[0]:.2f}, {nearest.position[1]:.2f}), "
+                    f"{found.nearest.gap_m:.2f} m from it"
+                    if found.nearest
+                    else ""
+                )
             )
             message = f"{seen}: {found.reason}{where}"
             return Waypoint(goal, "no free place", message, notes, thing, None, None, None, (), None, nearest=nearest)
@@ -239,9 +245,7 @@ class _Planner:
     def _standoff_m(self) -> float:
         return max(self.robot.standoff_m, self.floor.needed_m)
 
-    def _ready(
-        self, goal: str, seen: str, notes: tuple[str, ...], thing: GoalThing, found: Approach
-    ) -> Waypoint:
+    def _ready(self, goal: str, seen: str, notes: tuple[str, ...], thing: GoalThing, found: Approach) -> Waypoint:
         points = [(round(float(x), 3), round(float(y), 3)) for x, y in found.way.points_xy]
         return Waypoint(
             goal=goal,
@@ -281,9 +285,7 @@ class _Planner:
         return replace(self._without_thing(meant, "gone", message, tuple(others)), thing=thing)
 
     @staticmethod
-    def _without_thing(
-        meant: Meant, status: Status, message: str, candidates: tuple[GoalThing, ...]
-    ) -> Waypoint:
+    def _without_thing(meant: Meant, status: Status, message: str, candidates: tuple[GoalThing, ...]) -> Waypoint:
         none = None
         return Waypoint(
             meant.goal.text, status, message, meant.notes, none, none, none, none, (), none, candidates=candidates

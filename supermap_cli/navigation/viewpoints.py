@@ -18,7 +18,7 @@ from supermap_schema.models import Keyframe
 
 
 @dataclass(frozen=True)
-class Viewpoint:
+class StoredViewpoint:
     """A keyframe's row id, its traversal's number, and `T_map_camera` and `T_map_base` (4, 4)."""
 
     id: int
@@ -27,7 +27,7 @@ class Viewpoint:
     T_map_base: FloatArray
 
 
-def all_viewpoints(reader: MapReader) -> list[Viewpoint]:
+def all_viewpoints(reader: MapReader) -> list[StoredViewpoint]:
     """Every keyframe's, in the order of traversals and of time."""
     numbers = {traversal.id: traversal.number for traversal in reader.traversals}
     columns = select(Keyframe.id, Keyframe.traversal_id, Keyframe.stamp_ns, Keyframe.T_map_camera, Keyframe.T_map_base)
@@ -35,7 +35,7 @@ def all_viewpoints(reader: MapReader) -> list[Viewpoint]:
         (
             numbers[row.traversal_id],
             row.stamp_ns,
-            Viewpoint(
+            StoredViewpoint(
                 row.id,
                 numbers[row.traversal_id],
                 parsed_transform(row.T_map_camera, f"the camera of keyframe {row.id}"),
@@ -48,9 +48,9 @@ def all_viewpoints(reader: MapReader) -> list[Viewpoint]:
     return [viewpoint for _, _, viewpoint in sorted(found, key=lambda each: (each[0], each[1], each[2].id))]
 
 
-def newest_of_each_place(viewpoints: list[Viewpoint], most: int) -> list[Viewpoint]:
+def newest_of_each_place(viewpoints: list[StoredViewpoint], most: int) -> list[StoredViewpoint]:
     """At most so many from each viewpoint (cells of position and direction) and traversal, the newest ones."""
-    kept: dict[tuple[int, ...], list[Viewpoint]] = {}
+    kept: dict[tuple[int, ...], list[StoredViewpoint]] = {}
     cell_m, cell_deg = free_space.DEFAULT.cell_m, free_space.DEFAULT.cell_deg
     for viewpoint in viewpoints:
         T = viewpoint.T_map_camera
@@ -62,7 +62,9 @@ def newest_of_each_place(viewpoints: list[Viewpoint], most: int) -> list[Viewpoi
     return [viewpoint for of_place in kept.values() for viewpoint in of_place[-most:]]
 
 
-def depth_records(reader: MapReader, viewpoints: list[Viewpoint]) -> Iterator[tuple[Viewpoint, KeyframeRecord]]:
+def depth_records(
+    reader: MapReader, viewpoints: list[StoredViewpoint]
+) -> Iterator[tuple[StoredViewpoint, KeyframeRecord]]:
     """The stored depth images of viewpoints, traversal by traversal."""
     for number in sorted({viewpoint.traversal for viewpoint in viewpoints}):
         of_traversal = sorted((each for each in viewpoints if each.traversal == number), key=lambda each: each.id)

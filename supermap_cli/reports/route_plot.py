@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from supermap_cli.navigation.grid import FREE, OCCUPIED, OccupancyGrid
-from supermap_cli.navigation.route import GoalThing, Route, Waypoint
+from supermap_cli.navigation.route import GoalThing, PlannedRoute, Waypoint
 from supermap_cli.output_files import replace_file
 from supermap_cli.printable import printable_line
 from supermap_cli.query.views import box_of
@@ -24,7 +24,7 @@ _MARGIN_M = 0.5
 _INCHES = 9.0
 
 
-def draw_route(route: Route, grid: OccupancyGrid, path: Path) -> None:
+def draw_route(route: PlannedRoute, grid: OccupancyGrid, path: Path) -> None:
     """Write the picture (.png, .svg or .pdf). Raises `SupermapError` if it cannot be written."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg  # noqa: PLC0415 - keeps start-up light
     from matplotlib.figure import Figure  # noqa: PLC0415
@@ -81,8 +81,6 @@ def _draw_thing(axes: Axes, thing: GoalThing, name: str, colour: str, *, dashed:
 
     corners = box_of(thing.box).footprint()
     line = "--" if dashed else "-"
-    axes.add_patch(
-        Polygon(corners, closed=True, facecolor=colour + "33", edgecolor=colour, linestyle=line, zorder=3)
-    )
+    axes.add_patch(Polygon(corners, closed=True, facecolor=colour + "33", edgecolor=colour, linestyle=line, zorder=3))
     x, y = corners.mean(axis=0)
     axes.text(x, y, printable_line(name), fontsize=7, color=colour, weight="bold", ha="center", va="center", zorder=7)
