@@ -57,9 +57,10 @@ def find_approach(reachable: Reachable, target: Target, standoff_m: float) -> Ap
     gaps = gaps_to_box_m(places, target.box)
     farthest_m = max(parameters.farthest_standoff_m, standoff_m)
     cost = np.abs(gaps - standoff_m) + parameters.way_cost * reachable.cost_m[reached]
-    cost += parameters.turn_cost_m * _turns_rad(places, target)
+    turns = _turns_rad(places, target)
+    cost += parameters.turn_cost_m * turns
     best: tuple[float, int] | None = None
-    near = np.flatnonzero(gaps <= farthest_m)
+    near = np.flatnonzero((gaps <= farthest_m) & (turns <= np.radians(parameters.most_turn_deg)))
     ordered = near[np.argsort(cost[near])]
     for batch in _spread(places, ordered, floor.grid.cell_m):
         shares = in_sight(floor.grid, places[batch], target, parameters.own_m)
@@ -74,7 +75,9 @@ def find_approach(reachable: Reachable, target: Target, standoff_m: float) -> Ap
     share = float(in_sight(floor.grid, places[[place]], target, parameters.own_m)[0])
     nearest = _approach(reachable, int(reached[place]), places[place], target, share)
     if best is None:
-        return NoApproach(f"no free floor within {farthest_m:g} m of it was seen that can be reached", nearest)
+        return NoApproach(
+            f"no free floor within {farthest_m:g} m of it can be reached on a side that it was seen from", nearest
+        )
     return NoApproach("it is out of sight from all free floor near it that was seen", nearest)
 
 

@@ -52,6 +52,9 @@ class NavigationParameters:
         0.3, "1", "share of a thing's points in sight for it to be seen from a place", TUNED, at_most=1
     )
     turn_cost_m: float = parameter(0.6, "m", "what a radian off the directions that it was seen from costs", TUNED)
+    most_turn_deg: float = parameter(
+        75.0, "deg", "that a place may lie off these directions: behind a wall a thing is not seen", TUNED, at_most=180
+    )
     way_cost: float = parameter(0.05, "1", "what a metre of way costs, of a metre off the stand-off", TUNED)
     own_m: float = parameter(
         0.15, "m", "what is this near to a thing's point does not hide it: itself, and what it stands on", "1.5 levels"

@@ -135,6 +135,30 @@ def plan_route(
     return _Planner(reader, floor, robot, clock_of(reader)).plan(instruction, goals, start)
 
 
+def pose_near(
+    reader: MapReader,
+    xy: tuple[float, float],
+    robot: DrivingRobot,
+    start: tuple[float, float, float] | None = None,
+    *,
+    grid: OccupancyGrid | None = None,
+    parameters: NavigationParameters = DEFAULT,
+) -> PoseView:
+    """The place nearest to a point (x, y) of the map that a robot can reach from `start` (as in `plan_route`), turned
+    to the point. Raises `QueryError` for a start of which no free floor is near.
+    """
+    floor = FreeFloor(grid or occupancy_grid(reader, robot.height_m, parameters), robot.radius_m, parameters)
+    planner = _Planner(reader, floor, robot, clock_of(reader))
+    x, y, yaw = planner.last_pose() if start is None else start
+    reachable = planner.start_at(np.array([x, y]))
+    reached = np.flatnonzero(np.isfinite(reachable.cost_m))
+    places = floor.grid.centers(floor.cells[reached])
+    place = places[int(np.linalg.norm(places - np.array(xy), axis=1).argmin())]
+    ahead = np.array(xy) - place
+    turned = float(np.arctan2(ahead[1], ahead[0])) if np.linalg.norm(ahead) > floor.grid.cell_m else yaw
+    return pose_view(place, turned)
+
+
 @dataclass
 class _Planner:
     reader: MapReader
@@ -144,8 +168,9 @@ class _Planner:
     notes: list[str] = field(default_factory=list)
 
     def plan(self, instruction: str, goals: tuple[Goal, ...], start: tuple[float, float, float] | None) -> PlannedRoute:
-        x, y, yaw = self._last_pose() if start is None else start
-        reachable, waypoints = self._start_at(np.array([x, y])), []
+        """Every goal from the pose before."""
+        x, y, yaw = self.last_pose() if start is None else start
+        reachable, waypoints = self.start_at(np.array([x, y])), []
         for goal in goals:
             meant = find_meant(self.reader, goal, MOST_CANDIDATES)
             for waypoint in self._waypoints(meant, reachable):
@@ -168,12 +193,14 @@ class _Planner:
             seen_until_ns=self.reader.now_ns,
         )
 
-    def _last_pose(self) -> tuple[float, float, float]:
+    def last_pose(self) -> tuple[float, float, float]:
+        """Where the robot was last: x, y (m) and yaw (rad)."""
         T = self.reader.last_pose()
         assert T is not None  # noqa: S101 - a map with a grid has a keyframe
         return float(T[0, 3]), float(T[1, 3]), float(np.arctan2(T[1, 0], T[0, 0]))
 
-    def _start_at(self, xy: FloatArray) -> Reachable:
+    def start_at(self, xy: FloatArray) -> Reachable:
+        """The ways from a place. Raises `QueryError` where no free floor is near."""
         within_m = self.floor.parameters.start_search_m
         reachable = self.floor.from_place(xy, within_m)
         if reachable is None:
