@@ -41,7 +41,7 @@ from supermap_cli.query.views import (
 from supermap_cli.relations.map_relations import relations_of_configs
 
 if TYPE_CHECKING:
-    import networkx
+    import networkx as nx
     import pandas as pd
 
     from supermap_cli.navigation.grid import OccupancyGrid
@@ -251,15 +251,20 @@ class Memory:
 
     # Other libraries
 
-    def graph(self, at: str | None = None) -> networkx.MultiDiGraph:
+    def graph(self, at: str | None = None) -> nx.MultiDiGraph:
         """The scene graph: things by id as nodes (label, position, size, presence, times), relations that hold now or
         at a time as edges (key: the relation's name). Needs the extra `graph`.
         """
-        networkx = _imported("networkx", "graph")
-        made = networkx.MultiDiGraph()
-        for table, add in (("instances", _add_node), ("spatial_edges", _add_edge)):
-            for row in self._rows(table, at):
-                add(made, row)
+        library = _imported("networkx", "graph")
+        made = library.MultiDiGraph()
+        for row in self._rows("instances", at):
+            if row["presence"] != "doubted":
+                made.add_node(row.pop("id"), **row)
+        for row in self._rows("spatial_edges", at):
+            subject, relation, other = (row.pop(name) for name in ("subject", "relation", "object"))
+            holds = at is not None or row["until_ns"] is None  # as of a time, only those that held then are read
+            if holds and subject in made and other in made:
+                made.add_edge(subject, other, key=relation, relation=relation, **row)
         return made
 
     def to_pandas(self, table: str = "instances", at: str | None = None) -> pd.DataFrame:
@@ -309,17 +314,6 @@ def _columns_of(table: str) -> list[str]:
     if table not in known:
         raise QueryError(f"there is no table {table!r}", cure=f"there are {', '.join(known)}")
     return known[table]
-
-
-def _add_node(graph: Any, row: dict[str, Any]) -> None:
-    if row["presence"] != "doubted":
-        graph.add_node(row.pop("id"), **row)
-
-
-def _add_edge(graph: Any, row: dict[str, Any]) -> None:
-    subject, relation, other = (row.pop(name) for name in ("subject", "relation", "object"))
-    if row["until_ns"] is None and subject in graph and other in graph:
-        graph.add_edge(subject, other, key=relation, relation=relation, **row)
 
 
 def _imported(name: str, extra: str) -> Any:

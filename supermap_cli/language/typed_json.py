@@ -1,7 +1,7 @@
 """Typed questions as JSON, and back: what a program asks that has understood the words itself.
 
 Every value of `language.questions` and `language.times` is an object with its class as `kind` and its fields by name;
-what has its default may be left out: ``{"kind": "Count", "things": {"kind": "Things", "noun": {"kind": "Named", ...}}}``.
+what has its default may be left out: ``{"kind": "Count", "things": {"kind": "Things", "noun": {"kind": "Anything"}}}``.
 """
 
 from __future__ import annotations
@@ -37,7 +37,6 @@ def _classes() -> dict[str, type[Any]]:
     return dict(sorted(found.items()))
 
 
-@cache
 def _types(kind: type[Any]) -> dict[str, Any]:
     """The types of a class's fields, by name."""
     names = vars(questions) | vars(times)
@@ -122,7 +121,7 @@ def _plain(value: object, expected: Any, where: str) -> Any:
         return float(value)
     if type(value) is not expected:
         raise _wrong(where, f"{expected.__name__} is needed, not {_short(value)}")
-    if expected is float and not abs(value) < 1e12:  # type: ignore[operator]
+    if isinstance(value, float) and not abs(value) < 1e12:
         raise _wrong(where, "a finite number is needed")
     return value
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import dataclass
+from typing import Any
 
-from sqlalchemy import func, select
+from sqlalchemy import Select, func, select
 
 from supermap_cli.memory.reading import MapReader
 from supermap_cli.memory.values import StoredInstance, StoredTraversal
@@ -69,7 +70,7 @@ def places_not_seen_since(reader: MapReader, since: TimePoint, limit: int = DEFA
     return UnseenPlaces(since.text, since.at_ns, places, total - len(places))
 
 
-def _merged_among(reader: MapReader, seen: object) -> list[int]:
+def _merged_among(reader: MapReader, seen: Select[Any]) -> list[int]:
     """Of the instances that were seen, those that are merged into another today."""
     statement = select(Instance.number).where(Instance.merged_into.is_not(None) & Instance.number.in_(seen))
     return list(reader.connection.execute(statement).scalars())
