@@ -14,13 +14,14 @@ import cv2
 import numpy as np
 
 from supermap_cli.errors import QueryError
-from supermap_cli.geometry.arrays import BoolArray, Float32Array, FloatArray, IntArray, UInt8Array, UInt16Array
+from supermap_cli.geometry.arrays import BoolArray, Float32Array, FloatArray, IntArray, UInt8Array
 from supermap_cli.geometry.cameras import Camera, camera_from_json
 from supermap_cli.geometry.se3 import inverse, transform_points
 from supermap_cli.geometry.voxels import voxel_centers
 from supermap_cli.mapping.free_space import SmallView, decode_small_depth, small_view
 from supermap_cli.mapping.visibility import tolerance_m
 from supermap_cli.memory.reading import MapReader
+from supermap_cli.memory.streaming import stream_present_geometry
 from supermap_cli.navigation.grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from supermap_cli.navigation.parameters import ABOVE_CAMERA_M, DEFAULT, ROBOT_HEIGHTS_M, NavigationParameters
 from supermap_cli.navigation.viewpoints import StoredViewpoint, all_viewpoints, depth_records, newest_of_each_place
@@ -111,9 +112,12 @@ class _Volume:
     def update(self, evidence: _TraversalEvidence) -> None:
         """What a later traversal saw replaces what was known."""
         hits, passes = evidence.hits, evidence.passes
-        occupied = (hits >= self.parameters.min_hits) & (hits > self.parameters.hit_share * (hits + passes))
-        self.state[occupied] = OCCUPIED
-        self.state[~occupied & (passes > 0)] = FREE
+        for level in range(self.shape[2]):  # a level at a time bounds the memory
+            hit, passed = hits[:, :, level].astype(np.float32), passes[:, :, level]
+            occupied = (hit >= self.parameters.min_hits) & (hit > self.parameters.hit_share * (hit + passed))
+            state = self.state[:, :, level]
+            state[occupied] = OCCUPIED
+            state[~occupied & (passed > 0)] = FREE
         self.floor |= evidence.floor
 
     def add_ways(self, viewpoints: list[StoredViewpoint]) -> None:
@@ -133,10 +137,7 @@ class _Volume:
 
     def add_present(self, reader: MapReader) -> None:
         """What stands there by the map is occupied: full images show thin things that small ones miss."""
-        for instance in reader.iter_instances(visits=False):
-            if instance.presence != "present" or instance.box.z_min > self.shape[2] * self.parameters.level_m:
-                continue
-            cloud = reader.voxels(instance)
+        for _, cloud in stream_present_geometry(reader):
             solid = cloud.log_odds > 0
             self.state[self.voxels_of(voxel_centers(cloud.keys[solid], cloud.voxel_m))] = OCCUPIED
 
@@ -177,14 +178,14 @@ class _TraversalEvidence:
     """What one traversal saw: in how many views a voxel gave returns or was looked through, and where floor was."""
 
     volume: _Volume
-    hits: UInt16Array
-    passes: UInt16Array
+    hits: UInt8Array
+    passes: UInt8Array
     floor: BoolArray
 
     @classmethod
     def empty(cls, volume: _Volume) -> _TraversalEvidence:
         """Nothing seen yet."""
-        hits = np.zeros(volume.shape, np.uint16)
+        hits = np.zeros(volume.shape, np.uint8)
         return cls(volume, hits, np.zeros_like(hits), np.zeros(volume.shape[:2], bool))
 
     def add(self, view: SmallView, small_m: Float32Array) -> None:
@@ -195,7 +196,7 @@ class _TraversalEvidence:
         depth_m = small_m[rows, columns].astype(np.float64)
         returned = transform_points(T, view.camera.back_project(pixels, depth_m))
         codes = np.unique(np.ravel_multi_index(self.volume.voxels_of(returned), self.volume.shape))
-        self.hits.ravel()[codes] += 1
+        _count(self.hits.ravel(), codes)
         on_floor = np.zeros(small_m.shape, bool)
         on_floor[rows, columns] = np.abs(returned[:, 2]) <= parameters.floor_m
         cells = self._columns_in_view(view)
@@ -238,7 +239,13 @@ class _TraversalEvidence:
             nearest = view.nearest_m[v, u]
             through = np.isfinite(nearest) & (depth > 0) & (depth < nearest - tolerance_m(depth, volume.cell_m))
             passed = cells[seen][through]
-            self.passes[passed[:, 0], passed[:, 1], level] += 1
+            _count(self.passes[:, :, level], (passed[:, 0], passed[:, 1]))
+
+
+def _count(counts: UInt8Array, at: IntArray | tuple[IntArray, IntArray]) -> None:
+    """One more at each place (given once), up to 255: more views tell no more."""
+    before = counts[at]
+    counts[at] = before + (before < 255)
 
 
 def _small_pixels(

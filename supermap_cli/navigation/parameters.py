@@ -32,7 +32,7 @@ class NavigationParameters:
         2, "1", "depth images of each viewpoint (0.5 m, 30 deg) and traversal", "bounds the time", at_least=1
     )
     most_voxels: int = parameter(
-        40_000_000, "1", "voxels of a grid at most: cells are made larger instead", "200 MB of memory", at_least=1000
+        80_000_000, "1", "voxels of a grid at most: cells are made larger instead", "250 MB of memory", at_least=1000
     )
     longest_step_m: float = parameter(
         0.7, "m", "between two keyframes that a robot drove straight", "1.5 m/s at two keyframes a second"

@@ -170,6 +170,8 @@ class _Planner:
     def plan(self, instruction: str, goals: tuple[Goal, ...], start: tuple[float, float, float] | None) -> PlannedRoute:
         """Every goal from the pose before."""
         x, y, yaw = self.last_pose() if start is None else start
+        if self.floor.grid.cell_m > self.floor.parameters.cell_m:
+            self.notes.append(f"the map is so large that cells are {self.floor.grid.cell_m:g} m wide")
         reachable, waypoints = self.start_at(np.array([x, y])), []
         for goal in goals:
             meant = find_meant(self.reader, goal, MOST_CANDIDATES)
