@@ -224,7 +224,7 @@ def _grid(source: ExportSource, target: ExportTarget) -> str:
     from supermap_cli.exporting.map_server import grid_pgm, grid_yaml  # noqa: PLC0415
     from supermap_cli.navigation.observed_space import occupancy_grid  # noqa: PLC0415
 
-    image = target.path.with_suffix(".pgm")
+    image = target.path.parent / f"{target.path.stem}.pgm"
     with (
         atomic_file(target.path, "map_server", force=target.force) as partial,
         atomic_file(image, "pgm", force=target.force) as partial_image,

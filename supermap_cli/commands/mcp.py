@@ -46,7 +46,7 @@ def mcp(
     try:
         from supermap_cli.mcp_server.server import serve_http, serve_stdio  # noqa: PLC0415 - an extra
     except ImportError as error:
-        if (error.name or "").partition(".")[0] not in {"mcp", "mcp_types"}:
+        if (error.name or "").partition(".")[0] != "mcp":
             raise
         raise ConfigError("the protocol's library is not installed", cure=CURE) from error
     from supermap_cli.memory_api import open_memory  # noqa: PLC0415 - keeps start-up light

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import json
 import logging
+import socket
 from typing import Any
 
 from mcp.server.mcpserver import MCPServer
 from mcp.server.mcpserver.exceptions import ResourceNotFoundError
 from mcp.server.mcpserver.tools import Tool
-from mcp_types import ToolAnnotations
+from mcp.types import ToolAnnotations
 
+from supermap_cli.errors import ConfigError
 from supermap_cli.language.typed_json import typed_question_schema
 from supermap_cli.mcp_server.tools import Tools, as_tool
 from supermap_cli.memory_api import Memory
@@ -72,6 +74,16 @@ def serve_stdio(memory: Memory) -> None:
 
 
 def serve_http(memory: Memory, port: int) -> None:
-    """Serve clients of this machine at http://127.0.0.1:PORT/mcp until it is interrupted."""
+    """Serve clients of this machine at http://127.0.0.1:PORT/mcp until it is interrupted.
+
+    Raises `ConfigError` for a port that is taken.
+    """
+    with socket.socket() as probe:
+        try:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            probe.bind((LOOPBACK, port))
+        except OSError as error:
+            cure = "name another port with --http"
+            raise ConfigError(f"port {port} cannot be used: {error.strerror}", cure=cure) from error
     logging.getLogger("uvicorn.access").setLevel(logging.WARNING)
     make_server(memory).run("streamable-http", host=LOOPBACK, port=port)

@@ -10,9 +10,9 @@ import numpy as np
 
 from supermap_cli.errors import QueryError
 from supermap_cli.geometry.arrays import FloatArray
-from supermap_cli.language.instructions import Goal, parse_instruction
+from supermap_cli.language.instructions import MOST_GOALS, Goal, parse_instruction
 from supermap_cli.memory.reading import MapReader
-from supermap_cli.navigation.approach import Approach, NoApproach, find_approach
+from supermap_cli.navigation.approach import Approach, NoApproach, find_approach, gaps_to_box_m
 from supermap_cli.navigation.goals import MOST_CANDIDATES, Meant, find_meant, target_of, telling_text
 from supermap_cli.navigation.grid import OccupancyGrid
 from supermap_cli.navigation.observed_space import occupancy_grid
@@ -20,12 +20,12 @@ from supermap_cli.navigation.parameters import DEFAULT, ROBOT_RADIUS_M, STANDOFF
 from supermap_cli.navigation.ways import FreeFloor, Reachable
 from supermap_cli.query.answers import known_names
 from supermap_cli.query.clock import Clock, clock_of
-from supermap_cli.query.views import BoxView, InstanceView, Vector, vector
+from supermap_cli.query.views import BoxView, InstanceView, Vector, box_of, vector
 
 Status = Literal["ready", "ambiguous", "gone", "unknown", "no free place"]
 """Whether a goal has a pose: "ready"; several things fit; what fitted has gone; nothing fits; no place to stand."""
-_CONSIDERED = 5
-"""Things among which the one is chosen that is nearest by way, where any will do."""
+MOST_CONSIDERED = 50
+"""Things, those seen last, among which the ones are chosen that are nearest by way, where any will do."""
 
 Quaternion = tuple[float, float, float, float]
 
@@ -174,7 +174,8 @@ class _Planner:
             self.notes.append(f"the map is so large that cells are {self.floor.grid.cell_m:g} m wide")
         reachable, waypoints = self.start_at(np.array([x, y])), []
         for goal in goals:
-            meant = find_meant(self.reader, goal, MOST_CANDIDATES)
+            several = goal.each or goal.any_of
+            meant = find_meant(self.reader, goal, MOST_CONSIDERED if several else MOST_CANDIDATES)
             for waypoint in self._waypoints(meant, reachable):
                 waypoints.append(waypoint)
                 if waypoint.pose is not None:
@@ -231,8 +232,8 @@ class _Planner:
         if meant.fate == "unknown":
             return [self._without_thing(meant, "unknown", meant.message, _things(meant.alternatives))]
         wanted = len(meant.instances) if meant.goal.each else min(meant.goal.wanted, len(meant.instances))
-        left, stops = list(meant.instances[: MOST_CANDIDATES if meant.goal.each else _CONSIDERED]), []
-        for _ in range(max(1, min(wanted, len(left)))):
+        left, stops = list(meant.instances), []
+        for _ in range(max(1, min(wanted, len(left), MOST_GOALS))):
             chosen, waypoint = self._nearest_of(meant, left, reachable)
             left.remove(chosen)
             stops.append(waypoint)
@@ -245,9 +246,22 @@ class _Planner:
     def _nearest_of(
         self, meant: Meant, left: list[InstanceView], reachable: Reachable
     ) -> tuple[InstanceView, Waypoint]:
-        """The thing among several whose place is nearest by way; one without a place last."""
-        planned = [(each, self._to(meant, each, reachable)) for each in left]
-        return min(planned, key=lambda pair: math.inf if pair[1].length_m is None else pair[1].length_m)
+        """The thing among several whose place is nearest by way; one without a place last. No way is shorter than the
+        straight line to the nearest place from which a robot may face the thing.
+        """
+        reach_m = max(self.floor.parameters.farthest_standoff_m, self._standoff_m)
+        start = self._first(reachable)[None]
+        at_least = [float(gaps_to_box_m(start, box_of(each.box))[0]) - reach_m for each in left]
+        best: tuple[float, InstanceView, Waypoint] | None = None
+        for index in np.argsort(at_least, kind="stable").tolist():
+            if best is not None and best[0] <= at_least[index]:
+                break
+            waypoint = self._to(meant, left[index], reachable)
+            length_m = math.inf if waypoint.length_m is None else waypoint.length_m
+            if best is None or length_m < best[0]:
+                best = length_m, left[index], waypoint
+        assert best is not None  # noqa: S101 - there is one left
+        return best[1], best[2]
 
     def _to(self, meant: Meant, instance: InstanceView, reachable: Reachable) -> Waypoint:
         found = find_approach(reachable, target_of(self.reader, instance.id, self.floor.parameters), self._standoff_m)

@@ -96,3 +96,11 @@ def test_without_the_library_the_command_names_the_extra(db: Path, monkeypatch: 
     monkeypatch.setitem(sys.modules, "mcp.server.mcpserver", None)
     result = supermap("mcp", "--db", db)
     assert "supermap-cli[mcp]" in str(result.exception)
+
+
+def test_a_port_that_is_taken_is_refused_with_the_cure(db: Path) -> None:
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        result = supermap("mcp", "--db", db, "--http", str(taken.getsockname()[1]))
+    assert "name another port" in str(result.exception)
