@@ -10,6 +10,7 @@ import numpy as np
 from supermap_cli.geometry.arrays import BoolArray, FloatArray, IntArray
 from supermap_cli.geometry.boxes import Box3D
 from supermap_cli.navigation.grid import OccupancyGrid
+from supermap_cli.navigation.parameters import NavigationParameters
 from supermap_cli.navigation.ways import Reachable, Way
 
 _TRIED = 400
@@ -61,6 +62,7 @@ def find_approach(reachable: Reachable, target: Target, standoff_m: float) -> Ap
     cost += parameters.turn_cost_m * turns
     best: tuple[float, int] | None = None
     near = np.flatnonzero((gaps <= farthest_m) & (turns <= np.radians(parameters.most_turn_deg)))
+    near = near[_on_seen_side(places[near], target, parameters)]
     ordered = near[np.argsort(cost[near])]
     for batch in _spread(places, ordered, floor.grid.cell_m):
         shares = in_sight(floor.grid, places[batch], target, parameters.own_m)
@@ -122,6 +124,25 @@ def _in_box(points: FloatArray, box: Box3D, margin_m: float) -> BoolArray:
     level = np.abs(flat[:, 2] - box.center[2]) <= box.size[2] / 2 + margin_m
     inside: BoolArray = (level & (gaps_to_box_m(flat[:, :2], box) <= margin_m)).reshape(points.shape[:2])
     return inside
+
+
+def _on_seen_side(places_xy: FloatArray, target: Target, parameters: NavigationParameters) -> BoolArray:
+    """(n,) which of the places (n, 2) lie on the side of a flat thing (a picture on a wall) that it was seen from; all
+    where it is not flat.
+    """
+    width, depth = target.box.size[:2]
+    thin, broad = min(width, depth), max(width, depth)
+    if thin > parameters.flat_share * broad or not len(target.seen_from):
+        return np.ones(len(places_xy), bool)
+    yaw = target.box.yaw + (0 if width < depth else np.pi / 2)
+    normal = np.array([np.cos(yaw), np.sin(yaw)])
+    seen = np.sign((target.seen_from[:, :2] - target.box.center[:2]) @ normal).sum()
+    if seen == 0:
+        return np.ones(len(places_xy), bool)
+    offsets = places_xy - target.box.center[:2]
+    slant = offsets @ normal * np.sign(seen) / np.maximum(np.linalg.norm(offsets, axis=1), 1e-9)
+    on_side: BoolArray = slant >= np.sin(np.radians(parameters.least_slant_deg))
+    return on_side
 
 
 def _turns_rad(places_xy: FloatArray, target: Target) -> FloatArray:

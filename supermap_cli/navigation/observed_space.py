@@ -44,10 +44,11 @@ def occupancy_grid(
     camera_m = float(np.median([viewpoint.T_map_camera[2, 3] for viewpoint in viewpoints]))
     height_m = robot_height_m or _height_by_cameras(viewpoints)
     volume = _Volume.around(viewpoints, height_m, parameters)
-    newest = newest_of_each_place(viewpoints, parameters.views_per_cell)
+    newest = newest_of_each_place(viewpoints, parameters.views_per_cell, parameters.traversals_per_cell)
     for traversal in sorted({viewpoint.traversal for viewpoint in newest}):
         of_traversal = [viewpoint for viewpoint in newest if viewpoint.traversal == traversal]
-        evidence = _TraversalEvidence.empty(volume)
+        seen = _Volume.around(of_traversal, height_m, parameters, volume.cell_m)
+        evidence = _TraversalEvidence.empty(seen)
         for viewpoint, record in depth_records(reader, of_traversal):
             small_m = decode_small_depth(record)
             camera = camera_from_json(record.camera)
@@ -83,13 +84,19 @@ class _Volume:
         self.floor, self.driven = np.zeros(self.shape[:2], bool), np.zeros(self.shape[:2], bool)
 
     @classmethod
-    def around(cls, viewpoints: list[StoredViewpoint], height_m: float, parameters: NavigationParameters) -> _Volume:
-        """Room for everything within reach of the viewpoints."""
+    def around(
+        cls,
+        viewpoints: list[StoredViewpoint],
+        height_m: float,
+        parameters: NavigationParameters,
+        cell_m: float | None = None,
+    ) -> _Volume:
+        """Room for everything within reach of the viewpoints. Volumes of one `cell_m` share their cells' edges."""
         positions = np.array([viewpoint.T_map_camera[:2, 3] for viewpoint in viewpoints])
         low, high = positions.min(axis=0) - parameters.reach_m, positions.max(axis=0) + parameters.reach_m
         levels = math.ceil(max(parameters.top_m, height_m) / parameters.level_m) + 1
-        cell_m = parameters.cell_m
-        while np.prod(np.ceil((high - low) / cell_m)) * levels > parameters.most_voxels:
+        fixed, cell_m = cell_m is not None, cell_m or parameters.cell_m
+        while not fixed and np.prod(np.ceil((high - low) / cell_m)) * levels > parameters.most_voxels:
             cell_m *= 2
         origin = np.floor(low / cell_m) * cell_m
         nx, ny = (int(n) for n in np.ceil((high - origin) / cell_m))
@@ -112,13 +119,17 @@ class _Volume:
     def update(self, evidence: _TraversalEvidence) -> None:
         """What a later traversal saw replaces what was known."""
         hits, passes = evidence.hits, evidence.passes
+        offset = np.rint((evidence.volume.origin_xy - self.origin_xy) / self.cell_m).astype(np.int64)
+        low, high = np.maximum(offset, 0), np.minimum(offset + hits.shape[:2], self.shape[:2])
+        here = slice(low[0], high[0]), slice(low[1], high[1])
+        there = tuple(slice(a, b) for a, b in zip(low - offset, high - offset, strict=True))
         for level in range(self.shape[2]):  # a level at a time bounds the memory
-            hit, passed = hits[:, :, level].astype(np.float32), passes[:, :, level]
+            hit, passed = hits[there][:, :, level].astype(np.float32), passes[there][:, :, level]
             occupied = (hit >= self.parameters.min_hits) & (hit > self.parameters.hit_share * (hit + passed))
-            state = self.state[:, :, level]
+            state = self.state[here][:, :, level]
             state[occupied] = OCCUPIED
             state[~occupied & (passed > 0)] = FREE
-        self.floor |= evidence.floor
+        self.floor[here] |= evidence.floor[there]
 
     def add_ways(self, viewpoints: list[StoredViewpoint]) -> None:
         """The cells that the robot's base passed over, from one keyframe to the next."""

@@ -31,6 +31,9 @@ class NavigationParameters:
     views_per_cell: int = parameter(
         2, "1", "depth images of each viewpoint (0.5 m, 30 deg) and traversal", "bounds the time", at_least=1
     )
+    traversals_per_cell: int = parameter(
+        3, "1", "newest traversals of each viewpoint whose images are used", "bounds the time", at_least=1
+    )
     most_voxels: int = parameter(
         80_000_000, "1", "voxels of a grid at most: cells are made larger instead", "250 MB of memory", at_least=1000
     )
@@ -54,6 +57,12 @@ class NavigationParameters:
     turn_cost_m: float = parameter(0.6, "m", "what a radian off the directions that it was seen from costs", TUNED)
     most_turn_deg: float = parameter(
         75.0, "deg", "that a place may lie off these directions: behind a wall a thing is not seen", TUNED, at_most=180
+    )
+    flat_share: float = parameter(
+        0.3, "1", "thickness of a thing among its width, up to which it has a front and a back", TUNED, at_most=1
+    )
+    least_slant_deg: float = parameter(
+        20.0, "deg", "between the plane of a flat thing and the look at it", TUNED, at_most=90
     )
     way_cost: float = parameter(0.05, "1", "what a metre of way costs, of a metre off the stand-off", TUNED)
     own_m: float = parameter(

@@ -48,18 +48,24 @@ def all_viewpoints(reader: MapReader) -> list[StoredViewpoint]:
     return [viewpoint for _, _, viewpoint in sorted(found, key=lambda each: (each[0], each[1], each[2].id))]
 
 
-def newest_of_each_place(viewpoints: list[StoredViewpoint], most: int) -> list[StoredViewpoint]:
-    """At most so many from each viewpoint (cells of position and direction) and traversal, the newest ones."""
-    kept: dict[tuple[int, ...], list[StoredViewpoint]] = {}
+def newest_of_each_place(viewpoints: list[StoredViewpoint], most: int, most_traversals: int) -> list[StoredViewpoint]:
+    """Of each place (cells of position and direction), from each of the newest traversals that looked from there, at
+    most so many: their number is that of the place, not of the traversals.
+    """
+    kept: dict[tuple[int, ...], dict[int, list[StoredViewpoint]]] = {}
     cell_m, cell_deg = free_space.DEFAULT.cell_m, free_space.DEFAULT.cell_deg
-    for viewpoint in viewpoints:
-        T = viewpoint.T_map_camera
-        azimuth = np.degrees(np.arctan2(T[1, 2], T[0, 2])) // cell_deg
-        elevation = np.degrees(np.arcsin(np.clip(T[2, 2], -1, 1))) // cell_deg
-        position = np.floor(T[:3, 3] / cell_m)
-        key = (viewpoint.traversal, *(int(x) for x in (*position, azimuth, elevation)))
-        kept.setdefault(key, []).append(viewpoint)
-    return [viewpoint for of_place in kept.values() for viewpoint in of_place[-most:]]
+    T = np.array([viewpoint.T_map_camera for viewpoint in viewpoints]).reshape(-1, 4, 4)
+    azimuth = np.degrees(np.arctan2(T[:, 1, 2], T[:, 0, 2])) // cell_deg
+    elevation = np.degrees(np.arcsin(np.clip(T[:, 2, 2], -1, 1))) // cell_deg
+    places = np.column_stack([np.floor(T[:, :3, 3] / cell_m), azimuth, elevation]).astype(np.int64)
+    for viewpoint, place in zip(viewpoints, map(tuple, places.tolist()), strict=True):
+        kept.setdefault(place, {}).setdefault(viewpoint.traversal, []).append(viewpoint)
+    return [
+        viewpoint
+        for by_traversal in kept.values()
+        for traversal in sorted(by_traversal)[-most_traversals:]
+        for viewpoint in by_traversal[traversal][-most:]
+    ]
 
 
 def depth_records(
