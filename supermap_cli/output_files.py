@@ -40,6 +40,10 @@ KINDS: Mapping[str, tuple[str, Callable[[bytes], bool]]] = {
     "parquet": ("Parquet table", lambda head: head.startswith(b"PAR1")),
     "truth": ("ground truth", lambda head: b'"supermap truth"' in head),
     "simulated recording": ("simulated recording", lambda head: head.startswith(b"\x89MCAP") and b"supermap" in head),
+    "nav2": ("goals for nav2", lambda head: b"poses:" in head and _is_text(head)),
+    "map_server": ("map for nav2's map_server", lambda head: b"occupied_thresh" in head and _is_text(head)),
+    "pgm": ("PGM picture", lambda head: head.startswith(b"P5")),
+    "route": ("recording of a route", lambda head: head.startswith(b"\x89MCAP") and b"supermap navigate" in head),
     "scores": ("scores of a world", lambda head: b'"axis"' in head),
     "toml": ("configuration", _is_text),
 }

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, TextIO
 
 import typer
 
-from supermap_cli.commands.common import AtOption, DbOption, database_url, err
+from supermap_cli.commands.common import AtOption, DbOption, database_url, err, sane
 
 if TYPE_CHECKING:
     from supermap_cli.exporting.selection import ExportSource
@@ -29,6 +29,8 @@ Examples:
     supermap export --format csv --out tables
 
     supermap export --format geojson --out - --at 10:21
+
+    supermap export --out grid.yaml --robot-height 0.5
 """
 STDOUT = Path("-")
 
@@ -41,6 +43,7 @@ class ExportTarget:
     force: bool
     observations: bool
     ascii_text: bool
+    robot_height_m: float | None = None
 
 
 class Format(StrEnum):
@@ -51,9 +54,16 @@ class Format(StrEnum):
     PLY = "ply"
     CSV = "csv"
     PARQUET = "parquet"
+    GRID = "grid"
 
 
-_SUFFIXES = {".json": Format.JSON, ".geojson": Format.GEOJSON, ".ply": Format.PLY}
+_SUFFIXES = {
+    ".json": Format.JSON,
+    ".geojson": Format.GEOJSON,
+    ".ply": Format.PLY,
+    ".yaml": Format.GRID,
+    ".yml": Format.GRID,
+}
 _CURRENT_STATE_FORMATS = frozenset({Format.GEOJSON, Format.PLY})
 
 
@@ -73,7 +83,7 @@ def export(  # noqa: PLR0917 - the options of the command
     format_: Annotated[
         Format | None,
         typer.Option(
-            "--format", help="json, geojson, ply, csv or parquet. [default: by the file's suffix]", show_default=False
+            "--format", help="json, geojson, ply, csv, parquet or grid. [default: by the suffix]", show_default=False
         ),
     ] = None,
     label: Annotated[list[str] | None, typer.Option(help="Only what has this label; may be repeated.")] = None,
@@ -92,12 +102,19 @@ def export(  # noqa: PLR0917 - the options of the command
         bool, typer.Option("--observations", help="json: every observation, too, without its crop.")
     ] = False,
     ascii_text: Annotated[bool, typer.Option("--ascii", help="ply: as text instead of binary.")] = False,
+    robot_height: Annotated[
+        float | None,
+        typer.Option(
+            min=0.05, max=10, callback=sane, help="grid: m that must be free. [default: just above its cameras]"
+        ),
+    ] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace what is there.")] = False,
 ) -> None:
-    """Write the memory for other programs: a JSON document, a plan, a point cloud, or tables.
+    """Write the memory for other programs: a JSON document, a plan, a point cloud, tables, or an occupancy grid.
 
     `json`: everything, by the schema `export`. `geojson`: footprints and the robot's ways from above, in metres.
     `ply`: the objects' voxels with colour, instance and label. `csv`, `parquet`: a folder with a file for each table.
+    `grid`: the floor as nav2's map_server reads it, a YAML file and a PGM picture beside it.
     With --at, what left or came within a gap in which nobody looked is in it, its `presence` "unknown", with the bounds
     of that gap. An export that is stopped leaves nothing half.
     """
@@ -106,7 +123,9 @@ def export(  # noqa: PLR0917 - the options of the command
     from supermap_cli.output_files import refuse_files_of  # noqa: PLC0415
 
     chosen = format_ or _SUFFIXES.get(out.suffix.lower())
+    chosen_part = bool(label) or present is not None or traversal is not None or at is not None
     _check_usage(chosen, out, observations=observations, ascii_text=ascii_text)
+    _check_grid(chosen, part=chosen_part, height=robot_height is not None)
     assert chosen is not None  # noqa: S101 - `_check_usage` holds that
     presences = _presences(chosen, present, traversal=traversal is not None, at=at is not None)
     with open_store(database_url(db), read_only=True) as store, store.reader() as reader:
@@ -115,7 +134,8 @@ def export(  # noqa: PLR0917 - the options of the command
         selection = select_part(reader, label or (), presences=presences, traversal=traversal, at=at)
         with _progress(f"writing {chosen}") as progress:
             source = ExportSource(reader, selection, progress)
-            summary = _WRITERS[chosen](source, ExportTarget(out, force, observations, ascii_text))
+            target = ExportTarget(out, force, observations, ascii_text, robot_height)
+            summary = _WRITERS[chosen](source, target)
     if out != STDOUT:
         err().print(f"{out}: {summary}", markup=False)
 
@@ -142,13 +162,20 @@ def _presences(chosen: Format, present: bool | None, *, traversal: bool, at: boo
 
 def _check_usage(chosen: Format | None, out: Path, *, observations: bool, ascii_text: bool) -> None:
     if chosen is None:
-        raise typer.BadParameter("say --format json, geojson, ply, csv or parquet", param_hint="--out")
+        raise typer.BadParameter("say --format json, geojson, ply, csv, parquet or grid", param_hint="--out")
     if out == STDOUT and chosen not in {Format.JSON, Format.GEOJSON}:
         raise typer.BadParameter(f"{chosen} needs a path", param_hint="--out")
     if observations and chosen is not Format.JSON:
         raise typer.BadParameter("is for json; tables have them always", param_hint="--observations")
     if ascii_text and chosen is not Format.PLY:
         raise typer.BadParameter("is for ply", param_hint="--ascii")
+
+
+def _check_grid(chosen: Format | None, *, part: bool, height: bool) -> None:
+    if chosen is Format.GRID and part:
+        raise typer.BadParameter("a grid is of the whole map as it is now", param_hint="--label, --at, --traversal")
+    if chosen is not Format.GRID and height:
+        raise typer.BadParameter("is for grid", param_hint="--robot-height")
 
 
 def _json(source: ExportSource, target: ExportTarget) -> str:
@@ -192,12 +219,31 @@ def _parquet(source: ExportSource, target: ExportTarget) -> str:
         return _rows(write_parquet_tables(source, partial))
 
 
+def _grid(source: ExportSource, target: ExportTarget) -> str:
+    from supermap_cli.exporting.destination import atomic_file  # noqa: PLC0415 - keeps start-up light
+    from supermap_cli.exporting.map_server import grid_pgm, grid_yaml  # noqa: PLC0415
+    from supermap_cli.navigation.observed_space import occupancy_grid  # noqa: PLC0415
+
+    image = target.path.parent / f"{target.path.stem}.pgm"
+    with (
+        atomic_file(target.path, "map_server", force=target.force) as partial,
+        atomic_file(image, "pgm", force=target.force) as partial_image,
+    ):
+        grid = occupancy_grid(source.reader, target.robot_height_m)
+        partial_image.write_bytes(grid_pgm(grid))
+        partial.write_text(grid_yaml(grid, image), encoding="utf-8")
+    width, height = grid.cells.shape
+    areas = ", ".join(f"{area:.1f} m2 {kind}" for kind, area in grid.counts().items())
+    return f"with {image.name}, {width} x {height} cells of {grid.cell_m:g} m: {areas}"
+
+
 _WRITERS: dict[Format, Callable[[ExportSource, ExportTarget], str]] = {
     Format.JSON: _json,
     Format.GEOJSON: _geojson,
     Format.PLY: _ply,
     Format.CSV: _csv,
     Format.PARQUET: _parquet,
+    Format.GRID: _grid,
 }
 
 

@@ -60,12 +60,10 @@ def session_backends(plugins: Plugins, config: BuildConfig | None = None) -> Ses
 def choose_backends(recording: Recording, plugins: Plugins, config: BuildConfig) -> Backends:
     """Make the backends the user named, or the most preferred ones that this recording has streams for."""
     chosen = config.backends
-    plugins.check_options(chosen.options)
-    if chosen.odometry is None and not recording.streams & {"poses", "lidar"}:
-        next(iter(recording.poses()))  # says what is missing, and how to correct it
+    odometry_name = _odometry_name(recording, plugins, config)
     options = chosen.options
     names = {
-        "odometry": chosen.odometry or plugins.odometry.choose(recording.streams),
+        "odometry": odometry_name,
         "detector": chosen.detector or plugins.detectors.choose(recording.streams),
         "segmenter": chosen.segmenter or plugins.segmenters.choose(recording.streams),
         "tracker": chosen.tracker or plugins.trackers.choose(recording.streams),
@@ -87,6 +85,20 @@ def choose_backends(recording: Recording, plugins: Plugins, config: BuildConfig)
         names,
         _detector_identity(detector, names["detector"], options.get(names["detector"])),
     )
+
+
+def choose_odometry(recording: Recording, plugins: Plugins, config: BuildConfig) -> tuple[str, Trajectory]:
+    """The odometry the user named, or the most preferred one, and its poses; no other backend is made."""
+    name = _odometry_name(recording, plugins, config)
+    odometry = _made(plugins.odometry, name, config.backends.options.get(name), recording)
+    return name, Trajectory(run_odometry(odometry, recording))
+
+
+def _odometry_name(recording: Recording, plugins: Plugins, config: BuildConfig) -> str:
+    plugins.check_options(config.backends.options)
+    if config.backends.odometry is None and not recording.streams & {"poses", "lidar"}:
+        next(iter(recording.poses()))  # says what is missing, and how to correct it
+    return config.backends.odometry or plugins.odometry.choose(recording.streams)
 
 
 REQUIRED = {

@@ -5,40 +5,31 @@ traversal stands in the map by images spread over all of it, and perception one 
 from __future__ import annotations
 
 import heapq
-import math
 from collections.abc import Generator, Iterable, Iterator
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from itertools import groupby
-from typing import Generic, TypeVar
-
-import numpy as np
 
 from supermap_cli.config import BuildConfig
 from supermap_cli.drivers.backends import Backends
 from supermap_cli.drivers.keyframe_choice import choose_frames
 from supermap_cli.drivers.late_detections import DelayModel, LateDetections
 from supermap_cli.drivers.perception import Perceived, Perception
+from supermap_cli.drivers.placing import Feed, place_recording
 from supermap_cli.geometry.trajectory import PackedPose
 from supermap_cli.lookahead import LookAhead
 from supermap_cli.parameters import MethodParameters
 from supermap_cli.protocols import Recording
 from supermap_cli.session import MappingSession
 from supermap_cli.stages.localization import Localizer, LocatedFrame
-from supermap_cli.stages.map_registration import EarlierTraversals, MapRegistration, Placement
-from supermap_cli.stages.sweep_buffer import HALF_WINDOW_NS, LONGEST_SWEEP_NS, SweepBuffer
+from supermap_cli.stages.map_registration import EarlierTraversals, Placement
+from supermap_cli.stages.sweep_buffer import HALF_WINDOW_NS, LONGEST_SWEEP_NS
 from supermap_cli.timing import StageClock
 from supermap_cli.types.memory import MapDelta
-from supermap_cli.types.sensing import CameraFrame, Sweep
-
-SPREAD_FRAMES = 30
-"""Images, spread over a recording and its cameras, by which it is levelled and aligned."""
+from supermap_cli.types.sensing import Sweep
 
 Position = tuple[int, str]
 """Where a build is in a recording: stamp (ns, the recording's own) and camera of the frame mapped last."""
-
-
-T = TypeVar("T", PackedPose, Sweep)
 
 
 class BagDriver:
@@ -63,22 +54,7 @@ class BagDriver:
 
         Raises `AlignmentError` if it cannot be told with confidence.
         """
-        recording, trajectory = self.recording, self.backends.trajectory
-        registration = MapRegistration(trajectory, request, earlier, self.parameters, max_sweeps=math.inf)
-        sweeps = _Feed(iter(()) if "depth" in recording.streams else recording.sweeps())
-        buffer = SweepBuffer(trajectory)
-        for frame in self._spread_frames():
-            T_odom_base = trajectory.at(frame.stamp_ns)
-            if T_odom_base is None:
-                continue
-            for sweep in sweeps.until(frame.stamp_ns + HALF_WINDOW_NS):
-                registration.add_sweep(sweep)
-                if sweep.stamp_ns >= frame.stamp_ns - HALF_WINDOW_NS - LONGEST_SWEEP_NS:
-                    buffer.add(sweep)
-            seen = frame if "depth" in recording.streams else buffer.complete(frame)
-            registration.add_frame(seen, T_odom_base)
-            buffer.forget_before(frame.stamp_ns)
-        return registration.place(recording.imu() if "imu" in recording.streams else ())
+        return place_recording(self.recording, self.backends.trajectory, request, earlier, self.parameters)
 
     def push_into(self, session: MappingSession, after: Position | None = None) -> Generator[Iterator[MapDelta]]:
         """Push everything (after a position) and close the session: what the keyframes that can be mapped after each
@@ -104,18 +80,6 @@ class BagDriver:
             for arrived in self.late.arrived(arrival_ns):
                 session.add_detections(arrived)
 
-    # -- which frames
-
-    def _spread_frames(self) -> Iterator[CameraFrame]:
-        cameras = self.recording.cameras
-        streams = []
-        for camera_id in cameras:
-            stamps = self.recording.frame_stamps_ns(camera_id)
-            count = min(max(SPREAD_FRAMES // len(cameras), 1), len(stamps))
-            spread = np.unique(np.linspace(0, len(stamps) - 1, count).astype(np.int64))
-            streams.append(self.recording.frames(frozenset(stamps[spread].tolist()).__contains__, camera_id))
-        return heapq.merge(*streams, key=lambda frame: frame.stamp_ns)
-
     # -- pushing
 
     def _perceived(self, localizer: Localizer, after: Position | None) -> Iterator[Perceived]:
@@ -131,9 +95,9 @@ class BagDriver:
                 camera_id: choice.after(after[0] if order[camera_id] <= order[after[1]] else after[0] - 1)
                 for camera_id, choice in chosen.items()
             }
-        poses: _Feed[PackedPose] = _Feed(self.backends.trajectory.poses())
+        poses: Feed[PackedPose] = Feed(self.backends.trajectory.poses())
         with_depth = "depth" in recording.streams
-        sweeps: _Feed[Sweep] = _Feed(iter(()) if with_depth else recording.sweeps())
+        sweeps: Feed[Sweep] = Feed(iter(()) if with_depth else recording.sweeps())
         streams = [recording.frames(choice.mapped.__contains__, camera_id) for camera_id, choice in chosen.items()]
         frames = heapq.merge(*streams, key=lambda frame: frame.stamp_ns) if len(streams) > 1 else streams[0]
         while True:
@@ -159,20 +123,3 @@ class BagDriver:
         if len(self.recording.cameras) == 1:
             return ([one] for one in perceived)
         return (list(group) for _, group in groupby(perceived, key=lambda one: one[0].frame.stamp_ns))
-
-
-class _Feed(Generic[T]):
-    """A stream that is taken as far as a stamp, and one item beyond."""
-
-    def __init__(self, items: Iterator[T]) -> None:
-        self._items: Iterator[T] = items
-        self._newest_ns: int | None = None
-
-    def until(self, stamp_ns: int) -> Iterator[T]:
-        """The items up to a stamp, and the first one after it."""
-        while self._newest_ns is None or self._newest_ns <= stamp_ns:
-            item = next(self._items, None)
-            if item is None:
-                return
-            self._newest_ns = item.stamp_ns
-            yield item

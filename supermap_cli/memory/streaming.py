@@ -37,6 +37,14 @@ def stream_geometry(reader: MapReader) -> Iterator[tuple[int, VoxelCloud]]:
         yield row.number, blobs.decode_voxels(row.voxels)
 
 
+def stream_present_geometry(reader: MapReader) -> Iterator[tuple[int, VoxelCloud]]:
+    """Number and voxels of all instances that are present now, in the order of their numbers."""
+    present = (Instance.merged_into.is_(None)) & (Instance.presence == "present")
+    statement = select(Instance.number, Instance.voxels).where(present).order_by(Instance.number)
+    for row in _stream(reader, statement, fetched=20):
+        yield row.number, blobs.decode_voxels(row.voxels)
+
+
 def stream_observations(
     reader: MapReader, traversal_id: int | None = None, until_ns: int | None = None
 ) -> Iterator[AnyRow]:

@@ -17,6 +17,7 @@ from typer.main import get_command
 
 from supermap_cli.commands import ablation, bench, bench_memory, benchmark, demo, domain_suite, perception, simulate
 from supermap_cli.main import make_app
+from supermap_cli.mcp_server import server as mcp_server
 from support import bags, kitchen
 from support.fuzzed_commands import run
 from support.fuzzing import fuzzing, one_input
@@ -31,6 +32,8 @@ WORK = (
     (ablation, "compare"),
     (ablation, "_simulated_world"),
     (perception, "_compare"),
+    (mcp_server, "serve_stdio"),
+    (mcp_server, "serve_http"),
 )
 """What takes minutes once a command line is accepted, and is not done here."""
 

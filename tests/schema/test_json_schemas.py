@@ -11,7 +11,7 @@ from jsonschema import Draft202012Validator
 from supermap_schema.json_schemas import load_schema, schema_names
 
 NAMES = (
-    *("answer", "show", "object", "history", "diff", "export"),
+    *("answer", "show", "object", "history", "diff", "navigate", "localize", "export"),
     *("inspect", "build", "plugins", "config"),
     *("truth", "simulate", "simulate_list", "eval", "ablation", "benchmark", "domain_suite", "bench"),
     *("bench_memory", "perception", "questions"),

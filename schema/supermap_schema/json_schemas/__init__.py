@@ -1,9 +1,9 @@
 """JSON Schemas (draft 2020-12) of every document that leaves the program with `--json`.
 
-`answer` (query), `show` (show), `object` (show ID), `history`, `diff`, `inspect`, `build`, `plugins`, `db_info`,
-`db_check`, `db_upgrade`, `db_sql`, `eval` (eval map, ..., eval all), `ablation` (eval ablation), `benchmark` (eval
-benchmark), `bench`, `simulate`, `simulate_list` (simulate --list); and `truth`, the file that `supermap simulate`
-writes beside its recordings.
+`answer` (query), `show` (show), `object` (show ID), `history`, `diff`, `navigate`, `localize`, `inspect`, `build`,
+`plugins`, `db_info`, `db_check`, `db_upgrade`, `db_sql`, `eval` (eval map, ..., eval all), `ablation` (eval
+ablation), `benchmark` (eval benchmark), `bench`, `simulate`, `simulate_list` (simulate --list); and `truth`, the file
+that `supermap simulate` writes beside its recordings.
 """
 
 from __future__ import annotations

@@ -1,0 +1,1 @@
+"""A Model Context Protocol server: the memory as tools for agents."""
