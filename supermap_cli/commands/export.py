@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TextIO
 
@@ -29,6 +30,12 @@ Examples:
     supermap export --format csv --out tables
 
     supermap export --format geojson --out - --at 10:21
+
+    supermap export --out plan.png --traversal tuesday
+
+    supermap export --out scene.glb --colours instance
+
+    supermap export --out graph.graphml
 """
 STDOUT = Path("-")
 
@@ -41,6 +48,14 @@ class ExportTarget:
     force: bool
     observations: bool
     ascii_text: bool
+    by_instance: bool = False
+
+
+class Colours(StrEnum):
+    """Colours of points."""
+
+    SEEN = "seen"
+    INSTANCE = "instance"
 
 
 class Format(StrEnum):
@@ -51,10 +66,24 @@ class Format(StrEnum):
     PLY = "ply"
     CSV = "csv"
     PARQUET = "parquet"
+    SVG = "svg"
+    PNG = "png"
+    OBJECTS = "objects"
+    GLB = "glb"
+    GRAPHML = "graphml"
+    DOT = "dot"
 
 
-_SUFFIXES = {".json": Format.JSON, ".geojson": Format.GEOJSON, ".ply": Format.PLY}
-_CURRENT_STATE_FORMATS = frozenset({Format.GEOJSON, Format.PLY})
+_SUFFIXES = {
+    **{f".{kind}": kind for kind in Format if kind not in {Format.CSV, Format.PARQUET, Format.OBJECTS}},
+    ".csv": Format.OBJECTS,
+    ".gv": Format.DOT,
+}
+"""Suffix -> format; a folder of tables has none, and one CSV file is that of the objects."""
+_CURRENT_STATE_FORMATS = frozenset(
+    {Format.GEOJSON, Format.PLY, Format.SVG, Format.PNG, Format.OBJECTS, Format.GLB, Format.DOT}
+)
+_TO_STDOUT = frozenset({Format.JSON, Format.GEOJSON, Format.OBJECTS, Format.GRAPHML, Format.DOT})
 
 
 def register(app: typer.Typer) -> None:
@@ -66,23 +95,23 @@ def export(  # noqa: PLR0917 - the options of the command
     out: Annotated[
         Path,
         typer.Option(
-            metavar="PATH", help="The file, or the folder for tables; - is stdout (json, geojson).", show_default=False
+            metavar="PATH",
+            help="The file, or the folder for tables; - is stdout, for formats of text.",
+            show_default=False,
         ),
     ],
     db: DbOption = None,
     format_: Annotated[
         Format | None,
-        typer.Option(
-            "--format", help="json, geojson, ply, csv or parquet. [default: by the file's suffix]", show_default=False
-        ),
+        typer.Option("--format", help="One of those below. [default: by the file's suffix]", show_default=False),
     ] = None,
     label: Annotated[list[str] | None, typer.Option(help="Only what has this label; may be repeated.")] = None,
     present: Annotated[
         bool | None,
         typer.Option(
             "--present/--all",
-            help="What stands now, or all that ever did; with --at, then. [default: --present for geojson and ply, "
-            "else --all; with --at, what stood and what perhaps did]",
+            help="What stands now, or all that ever did; with --at, then. [default: --all for json, graphml and "
+            "tables, else --present; with --at, what stood and what perhaps did]",
             show_default=False,
         ),
     ] = None,
@@ -92,12 +121,17 @@ def export(  # noqa: PLR0917 - the options of the command
         bool, typer.Option("--observations", help="json: every observation, too, without its crop.")
     ] = False,
     ascii_text: Annotated[bool, typer.Option("--ascii", help="ply: as text instead of binary.")] = False,
+    colours: Annotated[
+        Colours, typer.Option(help="ply, glb: points as they were seen, or by instance.")
+    ] = Colours.SEEN,
     force: Annotated[bool, typer.Option("--force", help="Replace what is there.")] = False,
 ) -> None:
-    """Write the memory for other programs: a JSON document, a plan, a point cloud, or tables.
+    """Write the memory for other programs: documents, plans, 3D scenes, graphs, or tables.
 
-    `json`: everything, by the schema `export`. `geojson`: footprints and the robot's ways from above, in metres.
-    `ply`: the objects' voxels with colour, instance and label. `csv`, `parquet`: a folder with a file for each table.
+    `json`: everything, by the schema `export`. `svg`, `png`: a floor plan with things, ways and changes. `geojson`:
+    footprints and the robot's ways from above, in metres. `ply`: the objects' voxels with colour, instance and label.
+    `glb`: boxes and points for 3D viewers. `graphml`, `dot`: relations and changes as a graph. `objects` (.csv): a
+    table of objects. `csv`, `parquet`: a folder with a file for each table.
     With --at, what left or came within a gap in which nobody looked is in it, its `presence` "unknown", with the bounds
     of that gap. An export that is stopped leaves nothing half.
     """
@@ -106,7 +140,8 @@ def export(  # noqa: PLR0917 - the options of the command
     from supermap_cli.output_files import refuse_files_of  # noqa: PLC0415
 
     chosen = format_ or _SUFFIXES.get(out.suffix.lower())
-    _check_usage(chosen, out, observations=observations, ascii_text=ascii_text)
+    by_instance = colours is Colours.INSTANCE
+    _check_usage(chosen, out, observations=observations, ascii_text=ascii_text, by_instance=by_instance)
     assert chosen is not None  # noqa: S101 - `_check_usage` holds that
     presences = _presences(chosen, present, traversal=traversal is not None, at=at is not None)
     with open_store(database_url(db), read_only=True) as store, store.reader() as reader:
@@ -115,7 +150,8 @@ def export(  # noqa: PLR0917 - the options of the command
         selection = select_part(reader, label or (), presences=presences, traversal=traversal, at=at)
         with _progress(f"writing {chosen}") as progress:
             source = ExportSource(reader, selection, progress)
-            summary = _WRITERS[chosen](source, ExportTarget(out, force, observations, ascii_text))
+            target = ExportTarget(out, force, observations, ascii_text, by_instance)
+            summary = _WRITERS[chosen](source, target)
     if out != STDOUT:
         err().print(f"{out}: {summary}", markup=False)
 
@@ -140,15 +176,17 @@ def _presences(chosen: Format, present: bool | None, *, traversal: bool, at: boo
     return BELIEVED if traversal else ALL_PRESENCES
 
 
-def _check_usage(chosen: Format | None, out: Path, *, observations: bool, ascii_text: bool) -> None:
+def _check_usage(chosen: Format | None, out: Path, *, observations: bool, ascii_text: bool, by_instance: bool) -> None:
     if chosen is None:
-        raise typer.BadParameter("say --format json, geojson, ply, csv or parquet", param_hint="--out")
-    if out == STDOUT and chosen not in {Format.JSON, Format.GEOJSON}:
+        raise typer.BadParameter(f"say --format {', '.join(Format)}", param_hint="--out")
+    if out == STDOUT and chosen not in _TO_STDOUT:
         raise typer.BadParameter(f"{chosen} needs a path", param_hint="--out")
     if observations and chosen is not Format.JSON:
-        raise typer.BadParameter("is for json; tables have them always", param_hint="--observations")
+        raise typer.BadParameter("is for json; folders of tables have them always", param_hint="--observations")
     if ascii_text and chosen is not Format.PLY:
         raise typer.BadParameter("is for ply", param_hint="--ascii")
+    if by_instance and chosen not in {Format.PLY, Format.GLB}:
+        raise typer.BadParameter("is for ply and glb", param_hint="--colours")
 
 
 def _json(source: ExportSource, target: ExportTarget) -> str:
@@ -171,8 +209,8 @@ def _ply(source: ExportSource, target: ExportTarget) -> str:
     from supermap_cli.exporting.destination import atomic_file  # noqa: PLC0415
     from supermap_cli.exporting.ply import write_ply  # noqa: PLC0415 - keeps start-up light
 
-    with atomic_file(target.path, "ply", force=target.force) as partial:
-        count = write_ply(source, partial, ascii_text=target.ascii_text)
+    with atomic_file(target.path, "ply", force=target.force) as unfinished:
+        count = write_ply(source, unfinished, ascii_text=target.ascii_text, by_instance=target.by_instance)
     return f"{count} points, {_size(target.path)}"
 
 
@@ -180,16 +218,51 @@ def _csv(source: ExportSource, target: ExportTarget) -> str:
     from supermap_cli.exporting.csv_tables import FILES, write_csv_tables  # noqa: PLC0415 - keeps start-up light
     from supermap_cli.exporting.destination import atomic_folder  # noqa: PLC0415
 
-    with atomic_folder(target.path, FILES, "csv", force=target.force) as partial:
-        return _rows(write_csv_tables(source, partial))
+    with atomic_folder(target.path, FILES, "csv", force=target.force) as unfinished:
+        return _rows(write_csv_tables(source, unfinished))
 
 
 def _parquet(source: ExportSource, target: ExportTarget) -> str:
     from supermap_cli.exporting.destination import atomic_folder  # noqa: PLC0415 - keeps start-up light
     from supermap_cli.exporting.parquet_tables import FILES, write_parquet_tables  # noqa: PLC0415
 
-    with atomic_folder(target.path, FILES, "parquet", force=target.force) as partial:
-        return _rows(write_parquet_tables(source, partial))
+    with atomic_folder(target.path, FILES, "parquet", force=target.force) as unfinished:
+        return _rows(write_parquet_tables(source, unfinished))
+
+
+def _plan(source: ExportSource, target: ExportTarget, kind: str) -> str:
+    from supermap_cli.exporting.destination import atomic_file  # noqa: PLC0415 - keeps start-up light
+    from supermap_cli.exporting.plan import write_plan  # noqa: PLC0415
+
+    with atomic_file(target.path, kind, force=target.force) as unfinished:
+        count = write_plan(source, unfinished, kind)
+    return f"{count} things, {_size(target.path)}"
+
+
+def _glb(source: ExportSource, target: ExportTarget) -> str:
+    from supermap_cli.exporting.destination import atomic_file  # noqa: PLC0415
+    from supermap_cli.exporting.glb import write_glb  # noqa: PLC0415 - keeps start-up light
+
+    with atomic_file(target.path, "glb", force=target.force) as unfinished:
+        boxes, points = write_glb(source, unfinished, by_instance=target.by_instance)
+    return f"{boxes} boxes, {points} points, {_size(target.path)}"
+
+
+def _objects(source: ExportSource, target: ExportTarget) -> str:
+    from supermap_cli.exporting.csv_tables import write_objects_csv  # noqa: PLC0415 - keeps start-up light
+
+    with _text_file(target, "csv") as file:
+        count = write_objects_csv(source, file)
+    return f"{count} objects, {_size(target.path)}"
+
+
+def _graph(source: ExportSource, target: ExportTarget, kind: str) -> str:
+    from supermap_cli.exporting.graphs import write_dot, write_graphml  # noqa: PLC0415 - keeps start-up light
+
+    write = write_graphml if kind == Format.GRAPHML else write_dot
+    with _text_file(target, kind) as file:
+        nodes, edges = write(source, file)
+    return f"{nodes} nodes, {edges} edges, {_size(target.path)}"
 
 
 _WRITERS: dict[Format, Callable[[ExportSource, ExportTarget], str]] = {
@@ -198,6 +271,12 @@ _WRITERS: dict[Format, Callable[[ExportSource, ExportTarget], str]] = {
     Format.PLY: _ply,
     Format.CSV: _csv,
     Format.PARQUET: _parquet,
+    Format.SVG: partial(_plan, kind="svg"),
+    Format.PNG: partial(_plan, kind="png"),
+    Format.OBJECTS: _objects,
+    Format.GLB: _glb,
+    Format.GRAPHML: partial(_graph, kind="graphml"),
+    Format.DOT: partial(_graph, kind="dot"),
 }
 
 
@@ -209,7 +288,10 @@ def _text_file(target: ExportTarget, kind: str) -> Iterator[TextIO]:
     if target.path == STDOUT:
         yield sys.stdout
         return
-    with atomic_file(target.path, kind, force=target.force) as partial, partial.open("w", encoding="utf-8") as file:
+    with (
+        atomic_file(target.path, kind, force=target.force) as unfinished,
+        unfinished.open("w", encoding="utf-8") as file,
+    ):
         yield file
 
 
