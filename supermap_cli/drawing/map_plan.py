@@ -66,9 +66,13 @@ class MapPlan:
     floor: ObservedFloor | None = None
     changes_of: str = ""
     """The traversal whose changes are marked; empty where none are."""
+    window: tuple[FloatArray, FloatArray] | None = None
+    """The lower and upper corner (2,) of the part that is drawn, m; `None` for all."""
 
     def extent(self) -> tuple[FloatArray, FloatArray]:
         """The lower and upper corner (2,) of what is drawn, with a margin."""
+        if self.window is not None:
+            return self.window
         parts = [*(thing.corners for thing in self.things), *(way.points for way in self.ways)]
         parts += [np.stack([change.start, change.end]) for change in self.changes]
         if self.floor is not None:
