@@ -39,6 +39,11 @@ KINDS: Mapping[str, tuple[str, Callable[[bytes], bool]]] = {
     "glb": ("GLB scene", lambda head: head.startswith(b"glTF")),
     "graphml": ("GraphML graph", lambda head: b"<graphml" in head),
     "dot": ("DOT graph", _starts(b"digraph", b"graph", b"strict")),
+    "map recording": (
+        "exported map recording",
+        lambda head: head.startswith(b"\x89MCAP") and b"supermap export" in head,
+    ),
+    "layout": ("layout for Foxglove", lambda head: b'"configById"' in head),
     "csv": ("CSV table", _is_text),
     "parquet": ("Parquet table", lambda head: head.startswith(b"PAR1")),
     "truth": ("ground truth", lambda head: b'"supermap truth"' in head),

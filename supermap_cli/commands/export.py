@@ -36,6 +36,8 @@ Examples:
     supermap export --out scene.glb --colours instance
 
     supermap export --out graph.graphml
+
+    supermap export --out map.mcap --traversal monday
 """
 STDOUT = Path("-")
 
@@ -72,6 +74,7 @@ class Format(StrEnum):
     GLB = "glb"
     GRAPHML = "graphml"
     DOT = "dot"
+    MCAP = "mcap"
 
 
 _SUFFIXES = {
@@ -130,8 +133,9 @@ def export(  # noqa: PLR0917 - the options of the command
 
     `json`: everything, by the schema `export`. `svg`, `png`: a floor plan with things, ways and changes. `geojson`:
     footprints and the robot's ways from above, in metres. `ply`: the objects' voxels with colour, instance and label.
-    `glb`: boxes and points for 3D viewers. `graphml`, `dot`: relations and changes as a graph. `objects` (.csv): a
-    table of objects. `csv`, `parquet`: a folder with a file for each table.
+    `glb`: boxes and points for 3D viewers. `mcap`: ROS 2 messages for Foxglove and RViz, with the recordings' stamps.
+    `graphml`, `dot`: relations and changes as a graph. `objects` (.csv): a table of objects. `csv`, `parquet`: a folder
+    with a file for each table.
     With --at, what left or came within a gap in which nobody looked is in it, its `presence` "unknown", with the bounds
     of that gap. An export that is stopped leaves nothing half.
     """
@@ -265,6 +269,21 @@ def _graph(source: ExportSource, target: ExportTarget, kind: str) -> str:
     return f"{nodes} nodes, {edges} edges, {_size(target.path)}"
 
 
+def _mcap(source: ExportSource, target: ExportTarget) -> str:
+    from supermap_cli.exporting.destination import atomic_file  # noqa: PLC0415
+    from supermap_cli.exporting.ros.layout import SUFFIX, layout_json  # noqa: PLC0415 - keeps start-up light
+    from supermap_cli.exporting.ros.recording import write_mcap  # noqa: PLC0415
+
+    layout = target.path.with_suffix(SUFFIX)
+    with (
+        atomic_file(target.path, "map recording", force=target.force) as unfinished,
+        atomic_file(layout, "layout", force=target.force) as unfinished_layout,
+    ):
+        counts = write_mcap(source, unfinished)
+        unfinished_layout.write_text(layout_json(), encoding="utf-8")
+    return f"{sum(counts.values())} messages on {len(counts)} topics, {_size(target.path)}; with {layout.name}"
+
+
 _WRITERS: dict[Format, Callable[[ExportSource, ExportTarget], str]] = {
     Format.JSON: _json,
     Format.GEOJSON: _geojson,
@@ -276,6 +295,7 @@ _WRITERS: dict[Format, Callable[[ExportSource, ExportTarget], str]] = {
     Format.OBJECTS: _objects,
     Format.GLB: _glb,
     Format.GRAPHML: partial(_graph, kind="graphml"),
+    Format.MCAP: _mcap,
     Format.DOT: partial(_graph, kind="dot"),
 }
 
