@@ -43,6 +43,7 @@ KINDS: Mapping[str, tuple[str, Callable[[bytes], bool]]] = {
         "exported map recording",
         lambda head: head.startswith(b"\x89MCAP") and b"supermap export" in head,
     ),
+    "rrd": ("recording for Rerun", lambda head: head.startswith((b"RRF", b"RRIO"))),
     "layout": ("layout for Foxglove", lambda head: b'"configById"' in head),
     "csv": ("CSV table", _is_text),
     "parquet": ("Parquet table", lambda head: head.startswith(b"PAR1")),

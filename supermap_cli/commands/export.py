@@ -38,6 +38,8 @@ Examples:
     supermap export --out graph.graphml
 
     supermap export --out map.mcap --traversal monday
+
+    supermap export --out map.rrd
 """
 STDOUT = Path("-")
 
@@ -75,6 +77,7 @@ class Format(StrEnum):
     GRAPHML = "graphml"
     DOT = "dot"
     MCAP = "mcap"
+    RRD = "rrd"
 
 
 _SUFFIXES = {
@@ -134,6 +137,7 @@ def export(  # noqa: PLR0917 - the options of the command
     `json`: everything, by the schema `export`. `svg`, `png`: a floor plan with things, ways and changes. `geojson`:
     footprints and the robot's ways from above, in metres. `ply`: the objects' voxels with colour, instance and label.
     `glb`: boxes and points for 3D viewers. `mcap`: ROS 2 messages for Foxglove and RViz, with the recordings' stamps.
+    `rrd`: keyframes, objects and changes over time for Rerun (extra `rerun`).
     `graphml`, `dot`: relations and changes as a graph. `objects` (.csv): a table of objects. `csv`, `parquet`: a folder
     with a file for each table.
     With --at, what left or came within a gap in which nobody looked is in it, its `presence` "unknown", with the bounds
@@ -284,6 +288,17 @@ def _mcap(source: ExportSource, target: ExportTarget) -> str:
     return f"{sum(counts.values())} messages on {len(counts)} topics, {_size(target.path)}; with {layout.name}"
 
 
+def _rrd(source: ExportSource, target: ExportTarget) -> str:
+    from supermap_cli.exporting.destination import atomic_file  # noqa: PLC0415
+    from supermap_cli.exporting.rerun_file import check_rerun, write_rrd  # noqa: PLC0415 - keeps start-up light
+    from supermap_cli.plugin_manager import load_plugins  # noqa: PLC0415
+
+    check_rerun()
+    with atomic_file(target.path, "rrd", force=target.force) as unfinished:
+        count = write_rrd(source, unfinished, load_plugins())
+    return f"{count} keyframes, {_size(target.path)}"
+
+
 _WRITERS: dict[Format, Callable[[ExportSource, ExportTarget], str]] = {
     Format.JSON: _json,
     Format.GEOJSON: _geojson,
@@ -296,6 +311,7 @@ _WRITERS: dict[Format, Callable[[ExportSource, ExportTarget], str]] = {
     Format.GLB: _glb,
     Format.GRAPHML: partial(_graph, kind="graphml"),
     Format.MCAP: _mcap,
+    Format.RRD: _rrd,
     Format.DOT: partial(_graph, kind="dot"),
 }
 
