@@ -330,7 +330,7 @@ def _solid(voxels: VoxelCloud) -> tuple[FloatArray, UInt8Array]:
     """(n, 3) centres in metres and (n, 3) colours of the voxels that are rather occupied; of all, if none is."""
     occupied = voxels.log_odds > 0
     chosen = occupied if occupied.any() else np.ones(len(voxels), bool)
-    centers: FloatArray = (voxels.keys[chosen] + 0.5) * voxels.voxel_m
+    centers: FloatArray = (voxels.keys[chosen].astype(np.float64) + 0.5) * voxels.voxel_m
     return centers, voxels.rgb[chosen]
 
 
