@@ -35,7 +35,7 @@ class Stretch:
 
 
 @dataclass(frozen=True)
-class Visit:
+class TraversalViews:
     """A traversal, and how often it saw the thing: keyframes that support it, of those with its place in view."""
 
     name: str
@@ -76,7 +76,7 @@ def _stretches(states: Sequence[StateRecord], first_ns: int, now_ns: int) -> Ite
         yield Stretch(known_ns, now_ns, "seen empty")
 
 
-def draw_life(axes: Axes, stretches: Sequence[Stretch], visits: Sequence[Visit], font_pt: float) -> None:
+def draw_life(axes: Axes, stretches: Sequence[Stretch], visits: Sequence[TraversalViews], font_pt: float) -> None:
     """Draw the bar. Traversals are equally wide, the time between them narrow."""
     from matplotlib.patches import Patch  # noqa: PLC0415 - keeps start-up light
 
@@ -102,7 +102,7 @@ def draw_life(axes: Axes, stretches: Sequence[Stretch], visits: Sequence[Visit],
     )
 
 
-def _scale(visits: Sequence[Visit]) -> tuple[Any, Any]:
+def _scale(visits: Sequence[TraversalViews]) -> tuple[Any, Any]:
     """Stamps of map time (n,) ns and their places (n,) on the axis."""
     stamps, places = [], []
     for number, visit in enumerate(visits):

@@ -7,7 +7,7 @@ that of the place and not of the recording. It is a picture; a grid to drive by 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -16,7 +16,7 @@ from supermap_cli.geometry.arrays import BoolArray, FloatArray, IntArray
 from supermap_cli.geometry.cameras import camera_from_json
 from supermap_cli.geometry.se3 import transform_points
 from supermap_cli.mapping.free_space import decode_small_depth
-from supermap_cli.memory.keyframe_views import keyframe_views
+from supermap_cli.memory.keyframe_views import camera_poses, keyframe_traversals, keyframe_views, observing_keyframes
 from supermap_cli.memory.reading import MapReader
 from supermap_cli.memory.stored_values import parsed_transform
 from supermap_cli.memory.streaming import stream_keyframes
@@ -41,6 +41,8 @@ MOST_VIEWS = 500
 """Depth images that are drawn; further ones are left out evenly."""
 _RAYS, _RAY_STEP_M, _BEFORE_SURFACE_M, _NEAREST_M = 2, 0.1, 0.2, 0.3
 """Every second pixel's ray is followed in steps of so many m, up to so far before its end, from so far on (chosen)."""
+_VIEWS_OF_THING = 30
+"""Keyframes of each thing that are looked through for viewpoints about it (chosen)."""
 _LEAST_HITS = 2
 """Points in a cell for structure: one may be noise."""
 
@@ -75,7 +77,23 @@ def observed_floor(
     reader: MapReader, traversal_id: int | None = None, until_ns: int | None = None
 ) -> ObservedFloor | None:
     """The floor of the map (of one traversal; as seen by a time). `None` where no keyframe has seen anything."""
-    views = _viewpoints(reader, traversal_id, until_ns)
+    poses = (
+        (row.id, row.traversal_id, parsed_transform(row.T_map_camera, f"the camera of keyframe {row.id}"))
+        for row in stream_keyframes(reader, traversal_id, until_ns)
+    )
+    return _floor_of(reader, _viewpoints(poses))
+
+
+def floor_about(reader: MapReader, numbers: Collection[int]) -> ObservedFloor | None:
+    """The floor about some instances, from keyframes that show them: what is far off is not read."""
+    connection = reader.connection
+    ids = observing_keyframes(connection, list(reader.parts_of(numbers)), _VIEWS_OF_THING)
+    traversals = keyframe_traversals(connection, ids)
+    poses = [(keyframe_id, traversals[keyframe_id], T) for keyframe_id, T in camera_poses(connection, ids).items()]
+    return _floor_of(reader, _viewpoints(poses))
+
+
+def _floor_of(reader: MapReader, views: Sequence[_Viewpoint]) -> ObservedFloor | None:
     if not views:
         return None
     raster = _Raster.around(np.array([view.position for view in views]))
@@ -96,15 +114,14 @@ class _Viewpoint:
     position: FloatArray
 
 
-def _viewpoints(reader: MapReader, traversal_id: int | None, until_ns: int | None) -> list[_Viewpoint]:
-    """The newest keyframe of every viewpoint of every traversal."""
+def _viewpoints(poses: Iterable[tuple[int, int, FloatArray]]) -> list[_Viewpoint]:
+    """The newest keyframe of every viewpoint of every traversal: from ids, traversals and `T_map_camera`."""
     newest: dict[tuple[int, ...], _Viewpoint] = {}
-    for row in stream_keyframes(reader, traversal_id, until_ns):
-        T = parsed_transform(row.T_map_camera, f"the camera of keyframe {row.id}")
+    for keyframe_id, traversal_id, T in poses:
         place = np.floor(T[:3, 3] / _VIEW_M).astype(int).tolist()
         azimuth = math.floor(math.atan2(T[1, 2], T[0, 2]) / _VIEW_RAD)
         elevation = math.floor(math.asin(min(1.0, max(-1.0, float(T[2, 2])))) / _VIEW_RAD)
-        newest[row.traversal_id, *place, azimuth, elevation] = _Viewpoint(row.id, row.traversal_id, T[:2, 3])
+        newest[traversal_id, *place, azimuth, elevation] = _Viewpoint(keyframe_id, traversal_id, T[:2, 3])
     views = sorted(newest.values(), key=lambda view: view.id)
     return views[:: max(1, math.ceil(len(views) / MOST_VIEWS))]
 

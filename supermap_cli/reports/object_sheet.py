@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from supermap_cli.drawing.life_bar import Visit, draw_life, life
+from supermap_cli.drawing.life_bar import TraversalViews, draw_life, life
 from supermap_cli.drawing.map_plan import MapPlan, PlanThing, PlanWay
-from supermap_cli.drawing.observed_floor import observed_floor
+from supermap_cli.drawing.observed_floor import floor_about
 from supermap_cli.drawing.plan_picture import draw_plan
 from supermap_cli.drawing.text import figure_style, plain
 from supermap_cli.errors import QueryError, SupermapError
@@ -29,6 +29,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 SUFFIXES = (".png", ".svg", ".pdf")
+_OTHERS = 40
+"""Things about it whose views tell of the floor (chosen)."""
 AROUND_M = 3.0
 """m; how far around a thing the plan reaches (chosen: a room)."""
 _SIZE_IN, _DPI, _FONT_PT = (12.0, 7.6), 150, 8.0
@@ -145,7 +147,9 @@ def _draw_view(axes: Axes, view: View) -> None:
 def _plan(reader: MapReader, instance: StoredInstance) -> MapPlan:
     """The surroundings: what stands there, and all places in which the thing stood."""
     near = {number for _, number in reader.search.near([instance.number], Reach(AROUND_M, 100.0))}
-    others = reader.instances_by_number(near - {instance.number}).values()
+    others = list(reader.instances_by_number(near - {instance.number}).values())
+    nearest = sorted(others, key=lambda other: float(np.linalg.norm(other.centroid_map - instance.centroid_map)))
+    nearest = nearest[:_OTHERS]
     things = [
         PlanThing(other.id, other.label, other.states[-1].box.footprint(), "present", other.states[-1].box.z_max)
         for other in others
@@ -157,10 +161,15 @@ def _plan(reader: MapReader, instance: StoredInstance) -> MapPlan:
         things.append(PlanThing(instance.id, instance.label, state.box.footprint(), standing, state.box.z_max))
     places = np.concatenate([state.box.footprint() for state in instance.states])
     window = (places.min(axis=0) - AROUND_M, places.max(axis=0) + AROUND_M)
-    ways = [PlanWay(traversal.name, reader.trajectory(traversal.id)[1][:, :2]) for traversal in reader.traversals]
-    return MapPlan(instance.id, things, ways, floor=observed_floor(reader), window=window)
+    seen_in = [traversal for traversal in reader.traversals if instance.visit(traversal.id).supported]
+    ways = [
+        PlanWay(traversal.name, reader.trajectory(traversal.id)[1][:, :2])
+        for traversal in (seen_in if len(seen_in) < 3 else (seen_in[0], seen_in[-1]))
+    ]
+    floor = floor_about(reader, [instance.number, *(other.number for other in nearest)])
+    return MapPlan(instance.id, things, ways, floor=floor, window=window)
 
 
-def _visits(reader: MapReader, instance: StoredInstance) -> list[Visit]:
+def _visits(reader: MapReader, instance: StoredInstance) -> list[TraversalViews]:
     found = [(traversal, instance.visit(traversal.id)) for traversal in reader.traversals]
-    return [Visit(t.name, t.start_ns, t.end_ns, visit.supported, visit.in_view) for t, visit in found]
+    return [TraversalViews(t.name, t.start_ns, t.end_ns, visit.supported, visit.in_view) for t, visit in found]

@@ -89,7 +89,11 @@ def _all_messages(source: ExportSource, messages: MapMessages) -> Iterator[_Outg
     for traversal in sorted(source.traversals, key=lambda traversal: traversal.start_ns):
         shift_ns = traversal.clock_shift_ns
         if traversal.start_ns - shift_ns < 0 or (traversal.end_ns - shift_ns) // 10**9 >= 2**31:
-            raise ExportError("a time that ROS has no stamp for (0 to 2038)", where=f"traversal {traversal.name}")
+            raise ExportError(
+                "a time that ROS has no stamp for (1970 to 2038)",
+                where=f"traversal {traversal.name}",
+                cure="choose another with --traversal",
+            )
         yield from sorted(_of_traversal(source, messages, traversal, instances), key=lambda each: each.stamp_ns)
 
 
