@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -43,6 +43,7 @@ from supermap_cli.commands.common import (
     waiting,
 )
 from supermap_cli.commands.failed_builds import remembered
+from supermap_cli.commands.viewers import RerunConnectOption, RerunOption, RerunSaveOption, viewers
 from supermap_cli.errors import BuildStoppedError, ConfigError
 
 if TYPE_CHECKING:
@@ -71,6 +72,8 @@ Examples:
     supermap build run.mcap --min-confidence 0.8
 
     supermap build run.mcap --resume
+
+    supermap build run.mcap --rerun-save run.rrd
 """
 
 
@@ -138,6 +141,9 @@ def build(  # noqa: PLR0917 - a command line has many options
     restart: RestartOption = False,
     again: AgainOption = False,
     wait: WaitOption = 30.0,
+    rerun: RerunOption = False,
+    rerun_connect: RerunConnectOption = None,
+    rerun_save: RerunSaveOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Build recordings into the map database, one traversal each.
@@ -154,6 +160,7 @@ def build(  # noqa: PLR0917 - a command line has many options
         if len(recordings) > 1:
             raise ConfigError("--name names one traversal", cure="build the recordings one by one")
     follow = Follow(_unfinished(resume=resume, restart=restart), again=again, name=name, align=align, wait_s=wait)
+    follow = replace(follow, viewers=viewers(database_url(db), spawn=rerun, connect=rerun_connect, save=rerun_save))
     config = override(
         load_user_config(Path.cwd()).build,
         detector=detector,
@@ -193,7 +200,7 @@ def _print_warnings(summary: BuildSummary) -> None:
 @dataclass(frozen=True)
 class Follow:
     """How recordings follow what is in the map: what becomes of a build that was stopped, whether one may be in the map
-    already, its name, how it is placed, and how long another program that writes is waited for.
+    already, its name, how it is placed, how long another program that writes is waited for, and which viewers are told.
     """
 
     unfinished: Unfinished = "refuse"
@@ -201,6 +208,7 @@ class Follow:
     name: str | None = None
     align: str = "auto"
     wait_s: float = 30.0
+    viewers: Mapping[str, str] = field(default_factory=dict)
 
 
 def _unfinished(*, resume: bool, restart: bool) -> Unfinished:
@@ -247,7 +255,7 @@ def _build_one(  # noqa: PLR0917 - what a build is made of
     if follow.unfinished == "resume" and (known := _complete(store, recording)) is not None:
         err().print(f"{path} is in the map already, as traversal {known!r}", markup=False)
         return None
-    traversal = TraversalBuild(recording, plugins, config, store, began)
+    traversal = TraversalBuild(recording, plugins, config, store, began, viewers=follow.viewers)
     with progress_bar(path, recording) as progress, _told_what_is_kept(traversal):
         return traversal.run(
             name=follow.name,

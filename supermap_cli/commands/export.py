@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from enum import StrEnum
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TextIO
 
@@ -31,6 +32,16 @@ Examples:
     supermap export --format geojson --out - --at 10:21
 
     supermap export --out grid.yaml --robot-height 0.5
+
+    supermap export --out plan.png --traversal tuesday
+
+    supermap export --out scene.glb --colours instance
+
+    supermap export --out graph.graphml
+
+    supermap export --out map.mcap --traversal monday
+
+    supermap export --out map.rrd
 """
 STDOUT = Path("-")
 
@@ -43,7 +54,15 @@ class ExportTarget:
     force: bool
     observations: bool
     ascii_text: bool
+    by_instance: bool = False
     robot_height_m: float | None = None
+
+
+class Colours(StrEnum):
+    """Colours of points."""
+
+    SEEN = "seen"
+    INSTANCE = "instance"
 
 
 class Format(StrEnum):
@@ -55,16 +74,28 @@ class Format(StrEnum):
     CSV = "csv"
     PARQUET = "parquet"
     GRID = "grid"
+    SVG = "svg"
+    PNG = "png"
+    OBJECTS = "objects"
+    GLB = "glb"
+    GRAPHML = "graphml"
+    DOT = "dot"
+    MCAP = "mcap"
+    RRD = "rrd"
 
 
 _SUFFIXES = {
-    ".json": Format.JSON,
-    ".geojson": Format.GEOJSON,
-    ".ply": Format.PLY,
+    **{f".{kind}": kind for kind in Format if kind not in {Format.CSV, Format.PARQUET, Format.OBJECTS, Format.GRID}},
+    ".csv": Format.OBJECTS,
+    ".gv": Format.DOT,
     ".yaml": Format.GRID,
     ".yml": Format.GRID,
 }
-_CURRENT_STATE_FORMATS = frozenset({Format.GEOJSON, Format.PLY})
+"""Suffix -> format; a folder of tables has none, and one CSV file is that of the objects."""
+_CURRENT_STATE_FORMATS = frozenset(
+    {Format.GEOJSON, Format.PLY, Format.SVG, Format.PNG, Format.OBJECTS, Format.GLB, Format.DOT}
+)
+_TO_STDOUT = frozenset({Format.JSON, Format.GEOJSON, Format.OBJECTS, Format.GRAPHML, Format.DOT})
 
 
 def register(app: typer.Typer) -> None:
@@ -76,23 +107,23 @@ def export(  # noqa: PLR0917 - the options of the command
     out: Annotated[
         Path,
         typer.Option(
-            metavar="PATH", help="The file, or the folder for tables; - is stdout (json, geojson).", show_default=False
+            metavar="PATH",
+            help="The file, or the folder for tables; - is stdout, for formats of text.",
+            show_default=False,
         ),
     ],
     db: DbOption = None,
     format_: Annotated[
         Format | None,
-        typer.Option(
-            "--format", help="json, geojson, ply, csv, parquet or grid. [default: by the suffix]", show_default=False
-        ),
+        typer.Option("--format", help="One of those below. [default: by the file's suffix]", show_default=False),
     ] = None,
     label: Annotated[list[str] | None, typer.Option(help="Only what has this label; may be repeated.")] = None,
     present: Annotated[
         bool | None,
         typer.Option(
             "--present/--all",
-            help="What stands now, or all that ever did; with --at, then. [default: --present for geojson and ply, "
-            "else --all; with --at, what stood and what perhaps did]",
+            help="What stands now, or all that ever did; with --at, then. [default: --all for json, graphml and "
+            "tables, else --present; with --at, what stood and what perhaps did]",
             show_default=False,
         ),
     ] = None,
@@ -108,13 +139,19 @@ def export(  # noqa: PLR0917 - the options of the command
             min=0.05, max=10, callback=sane, help="grid: m that must be free. [default: just above its cameras]"
         ),
     ] = None,
+    colours: Annotated[
+        Colours, typer.Option(help="ply, glb: points as they were seen, or by instance.")
+    ] = Colours.SEEN,
     force: Annotated[bool, typer.Option("--force", help="Replace what is there.")] = False,
 ) -> None:
-    """Write the memory for other programs: a JSON document, a plan, a point cloud, tables, or an occupancy grid.
+    """Write the memory for other programs: documents, plans, 3D scenes, graphs, or tables.
 
-    `json`: everything, by the schema `export`. `geojson`: footprints and the robot's ways from above, in metres.
-    `ply`: the objects' voxels with colour, instance and label. `csv`, `parquet`: a folder with a file for each table.
-    `grid`: the floor as nav2's map_server reads it, a YAML file and a PGM picture beside it.
+    `json`: everything, by the schema `export`. `svg`, `png`: a floor plan with things, ways and changes. `geojson`:
+    footprints and the robot's ways from above, in metres. `ply`: the objects' voxels with colour, instance and label.
+    `glb`: boxes and points for 3D viewers. `mcap`: ROS 2 messages for Foxglove and RViz, with the recordings' stamps.
+    `rrd`: keyframes, objects and changes over time for Rerun (extra `rerun`).
+    `graphml`, `dot`: relations and changes as a graph. `objects` (.csv): a table of objects. `csv`, `parquet`: a folder
+    with a file for each table. `grid` (.yaml): the floor as nav2's map_server reads it, with a PGM picture beside it.
     With --at, what left or came within a gap in which nobody looked is in it, its `presence` "unknown", with the bounds
     of that gap. An export that is stopped leaves nothing half.
     """
@@ -123,8 +160,9 @@ def export(  # noqa: PLR0917 - the options of the command
     from supermap_cli.output_files import refuse_files_of  # noqa: PLC0415
 
     chosen = format_ or _SUFFIXES.get(out.suffix.lower())
+    by_instance = colours is Colours.INSTANCE
     chosen_part = bool(label) or present is not None or traversal is not None or at is not None
-    _check_usage(chosen, out, observations=observations, ascii_text=ascii_text)
+    _check_usage(chosen, out, observations=observations, ascii_text=ascii_text, by_instance=by_instance)
     _check_grid(chosen, part=chosen_part, height=robot_height is not None)
     assert chosen is not None  # noqa: S101 - `_check_usage` holds that
     presences = _presences(chosen, present, traversal=traversal is not None, at=at is not None)
@@ -134,7 +172,7 @@ def export(  # noqa: PLR0917 - the options of the command
         selection = select_part(reader, label or (), presences=presences, traversal=traversal, at=at)
         with _progress(f"writing {chosen}") as progress:
             source = ExportSource(reader, selection, progress)
-            target = ExportTarget(out, force, observations, ascii_text, robot_height)
+            target = ExportTarget(out, force, observations, ascii_text, by_instance, robot_height)
             summary = _WRITERS[chosen](source, target)
     if out != STDOUT:
         err().print(f"{out}: {summary}", markup=False)
@@ -160,15 +198,17 @@ def _presences(chosen: Format, present: bool | None, *, traversal: bool, at: boo
     return BELIEVED if traversal else ALL_PRESENCES
 
 
-def _check_usage(chosen: Format | None, out: Path, *, observations: bool, ascii_text: bool) -> None:
+def _check_usage(chosen: Format | None, out: Path, *, observations: bool, ascii_text: bool, by_instance: bool) -> None:
     if chosen is None:
-        raise typer.BadParameter("say --format json, geojson, ply, csv, parquet or grid", param_hint="--out")
-    if out == STDOUT and chosen not in {Format.JSON, Format.GEOJSON}:
+        raise typer.BadParameter(f"say --format {', '.join(Format)}", param_hint="--out")
+    if out == STDOUT and chosen not in _TO_STDOUT:
         raise typer.BadParameter(f"{chosen} needs a path", param_hint="--out")
     if observations and chosen is not Format.JSON:
-        raise typer.BadParameter("is for json; tables have them always", param_hint="--observations")
+        raise typer.BadParameter("is for json; folders of tables have them always", param_hint="--observations")
     if ascii_text and chosen is not Format.PLY:
         raise typer.BadParameter("is for ply", param_hint="--ascii")
+    if by_instance and chosen not in {Format.PLY, Format.GLB}:
+        raise typer.BadParameter("is for ply and glb", param_hint="--colours")
 
 
 def _check_grid(chosen: Format | None, *, part: bool, height: bool) -> None:
@@ -198,8 +238,8 @@ def _ply(source: ExportSource, target: ExportTarget) -> str:
     from supermap_cli.exporting.destination import atomic_file  # noqa: PLC0415
     from supermap_cli.exporting.ply import write_ply  # noqa: PLC0415 - keeps start-up light
 
-    with atomic_file(target.path, "ply", force=target.force) as partial:
-        count = write_ply(source, partial, ascii_text=target.ascii_text)
+    with atomic_file(target.path, "ply", force=target.force) as unfinished:
+        count = write_ply(source, unfinished, ascii_text=target.ascii_text, by_instance=target.by_instance)
     return f"{count} points, {_size(target.path)}"
 
 
@@ -207,16 +247,77 @@ def _csv(source: ExportSource, target: ExportTarget) -> str:
     from supermap_cli.exporting.csv_tables import FILES, write_csv_tables  # noqa: PLC0415 - keeps start-up light
     from supermap_cli.exporting.destination import atomic_folder  # noqa: PLC0415
 
-    with atomic_folder(target.path, FILES, "csv", force=target.force) as partial:
-        return _rows(write_csv_tables(source, partial))
+    with atomic_folder(target.path, FILES, "csv", force=target.force) as unfinished:
+        return _rows(write_csv_tables(source, unfinished))
 
 
 def _parquet(source: ExportSource, target: ExportTarget) -> str:
     from supermap_cli.exporting.destination import atomic_folder  # noqa: PLC0415 - keeps start-up light
     from supermap_cli.exporting.parquet_tables import FILES, write_parquet_tables  # noqa: PLC0415
 
-    with atomic_folder(target.path, FILES, "parquet", force=target.force) as partial:
-        return _rows(write_parquet_tables(source, partial))
+    with atomic_folder(target.path, FILES, "parquet", force=target.force) as unfinished:
+        return _rows(write_parquet_tables(source, unfinished))
+
+
+def _plan(source: ExportSource, target: ExportTarget, kind: str) -> str:
+    from supermap_cli.exporting.destination import atomic_file  # noqa: PLC0415 - keeps start-up light
+    from supermap_cli.exporting.plan import write_plan  # noqa: PLC0415
+
+    with atomic_file(target.path, kind, force=target.force) as unfinished:
+        count = write_plan(source, unfinished, kind)
+    return f"{count} things, {_size(target.path)}"
+
+
+def _glb(source: ExportSource, target: ExportTarget) -> str:
+    from supermap_cli.exporting.destination import atomic_file  # noqa: PLC0415
+    from supermap_cli.exporting.glb import write_glb  # noqa: PLC0415 - keeps start-up light
+
+    with atomic_file(target.path, "glb", force=target.force) as unfinished:
+        boxes, points = write_glb(source, unfinished, by_instance=target.by_instance)
+    return f"{boxes} boxes, {points} points, {_size(target.path)}"
+
+
+def _objects(source: ExportSource, target: ExportTarget) -> str:
+    from supermap_cli.exporting.csv_tables import write_objects_csv  # noqa: PLC0415 - keeps start-up light
+
+    with _text_file(target, "csv") as file:
+        count = write_objects_csv(source, file)
+    return f"{count} objects, {_size(target.path)}"
+
+
+def _graph(source: ExportSource, target: ExportTarget, kind: str) -> str:
+    from supermap_cli.exporting.graphs import write_dot, write_graphml  # noqa: PLC0415 - keeps start-up light
+
+    write = write_graphml if kind == Format.GRAPHML else write_dot
+    with _text_file(target, kind) as file:
+        nodes, edges = write(source, file)
+    return f"{nodes} nodes, {edges} edges, {_size(target.path)}"
+
+
+def _mcap(source: ExportSource, target: ExportTarget) -> str:
+    from supermap_cli.exporting.destination import atomic_file  # noqa: PLC0415
+    from supermap_cli.exporting.ros.layout import SUFFIX, layout_json  # noqa: PLC0415 - keeps start-up light
+    from supermap_cli.exporting.ros.recording import write_mcap  # noqa: PLC0415
+
+    layout = target.path.with_suffix(SUFFIX)
+    with (
+        atomic_file(target.path, "map recording", force=target.force) as unfinished,
+        atomic_file(layout, "layout", force=target.force) as unfinished_layout,
+    ):
+        counts = write_mcap(source, unfinished)
+        unfinished_layout.write_text(layout_json(), encoding="utf-8")
+    return f"{sum(counts.values())} messages on {len(counts)} topics, {_size(target.path)}; with {layout.name}"
+
+
+def _rrd(source: ExportSource, target: ExportTarget) -> str:
+    from supermap_cli.exporting.destination import atomic_file  # noqa: PLC0415
+    from supermap_cli.exporting.rerun_file import check_rerun, write_rrd  # noqa: PLC0415 - keeps start-up light
+    from supermap_cli.plugin_manager import load_plugins  # noqa: PLC0415
+
+    check_rerun()
+    with atomic_file(target.path, "rrd", force=target.force) as unfinished:
+        count = write_rrd(source, unfinished, load_plugins())
+    return f"{count} keyframes, {_size(target.path)}"
 
 
 def _grid(source: ExportSource, target: ExportTarget) -> str:
@@ -244,6 +345,14 @@ _WRITERS: dict[Format, Callable[[ExportSource, ExportTarget], str]] = {
     Format.CSV: _csv,
     Format.PARQUET: _parquet,
     Format.GRID: _grid,
+    Format.SVG: partial(_plan, kind="svg"),
+    Format.PNG: partial(_plan, kind="png"),
+    Format.OBJECTS: _objects,
+    Format.GLB: _glb,
+    Format.GRAPHML: partial(_graph, kind="graphml"),
+    Format.MCAP: _mcap,
+    Format.RRD: _rrd,
+    Format.DOT: partial(_graph, kind="dot"),
 }
 
 
@@ -255,7 +364,10 @@ def _text_file(target: ExportTarget, kind: str) -> Iterator[TextIO]:
     if target.path == STDOUT:
         yield sys.stdout
         return
-    with atomic_file(target.path, kind, force=target.force) as partial, partial.open("w", encoding="utf-8") as file:
+    with (
+        atomic_file(target.path, kind, force=target.force) as unfinished,
+        unfinished.open("w", encoding="utf-8") as file,
+    ):
         yield file
 
 

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from supermap_cli.commands.common import AtOption, DbOption, JsonOption, LimitOption, database_url, out, print_json
+from supermap_cli.commands.common import AtOption, DbOption, JsonOption, LimitOption, database_url, err, out, print_json
 from supermap_cli.commands.tables import evidence_text, id_text, position_text, print_table, size_text
 
 if TYPE_CHECKING:
@@ -26,6 +27,8 @@ Examples:
     supermap show --at 10:21
 
     supermap show chair-1 --at monday
+
+    supermap show chair-1 --picture chair.png
 """
 
 
@@ -34,12 +37,20 @@ def register(app: typer.Typer) -> None:
     app.command(epilog=EXAMPLES)(show)
 
 
-def show(
+def show(  # noqa: PLR0917 - the options of the command
     text_id: Annotated[str | None, typer.Argument(metavar="ID", help="an object's id, e.g. chair-7")] = None,
     at: AtOption = None,
     limit: LimitOption = 50,
     db: DbOption = None,
     json: JsonOption = False,
+    picture: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Draw a sheet about one object (.png, .svg, .pdf): first, best and last view, place, life.",
+            show_default=False,
+        ),
+    ] = None,
 ) -> None:
     """Show all current objects, or everything about one; with --at, as it was at a time.
 
@@ -52,8 +63,18 @@ def show(
     from supermap_cli.query.time_points import parse_time_point  # noqa: PLC0415
     from supermap_cli.query.views import to_document  # noqa: PLC0415
 
+    if picture is not None:
+        _check_picture(picture, text_id, at)
     with open_store(database_url(db), read_only=True) as store, store.reader() as reader:
         clock = clock_of(reader)
+        if picture is not None and text_id is not None:
+            from supermap_cli.output_files import refuse_files_of  # noqa: PLC0415
+            from supermap_cli.reports.object_sheet import write_object_sheet  # noqa: PLC0415 - draws with matplotlib
+
+            if store.file is not None:
+                refuse_files_of(store.file, picture, option="--picture")
+            write_object_sheet(reader, text_id, picture)
+            err().print(f"wrote {picture}", markup=False)
         shown: Overview | ObjectDetails
         if at is None:
             shown = overview(reader, limit) if text_id is None else details(reader, text_id)
@@ -69,6 +90,16 @@ def show(
         _print_overview(shown, clock)
     else:
         _print_details(shown, clock)
+
+
+def _check_picture(picture: Path, text_id: str | None, at: str | None) -> None:
+    if text_id is None:
+        raise typer.BadParameter("is about one object: say which", param_hint="--picture")
+    if at is not None:
+        raise typer.BadParameter("shows the whole life of an object, not a time", param_hint="--picture")
+    from supermap_cli.reports.object_sheet import check_sheet  # noqa: PLC0415
+
+    check_sheet(picture)
 
 
 def _print_overview(shown: Overview, clock: Clock) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import closing, suppress
 
 from supermap_cli.config import BuildConfig
@@ -64,10 +64,12 @@ class TraversalBuild:
         *,
         clock: StageClock | None = None,
         look_ahead: bool = True,
+        viewers: Mapping[str, str] | None = None,
     ) -> None:
         """`began` is the `time.perf_counter` from which the build's time counts, if the recording was opened for it.
 
-        `clock` goes on with the times of earlier traversals; without `look_ahead` one stage runs at a time.
+        `clock` goes on with the times of earlier traversals; without `look_ahead` one stage runs at a time. `viewers`
+        are those that the user asked for (see `SessionContext`).
         """
         self.began = time.perf_counter() if began is None else began
         self.recording = recording
@@ -77,6 +79,7 @@ class TraversalBuild:
         self.plugins = plugins
         self.backends = choose_backends(recording, plugins, config)
         self.driver = BagDriver(recording, self.backends, config, self.clock, look_ahead=look_ahead)
+        self.viewers = dict(viewers or {})
         self.observers = Observers()
         self.session: MappingSession | None = None
         self.checkpoint_schedule = CheckpointSchedule(config.keyframes.checkpoint_s)
@@ -278,6 +281,7 @@ class TraversalBuild:
             self.backends.names,
             None if state.placement is None else state.placement.T_map_odom,
             self.shift_ns,
+            self.viewers,
         )
 
     def _made_observers(self, context: SessionContext) -> list[tuple[str, Observer]]:

@@ -19,6 +19,7 @@ from typing import BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
+from supermap_cli.drawing.colours import colour_of
 from supermap_cli.exporting.exported_instance import ExportedInstance
 from supermap_cli.exporting.selection import ExportSource
 from supermap_cli.geometry.arrays import FloatArray
@@ -39,8 +40,8 @@ _COUNT_DIGITS = 12
 """Width of the vertex count, which is known last and written into the reserved space."""
 
 
-def write_ply(source: ExportSource, path: Path, *, ascii_text: bool = False) -> int:
-    """Write the cloud and return its number of points.
+def write_ply(source: ExportSource, path: Path, *, ascii_text: bool = False, by_instance: bool = False) -> int:
+    """Write the cloud and return its number of points. `by_instance`: in the colour of their instance, not as seen.
 
     The map stores an instance's shape in its newest place. For an earlier state it is shifted by the offset between the
     two centroids, which a comment tells.
@@ -56,7 +57,7 @@ def write_ply(source: ExportSource, path: Path, *, ascii_text: bool = False) -> 
             file.write(f"property {_PLY_TYPES[VERTEX[name].str]} {name}\n".encode())
         file.write(b"end_header\n")
         count = 0
-        for vertices in source.with_progress("objects", _vertices(source, labels)):
+        for vertices in source.with_progress("objects", _vertices(source, labels, by_instance=by_instance)):
             file.write(_as_text(vertices) if ascii_text else vertices.tobytes())
             count += len(vertices)
         file.seek(count_at)
@@ -74,7 +75,7 @@ def _write_comments(source: ExportSource, file: BinaryIO) -> dict[int, int]:
         if instance.presence_then is not None and source.selection.at is not None:
             why = describe_presence(instance.presence_then, source.selection.at.at_ns, source.clock)
             _comment(file, f"instance {instance.number} is {instance.presence}: {why}")
-        for state, offset_m in zip(instance.states, _state_offsets_m(instance), strict=True):
+        for state, offset_m in zip(instance.states, state_offsets_m(instance), strict=True):
             if offset_m.any():
                 moved = " ".join(f"{value:.4f}" for value in offset_m)
                 _comment(file, f"instance {instance.number} state {state.index} is its newest shape shifted by {moved}")
@@ -83,17 +84,19 @@ def _write_comments(source: ExportSource, file: BinaryIO) -> dict[int, int]:
     return label_of_instance
 
 
-def _state_offsets_m(instance: ExportedInstance) -> list[FloatArray]:
+def state_offsets_m(instance: ExportedInstance) -> list[FloatArray]:
     """The offset (3,) of each state's centroid from the newest one, metres."""
     return [state.centroid_map - instance.newest.centroid_map for state in instance.states]
 
 
-def _vertices(source: ExportSource, labels: dict[int, int]) -> Iterator[NDArray[np.void]]:
+def _vertices(source: ExportSource, labels: dict[int, int], *, by_instance: bool) -> Iterator[NDArray[np.void]]:
     geometry = stream_geometry(source.reader)
     for instance in source.instances(named=False):  # both iterate in the order of numbers
         cloud = next(cloud for number, cloud in geometry if number == instance.number)
-        points, rgb = _occupied_voxels(cloud)
-        for offset_m in _state_offsets_m(instance):
+        points, rgb = occupied_voxels(cloud)
+        if by_instance:
+            rgb = np.broadcast_to(np.array(colour_of(instance.id), np.uint8), rgb.shape)
+        for offset_m in state_offsets_m(instance):
             vertices = np.empty(len(points), VERTEX)
             for axis, values in zip("xyz", (points + offset_m).T, strict=True):
                 vertices[axis] = values
@@ -104,7 +107,7 @@ def _vertices(source: ExportSource, labels: dict[int, int]) -> Iterator[NDArray[
             yield vertices
 
 
-def _occupied_voxels(cloud: VoxelCloud) -> tuple[FloatArray, NDArray[np.uint8]]:
+def occupied_voxels(cloud: VoxelCloud) -> tuple[FloatArray, NDArray[np.uint8]]:
     """(n, 3) centres (metres) and (n, 3) colours of the solid voxels; of all voxels if none is solid."""
     voxels = voxel_map_from_cloud(cloud)
     solid = voxels.solid()

@@ -42,6 +42,16 @@ def camera_poses(connection: Connection, ids: Collection[int]) -> dict[int, Floa
     }
 
 
+def keyframe_traversals(connection: Connection, ids: Collection[int]) -> dict[int, int]:
+    """The row ids of the traversals of keyframes, by the keyframes' ids."""
+    keyframe = models.Keyframe
+    return {
+        row.id: row.traversal_id
+        for batch in batches(sorted(ids))
+        for row in connection.execute(select(keyframe.id, keyframe.traversal_id).where(keyframe.id.in_(batch)))
+    }
+
+
 def keyframe_views(connection: Connection, ids: Collection[int]) -> Iterator[KeyframeRecord]:
     """The keyframes with these ids, in the order of these, without thumbnails."""
     keyframe = models.Keyframe

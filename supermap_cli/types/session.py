@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 from supermap_cli.geometry.arrays import FloatArray
@@ -19,7 +19,7 @@ class SessionContext:
     """A traversal that begins: what is mapped, into which database, by which backends ("detector" -> "onnx").
 
     `T_map_odom` (4, 4) is `None` where the traversal is yet to be placed. Times in the map are the sensors' plus
-    `clock_shift_ns`.
+    `clock_shift_ns`. `viewers` says which viewers the user asked for: name -> where to, for the observer of that name.
     """
 
     source: str
@@ -29,6 +29,7 @@ class SessionContext:
     backends: Mapping[str, str]
     T_map_odom: FloatArray | None = None
     clock_shift_ns: int = 0
+    viewers: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

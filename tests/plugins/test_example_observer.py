@@ -13,6 +13,7 @@ import pytest
 from supermap_cli.drivers.traversal_build import TraversalBuild
 from supermap_cli.memory import open_store
 from supermap_cli.plugin_manager import Plugins, load_plugins
+from supermap_cli.types.session import SessionContext
 from support import databases
 from support import fakes as f
 from support import scenes as s
@@ -53,7 +54,7 @@ def test_the_log_adds_up_to_the_database(plugins: Plugins, tmp_path: Path, monke
 
 def test_without_a_log_there_is_no_observer(plugins: Plugins, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("SUPERMAP_JSON_LOG", raising=False)
-    assert plugins.hook.observe_session(context=None) == []
+    assert plugins.hook.observe_session(context=SessionContext("", "", "", (), {})) == []
 
 
 def count(db: Path, table: str) -> int:
