@@ -11,6 +11,7 @@ from supermap_cli.errors import CalibrationError, RecordingError
 from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.recordings.camera_finding import CameraFinder, RecordedRobot, clock_problems, plan_named_cameras
 from supermap_cli.recordings.camera_rigs import CameraRigs, OpenedCamera, RecordedMotion, RigFrames
+from supermap_cli.recordings.clock_by_motion import MotionClock
 from supermap_cli.recordings.messages import PoseMessage
 from supermap_cli.recordings.motion import MotionFinder, PoseSource, find_base_frame
 from supermap_cli.recordings.motion_agreement import MotionAgreement
@@ -18,7 +19,7 @@ from supermap_cli.recordings.mounting import check_frames, joint_messages, parse
 from supermap_cli.recordings.notes import Notes
 from supermap_cli.recordings.robots import topics_of_robot
 from supermap_cli.recordings.roles import NamedTopics, parse_named_topics
-from supermap_cli.recordings.sensor_clocks import check_clocks, sensor_clocks
+from supermap_cli.recordings.sensor_clocks import OTHER_CLOCK_NS, check_clocks, sensor_clocks
 from supermap_cli.recordings.survey import Topic
 from supermap_cli.recordings.tf_survey import SurveyedTransforms, is_static, survey_transforms
 from supermap_cli.recordings.topic_plan import TopicPlan
@@ -109,7 +110,7 @@ class _RigFinder:
                 plan, RecordedRobot(frames.tree, base_frame, self._data.storage, self._data.decoder), notes
             )
             plan = with_given_frames(plan, self._request.frames, self._mounts)
-            shifts, of_clocks = self._clocks(plan, source, notes)
+            shifts, of_clocks = self._clocks(plan, source, (frames.tree, base_frame), notes)
             plan = replace(plan, shared_problems=(*plan.shared_problems, *of_clocks))
             moved = RecordedMotion(self._data, source, base_frame, window.offset_ns, shifts)
             rigs = CameraRigs(plan, frames, moved, notes)
@@ -180,15 +181,26 @@ class _RigFinder:
         return finder.lone() if self._request.camera else finder.find(robot, notes)
 
     def _clocks(
-        self, plan: TopicPlan, source: PoseSource | None, notes: Notes
+        self, plan: TopicPlan, source: PoseSource | None, moved: tuple[TransformTree, str], notes: Notes
     ) -> tuple[dict[str, int], list[CalibrationError]]:
-        """What is added to the stamps of each topic, and what cannot be decided of it."""
+        """What is added to the stamps of each topic, and what cannot be decided of it; `moved` is TF and the base."""
         sensors = [topic for role in ("depth", "lidar", "imu") if (topic := plan.topic(role)) is not None]
         if source is not None and source.topic is not None:
             sensors.append(source.topic)
         moving = [topic for topic in self.topics if topic.kind == "transforms" and not is_static(topic.name)]
         reference = plan.main.choices["color"].topic if "color" in plan.main.choices else None
-        shifts, problems = sensor_clocks(reference, [*sensors, *moving], self._request.clocks, self._where, notes)
+
+        def by_motion(topic: Topic, shift_ns: int) -> bool | None:
+            if source is None or reference is None:
+                return None
+            told = [source.topic] if source.topic is not None else moving
+            if any(abs(each.clock_offset_ns - reference.clock_offset_ns) >= OTHER_CLOCK_NS for each in told):
+                return None
+            return MotionClock(self._data, source, *moved, tuple(moving)).is_off(topic, shift_ns)
+
+        shifts, problems = sensor_clocks(
+            reference, [*sensors, *moving], self._request.clocks, by_motion, self._where, notes
+        )
         for camera in plan.cameras:
             color = camera.topic("color")
             for role in ("detections", "masks"):
