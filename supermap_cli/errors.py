@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 
 class SupermapError(Exception):
     """Something the user can mend: what was wrong, where, and the cure, in one line.
@@ -16,7 +18,12 @@ class SupermapError(Exception):
         self.what = what
         self.where = where
         self.cure = cure
+        self.warnings: tuple[str, ...] = ()
         super().__init__(str(self))
+
+    def add_warnings(self, lines: Iterable[str]) -> None:
+        """What had been warned of before: it is told with the error, of which it may be the cause."""
+        self.warnings = tuple(dict.fromkeys((*lines, *self.warnings)))
 
     def __str__(self) -> str:
         """The whole message on one line."""
@@ -27,6 +34,12 @@ class SupermapError(Exception):
 
 STUMBLES = (ArithmeticError, AssertionError, AttributeError, LookupError, RecursionError, TypeError, ValueError)
 """What code raises that is given values which cannot be: where they came from outside, they are at fault."""
+
+
+class UsageError(SupermapError):
+    """A command line is not understood."""
+
+    exit_code = 2
 
 
 class BuildStoppedError(SupermapError):

@@ -78,7 +78,9 @@ def os_error(error: OSError) -> SupermapError:
 
 
 def tell(error: SupermapError) -> int:
-    """Print an error as one line on stderr, as JSON where that is asked for; returns its exit code."""
+    """Print an error as one line on stderr, after what had been warned of; as one JSON object where that is asked for.
+    Returns its exit code.
+    """
     if JSON_ERRORS in sys.argv:
         document = {
             "error": {
@@ -88,13 +90,15 @@ def tell(error: SupermapError) -> int:
                 "where": error.where,
                 "cure": error.cure,
                 "exit_code": error.exit_code,
+                "warnings": list(error.warnings),
             }
         }
         if (kind := getattr(error, "kind", None)) is not None:
             document["error"]["kind"] = kind
         line = json.dumps(document)
     else:
-        line = f"error: {printable_line(str(error))}"
+        lines = [f"warning: {printable_line(each)}" for each in error.warnings]
+        line = "\n".join([*lines, f"error: {printable_line(str(error))}"])
     with suppress(OSError, ValueError):
         typer.echo(line, err=True)
     return error.exit_code

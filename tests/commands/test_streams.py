@@ -65,6 +65,26 @@ def test_errors_are_json_where_asked(db: Path, line: str) -> None:
     assert "nothing-1" in error["message"]
 
 
+@pytest.mark.parametrize(
+    ("line", "about"),
+    [
+        ("build --json-errors", "recordings"),
+        ("build run.mcap --rate x --json-errors", "--rate"),
+        ("--json-errors build --nothing", "--nothing"),
+        ("nonsense --json-errors", "nonsense"),
+        ("show --limit 0 --json-errors", "--limit"),
+        ("--json-errors", "command"),
+    ],
+)
+def test_a_usage_that_is_not_understood_is_one_json_object(line: str, about: str, db: Path) -> None:
+    done = shell(f'"$@" {line}', db)
+    assert (done.returncode, done.stdout) == (2, "")
+    error = json.loads(done.stderr)["error"]
+    assert (error["type"], error["exit_code"]) == ("UsageError", 2)
+    assert about in error["what"]
+    assert "--help" in error["cure"]
+
+
 def test_json_is_printed_whole_or_not_at_all(db: Path) -> None:
     failing = 'SELECT json(value) FROM json_each(\'["1", "{"]\')'
     result = supermap("db", "sql", failing, "--json", "--db", db)

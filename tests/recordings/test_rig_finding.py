@@ -379,3 +379,17 @@ def test_two_publishers_of_one_motion_are_told_from_one_that_is_fast(tmp_path, t
             bag.transform(bags.stamp(index), "odom", "base_link", make_transform(np.eye(3), [x, 0, 0]))
     warned = any("jumps to and fro" in line for line in open_(tmp_path / "run.mcap").warnings)
     assert warned == to_and_fro
+
+
+# Errors --------------------------------------------------------------------------------------------------------------
+
+
+def test_what_was_warned_of_is_told_with_the_error(tmp_path):
+    with bags.BagWriter(tmp_path / "run.mcap") as bag:
+        for index in range(10):
+            bag.image("/cam/image_raw", bags.stamp(index), FRAME, bags.color_image(index), "rgb8")
+            bag.pose("/goal_pose", bags.stamp(index), "map", bags.pose_at(index))
+            bag.image("/cam/depth/image_raw", bags.stamp(index), FRAME, bags.depth_image(), "16UC1")
+    with pytest.raises(RecordingError) as failure:
+        open_(tmp_path / "run.mcap")
+    assert any("/goal_pose is not taken as the robot's motion" in line for line in failure.value.warnings)
