@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from supermap_cli.errors import RecordingError
+from supermap_cli.errors import ConfigError, RecordingError
 from supermap_cli.hookspecs import RecordingRequest
 from supermap_cli.recordings.decoding import Decoder
 from supermap_cli.recordings.notes import Notes
@@ -13,6 +13,11 @@ from supermap_cli.recordings.survey import Topic, usual_offset_ns
 
 MARGIN_NS = 2_000_000_000
 """ns by which poses, sweeps and IMU reach beyond the window, so that images at its ends have them on both sides."""
+
+LATEST_S = 4e9
+"""s from the first message beyond which nothing is looked for: more than from 1970, where clocks begin that were never
+set, until today; as ns it fits into int64 together with a stamp.
+"""
 
 _SKEWED_CLOCK_NS = 1_000_000_000
 """ns between sensor time and log time from which they are two clocks, and not a message under way."""
@@ -58,6 +63,12 @@ class RecordedData:
 def find_window(data: RecordedData, leading: Topic | None, notes: Notes) -> Window:
     """Seconds of `--start` and `--end` count from the first message, in log time; streams follow the sensors' clock."""
     storage, request, where = data.storage, data.request, data.where
+    for option, given_s in (("--start", request.start_s), ("--end", request.end_s)):
+        if given_s is not None and not 0 <= given_s <= LATEST_S:
+            raise ConfigError(
+                f"{option} {given_s:g} lies in no recording",
+                cure=f"give seconds from the recording's first message, from 0 to {LATEST_S:g}",
+            )
     offset_ns = leading.clock_offset_ns if leading else 0
     if leading is not None and abs(offset_ns) >= _SKEWED_CLOCK_NS:
         offset_ns = usual_offset_ns(storage, leading, data.decoder)
