@@ -60,6 +60,10 @@ class OdometryError(SupermapError):
     """There is no usable motion estimate."""
 
 
+class UnusablePosesError(OdometryError, RecordingError):
+    """The poses that a recording holds are of no use as motion."""
+
+
 class PluginError(SupermapError):
     """A plugin is missing, broken, doubly named or wrongly configured."""
 

@@ -26,6 +26,7 @@ from supermap_cli.recordings.topic_plan import TopicPlan
 from supermap_cli.recordings.topics import plan_topics
 from supermap_cli.recordings.transforms import TransformTree
 from supermap_cli.recordings.window import RecordedData, Window, find_window
+from supermap_cli.types.limits import FARTHEST_M
 
 
 @dataclass(frozen=True)
@@ -228,30 +229,33 @@ def _note_doubts(plan: TopicPlan, source: PoseSource | None, where: str, notes: 
             notes.note(f"doubt {topic.name} {doubt}", f"{where}, {topic.name}: {doubt}")
 
 
-_FAR_M = 10_000.0
+_FAR_M = 4_000.0
 """Metres from the origin from which positions are of the world (as UTM) and not of a robot's way: what is mapped keeps
-its millimetres in 32 bits up to there.
+its millimetres in 32 bits up to there (steps of 0.24 mm below 4,096 m).
 """
 
-_ORIGIN_STEP_M = 100.0
+ORIGIN_STEP_M = 100.0
 """Metres to which an origin is rounded, so that two recordings of one place mostly have the same one."""
 
 
 def _origin(source: PoseSource | None, tree: TransformTree, where: str, notes: Notes) -> FloatArray:
-    """(3,) metres that are taken off positions, so that they are near 0: none for what is near it already."""
+    """(3,) metres that are taken off positions, so that they are near 0: none for what is near it already. A receiver
+    without a fix tells 0 at first; what most samples say counts.
+    """
     origin: FloatArray = np.zeros(3)
     if source is None:
         return origin
-    first = source.topic.poses[0].position if source.topic and source.topic.poses else None
-    if source.topic is None:
-        _, chain = tree.path(source.odom_frame, source.child_frame)
-        T = next((edge.samples[0][1] for edge in reversed(chain) if edge.samples and not edge.static), None)
-        first = None if T is None else T[:3, 3]
-    if first is None or np.abs(first).max() < _FAR_M:
+    positions = [pose.position for pose in source.topic.poses] if source.topic else _moving_positions(source, tree)
+    if not positions:
         return origin
-    origin[:2] = np.round(first[:2] / _ORIGIN_STEP_M) * _ORIGIN_STEP_M
-    if abs(first[2]) >= _FAR_M:
-        origin[2] = np.round(first[2] / _ORIGIN_STEP_M) * _ORIGIN_STEP_M
+    middle = np.median(positions, axis=0)
+    near = [position for position in positions if np.abs(position - middle).max() < FARTHEST_M]
+    usual = near[0] if near else min(positions, key=lambda position: float(np.abs(position - middle).max()))
+    if np.abs(usual).max() < _FAR_M:
+        return origin
+    origin[:2] = np.round(usual[:2] / ORIGIN_STEP_M) * ORIGIN_STEP_M
+    if abs(usual[2]) >= _FAR_M:
+        origin[2] = np.round(usual[2] / ORIGIN_STEP_M) * ORIGIN_STEP_M
     x, y, z = origin
     notes.note(
         "origin",
@@ -259,3 +263,21 @@ def _origin(source: PoseSource | None, tree: TransformTree, where: str, notes: N
         f"{z:.0f}) m are taken off them, add it to places in the map",
     )
     return origin
+
+
+def _moving_positions(source: PoseSource, tree: TransformTree) -> list[FloatArray]:
+    """(3,) each: where the samples of TF have the base in odom, each of its moving links as far as it was sampled."""
+    _, chain = tree.path(source.odom_frame, source.child_frame)
+    moving = [edge for edge in chain if edge.samples]
+    if all(edge.static for edge in moving):
+        return []
+    leading = max((edge for edge in moving if not edge.static), key=lambda edge: len(edge.samples))
+    others = [edge.samples[len(edge.samples) // 2][1] for edge in moving]
+    at = moving.index(leading)
+    positions = []
+    for _, T in leading.samples:
+        T_odom_base = np.eye(4)
+        for edge_T in reversed([*others[:at], T, *others[at + 1 :]]):
+            T_odom_base = T_odom_base @ edge_T
+        positions.append(T_odom_base[:3, 3])
+    return positions

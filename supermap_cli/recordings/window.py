@@ -64,7 +64,7 @@ def find_window(data: RecordedData, leading: Topic | None, notes: Notes) -> Wind
     """Seconds of `--start` and `--end` count from the first message, in log time; streams follow the sensors' clock."""
     storage, request, where = data.storage, data.request, data.where
     for option, given_s in (("--start", request.start_s), ("--end", request.end_s)):
-        if given_s is not None and not 0 <= given_s <= LATEST_S:
+        if given_s is not None and not (0 if option == "--start" else -LATEST_S) <= given_s <= LATEST_S:
             raise ConfigError(
                 f"{option} {given_s:g} lies in no recording",
                 cure=f"give seconds from the recording's first message, from 0 to {LATEST_S:g}",

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from supermap_cli.errors import ConfigError, RecordingError
+from supermap_cli.errors import ConfigError, OdometryError, RecordingError
 from supermap_cli.geometry.se3 import make_transform
 from supermap_cli.hookspecs import RecordingRequest
 from supermap_cli.recordings import open_bag_recording
@@ -190,6 +190,42 @@ def test_coordinates_of_the_world_are_counted_from_an_origin(tmp_path):
     recording = open_(tmp_path / "run.mcap")
     assert positions(recording)[0] == pytest.approx([32, 11, 320])
     assert any("(465400, 5572100, 0) m are taken off" in line for line in recording.warnings)
+
+
+@pytest.mark.parametrize("tf", [False, True])
+@pytest.mark.parametrize("without_fix", [0, 3])
+def test_far_coordinates_keep_every_digit(tmp_path, tf, without_fix):
+    with bags.BagWriter(tmp_path / "run.mcap") as bag:
+        mount(bag)
+        for index in range(12):
+            bags.write_images(bag, index)
+            T = np.eye(4) if index < without_fix else FAR @ bags.pose_at(index)
+            if tf:
+                bag.transform(bags.stamp(index), "utm", "base_link", T)
+            else:
+                bag.odometry("/odom", bags.stamp(index), T, frame_id="utm")
+    recording = open_(tmp_path / "run.mcap")
+    expected = [[32 + index / 10, 11, 320] for index in range(without_fix, 12)]
+    np.testing.assert_allclose(positions(recording), expected, atol=1e-6)
+    assert bool(without_fix) == any(
+        "more than 10 km from where the others are, 3 pose(s)" in line for line in recording.warnings
+    )
+
+
+@pytest.mark.parametrize(
+    ("scale", "said"),
+    [(np.nan, "not finite"), (0.0, "a quaternion of length 0,"), (0.5, "length 0.5"), (1e100, "length 1e+100")],
+)
+def test_rotations_that_are_none_are_named_with_topic_and_time(tmp_path, scale, said):
+    with bags.BagWriter(tmp_path / "run.mcap") as bag:
+        mount(bag)
+        for index in range(10):
+            bags.write_images(bag, index)
+            bag.odometry("/odom", bags.stamp(index), bags.pose_at(index), quaternion_scale=scale)
+    with pytest.raises(OdometryError) as failure:
+        list(open_(tmp_path / "run.mcap").poses())
+    assert said in str(failure.value)
+    assert "/odom (odom -> base_link) at 0.000 s" in str(failure.value)
 
 
 # Clocks --------------------------------------------------------------------------------------------------------------
