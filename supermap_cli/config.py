@@ -13,7 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from supermap_cli.errors import ConfigError
 from supermap_cli.input_files import read_text
-from supermap_cli.types.limits import FARTHEST_M, LARGEST_CLOCK_OFFSET_S, RecordingLimits
+from supermap_cli.types.limits import FARTHEST_M, LARGEST_CLOCK_OFFSET_S, LATEST_S, RecordingLimits
 from supermap_cli.wrong_entries import wrong_entry
 
 ParameterValue = bool | int | float | list[int | float]
@@ -56,6 +56,15 @@ class RecordingConfig(Section):
         default=0.001, ge=0, le=60, description="greatest distance of recorded detections and their image's stamp"
     )
     fit_color: bool = Field(default=True, description="correct a colour calibration that does not fit the depth")
+    start_s: float | None = Field(
+        default=None, ge=0, le=LATEST_S, description="where to start, from the recording's first message; none: there"
+    )
+    end_s: float | None = Field(
+        default=None,
+        ge=0,
+        le=LATEST_S,
+        description="where to end, from the recording's first message; none: at its end",
+    )
     limits: RecordingLimits = Field(default_factory=RecordingLimits)
 
 

@@ -10,14 +10,10 @@ from supermap_cli.recordings.decoding import Decoder
 from supermap_cli.recordings.notes import Notes
 from supermap_cli.recordings.storage import Storage
 from supermap_cli.recordings.survey import Topic, usual_offset_ns
+from supermap_cli.types.limits import LATEST_S
 
 MARGIN_NS = 2_000_000_000
 """ns by which poses, sweeps and IMU reach beyond the window, so that images at its ends have them on both sides."""
-
-LATEST_S = 4e9
-"""s from the first message beyond which nothing is looked for: more than from 1970, where clocks begin that were never
-set, until today; as ns it fits into int64 together with a stamp.
-"""
 
 _SKEWED_CLOCK_NS = 1_000_000_000
 """ns between sensor time and log time from which they are two clocks, and not a message under way."""

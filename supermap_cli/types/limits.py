@@ -25,6 +25,12 @@ Amount = Annotated[int, Field(gt=0, le=LARGEST_LIMIT)]
 """How much of something."""
 
 
+LATEST_S = 4e9
+"""s from the first message beyond which nothing of a recording is looked for: more than from 1970, where clocks begin
+that were never set, until today; as ns it fits into int64 together with a stamp.
+"""
+
+
 class RecordingLimits(BaseModel):
     """How much a recording may hold of anything that comes out of its bytes: what is beyond it is left out, so that a
     small damaged or hostile file cannot take the machine's memory. Set far beyond what sensors give (estimates).

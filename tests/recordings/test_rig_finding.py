@@ -417,6 +417,43 @@ def test_two_publishers_of_one_motion_are_told_from_one_that_is_fast(tmp_path, t
     assert warned == to_and_fro
 
 
+# Loops of TF ---------------------------------------------------------------------------------------------------------
+
+
+def write_loop(path, links):
+    with bags.BagWriter(path) as bag:
+        for parent, child in links:
+            T = bags.T_BASE_OPTICAL if child == FRAME else np.eye(4)
+            bag.transform(bags.START_NS, parent, child, T, static=True)
+        for index in range(10):
+            bags.write_images(bag, index)
+            bag.transform(bags.stamp(index), "odom", "base_link", bags.pose_at(index))
+            bag.odometry("/odom", bags.stamp(index), bags.pose_at(index))
+    return path
+
+
+@pytest.mark.parametrize("top", ["base_link", "odom"])
+def test_a_base_below_its_own_camera_is_turned_round(tmp_path, top):
+    links = [("base_link", "camera_link"), ("camera_link", FRAME), (FRAME, top)]
+    recording = open_(write_loop(tmp_path / "run.mcap", links))
+    assert positions(recording)[3] == pytest.approx([0.3, 0, 0])
+    assert any("is a loop" in line and f"'{FRAME}' -> '{top}' is left out" in line for line in recording.warnings)
+
+
+def test_a_loop_of_sensors_is_mended_by_the_mounting_that_the_error_names(tmp_path):
+    links = [("camera_link", FRAME), (FRAME, "camera_body"), ("camera_body", "camera_link")]
+    path = write_loop(tmp_path / "run.mcap", links)
+    problem = problems_of(path)[0]
+    assert "the TF tree has a loop" in problem
+    assert all(frame in problem for frame in ("camera_link", FRAME, "camera_body"))
+    for frame in ("camera_link", "camera_body"):
+        assert problems_of(path, mounts={frame: "base_link 0.1 0 0.5 0 0 0"}) == []
+    (named,) = [word for word in problem.replace("=", " ").split() if word in {"camera_link", FRAME, "camera_body"}][
+        -1:
+    ]
+    assert problems_of(path, mounts={named: "base_link 0.1 0 0.5 0 0 0"}) == []
+
+
 # Errors --------------------------------------------------------------------------------------------------------------
 
 
