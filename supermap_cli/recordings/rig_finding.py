@@ -60,7 +60,7 @@ def find_rig(data: RecordedData, topics: Sequence[Topic], notes: Notes) -> Rig:
     Raises `RecordingError` where it cannot be told which robot is meant, and `ConfigError` for options of no meaning.
     """
     finder = _RigFinder(data, topics, notes)
-    surveyed = survey_transforms(data.storage, data.decoder, finder.topics)
+    surveyed = finder.surveyed or survey_transforms(data.storage, data.decoder, finder.topics)
     rig = finder.find(surveyed)
     if (rig.problems or rig.pose_source is None) and not surveyed.whole:
         rig = finder.find(survey_transforms(data.storage, data.decoder, finder.topics, whole=True))
@@ -80,7 +80,15 @@ class _RigFinder:
         self._mounts = {mount.name: mount for mount in parse_mounts(request.mounts)}
         self._named: NamedTopics = parse_named_topics(request.topics)
         named = set(request.topics.values())
-        self.robot, self.topics = topics_of_robot(topics, request.robot, named, where, notes)
+        self.surveyed: SurveyedTransforms | None = None
+
+        def tree() -> TransformTree:
+            self.surveyed = survey_transforms(data.storage, data.decoder, topics)
+            return self.surveyed.tree
+
+        self.robot, self.topics = topics_of_robot(topics, request.robot, named, where, notes, tree)
+        if len(self.topics) < len(topics):
+            self.surveyed = None
         planned = (plan_named_cameras if self._named.color_cameras else plan_topics)(self.topics, self._named, where)
         self._plan = planned
 

@@ -141,6 +141,45 @@ def test_robots_are_told_apart_by_the_prefixes_of_their_frames(tmp_path):
     assert positions(recording)[-1] == pytest.approx([1.9, 0, 0])
 
 
+def write_prefixed(path, *, sign, cameras, odometry):
+    """Two robots on one /tf, told apart by what stands before "/" or "_" in their frames and topics."""
+    with bags.BagWriter(path) as bag:
+        for name in cameras:
+            mount(bag, f"{name}{sign}{FRAME}", f"{name}{sign}base_link")
+        for index in range(20):
+            for name, speed in (("r1", 1.0), ("r2", 3.0)):
+                T = make_transform(np.eye(3), [speed * index / 10, 0, 0])
+                if odometry:
+                    bag.odometry(f"/{name}{sign}odom", bags.stamp(index), T, frame_id="odom", child_frame_id="base")
+                bag.transform(bags.stamp(index), "map", f"{name}{sign}base_link", T)
+            for name in cameras:
+                bags.write_images(bag, index, prefix=f"/{name}{sign}camera", frame_id=f"{name}{sign}{FRAME}")
+    return path
+
+
+@pytest.mark.parametrize("odometry", [False, True])
+@pytest.mark.parametrize("sign", ["/", "_"])
+def test_robots_on_one_tf_are_told_apart_by_prefixes(tmp_path, sign, odometry):
+    path = write_prefixed(tmp_path / "run.mcap", sign=sign, cameras=("r1", "r2"), odometry=odometry)
+    with pytest.raises(RecordingError, match=r"2 robots are in it \(r1, r2\).*--robot r1"):
+        open_(path)
+    base = {} if not odometry else {"frames": {"base": f"r2{sign}base_link"}}
+    chosen = open_(path, robot="r2", **base)
+    assert positions(chosen)[-1] == pytest.approx([5.7, 0, 0])
+    lone = write_prefixed(tmp_path / "lone.mcap", sign=sign, cameras=("r1",), odometry=False)
+    assert positions(open_(lone))[-1] == pytest.approx([1.9, 0, 0])
+
+
+def test_an_arm_is_no_robot_of_its_own(tmp_path):
+    with bags.BagWriter(tmp_path / "run.mcap") as bag:
+        mount(bag, FRAME, "mobile_base_link")
+        bag.transform(bags.START_NS, "mobile_base_link", "ur5_base_link", np.eye(4), static=True)
+        for index in range(20):
+            bag.transform(bags.stamp(index), "odom", "mobile_base_link", bags.pose_at(index))
+            bags.write_images(bag, index)
+    assert positions(open_(tmp_path / "run.mcap"))[-1] == pytest.approx([1.9, 0, 0])
+
+
 @pytest.mark.parametrize(
     ("topic", "frame", "count"),
     [
