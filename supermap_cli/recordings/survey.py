@@ -49,8 +49,7 @@ class Topic:
 
     `clock_offset_ns` is their stamp minus log time (the median), `offsets_ns` that of every sample, in order of time;
     `child_frame_id` is an odometry's, `poses` are its samples; `frame_ids` are all frames that were named; `doubts` are
-    what speaks against some of the samples. `depth_scale` and `point_scale` bring decoded
-    depth and points to metres.
+    what speaks against some of the samples. `depth_scale` and `point_scale` bring decoded depth and points to metres.
     """
 
     channel: Channel
@@ -239,7 +238,12 @@ def _doubts(samples: Sequence[_Sample], good: Sequence[_Sample]) -> Iterator[str
     calibrations = Counter(_calibration_key(sample.calibration) for sample in good if sample.calibration)
     if len(calibrations) > 1:
         most = calibrations.most_common(1)[0][1]
-        yield f"{len(calibrations)} different calibrations in it, that of {most} of {len(good)} looked at counts"
+        sizes = Counter((sample.calibration.width, sample.calibration.height) for sample in good if sample.calibration)
+        of_sizes = f" (for {' and '.join(f'{w} x {h}' for w, h in list(sizes)[:3])} pixels)" if len(sizes) > 1 else ""
+        yield (
+            f"{len(calibrations)} different calibrations in it{of_sizes}, that of {most} of {len(good)} looked at "
+            "counts"
+        )
 
 
 def _with_image(topic: Topic, said: Sequence[_Sample]) -> Topic:
