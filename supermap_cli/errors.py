@@ -13,12 +13,12 @@ class SupermapError(Exception):
     """
 
     exit_code = 1
+    warnings: tuple[str, ...] = ()
 
     def __init__(self, what: str, *, where: str | None = None, cure: str | None = None) -> None:
         self.what = what
         self.where = where
         self.cure = cure
-        self.warnings: tuple[str, ...] = ()
         super().__init__(str(self))
 
     def add_warnings(self, lines: Iterable[str]) -> None:

@@ -137,9 +137,9 @@ def _open(path: Path, request: RecordingRequest, notes: Notes) -> OpenedRecordin
 
 
 def _note_unread(storage: Storage, topics: tuple[Topic, ...], where: str, notes: Notes) -> None:
-    """Name what a build can do without and does: detections and IMUs that cannot be read."""
+    """Name what a build can do without and does: detections, IMUs and clouds that cannot be read."""
     for topic in topics:
-        if topic.fault is not None and topic.kind in {"detections", "imu"}:
+        if topic.fault is not None and topic.kind in {"detections", "imu", "points"}:
             notes.note(f"unread {topic.name}", f"{where}, {topic.name}: left out: {topic.fault.what}")
     for channel in storage.channels:
         if channel.count and messages.is_near_detections(channel):

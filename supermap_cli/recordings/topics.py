@@ -87,7 +87,8 @@ def plan_shared(topics: Sequence[Topic], named: Mapping[str, str], where: str) -
     frames = {topic.frame_id for topic in topics if topic.kind == "image" or is_odometry(topic)}
     clouds = _of(topics, "points")
     sound = [topic for topic in clouds if topic.fault is None]
-    choices.choose("lidar", sound or clouds, lambda topic: _lidar_rank(topic, frames), _LIDAR_LOST)
+    needed = not any(topic.kind == "image" and is_depth(topic) for topic in topics)
+    choices.choose("lidar", sound or (clouds if needed else []), lambda topic: _lidar_rank(topic, frames), _LIDAR_LOST)
     choices.choose(
         "imu",
         [topic for topic in _of(topics, "imu") if topic.fault is None],
