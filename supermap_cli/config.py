@@ -7,17 +7,23 @@ from __future__ import annotations
 import os
 import tomllib
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from supermap_cli.errors import ConfigError
 from supermap_cli.input_files import read_text
-from supermap_cli.types.limits import RecordingLimits
+from supermap_cli.types.limits import FARTHEST_M, LARGEST_CLOCK_OFFSET_S, LATEST_S, RecordingLimits
 from supermap_cli.wrong_entries import wrong_entry
 
 ParameterValue = bool | int | float | list[int | float]
 """What a parameter of the method may be."""
+
+ClockOffset = Annotated[float, Field(ge=-LARGEST_CLOCK_OFFSET_S, le=LARGEST_CLOCK_OFFSET_S)]
+"""Seconds between two clocks."""
+
+LARGEST_SIDE_PX = 1 << 14
+"""Pixels of the side of an image; no camera has more (16,384)."""
 
 Ablation = Literal["tracker", "semantic-fusion", "geometric-consistency"]
 
@@ -40,14 +46,25 @@ class RecordingConfig(Section):
         default_factory=dict,
         description="link -> 'parent x y z roll pitch yaw' (m, rad), where TF lacks it: a URDF's (`--rig`)",
     )
-    clocks: dict[str, float] = Field(default_factory=dict, description="topic -> seconds added to its stamps")
+    clocks: dict[str, ClockOffset] = Field(default_factory=dict, description="topic -> seconds added to its stamps")
     robot: str | None = Field(default=None, description="which of several robots in a recording: its namespace")
     camera: str | None = Field(default=None, description="force a camera model: 'equirectangular'")
-    sync_tolerance_s: float = Field(default=0.02, gt=0, description="greatest distance of colour and depth stamps")
+    sync_tolerance_s: float = Field(
+        default=0.02, gt=0, le=60, description="greatest distance of colour and depth stamps"
+    )
     detection_tolerance_s: float = Field(
         default=0.001, ge=0, le=60, description="greatest distance of recorded detections and their image's stamp"
     )
     fit_color: bool = Field(default=True, description="correct a colour calibration that does not fit the depth")
+    start_s: float | None = Field(
+        default=None, ge=0, le=LATEST_S, description="where to start, from the recording's first message; none: there"
+    )
+    end_s: float | None = Field(
+        default=None,
+        ge=0,
+        le=LATEST_S,
+        description="where to end, from the recording's first message; none: at its end",
+    )
     limits: RecordingLimits = Field(default_factory=RecordingLimits)
 
 
@@ -76,13 +93,17 @@ class KeyframeConfig(Section):
         default=12.0, gt=0, le=600, description="images of all cameras of a rig mapped each second, at most"
     )
     placing_s: float = Field(
-        default=3.0, ge=0, description="a live traversal is placed in the map after so many seconds of it"
+        default=3.0, ge=0, le=3600, description="a live traversal is placed in the map after so many seconds of it"
     )
-    thumbnail_px: int = Field(default=160, ge=0, description="width of the stored thumbnails, 0 = none")
-    depth_step: int = Field(default=8, ge=1, description="pixels between the depths stored with a keyframe")
-    batch: int = Field(default=10, ge=1, description="keyframes written in one transaction")
+    thumbnail_px: int = Field(
+        default=160, ge=0, le=LARGEST_SIDE_PX, description="width of the stored thumbnails, 0 = none"
+    )
+    depth_step: int = Field(
+        default=8, ge=1, le=LARGEST_SIDE_PX, description="pixels between the depths stored with a keyframe"
+    )
+    batch: int = Field(default=10, ge=1, le=1000, description="keyframes written in one transaction")
     checkpoint_s: float = Field(
-        default=5.0, ge=0, description="work, in seconds, that a killed build has to do again when it goes on"
+        default=5.0, ge=0, le=86400, description="work, in seconds, that a killed build has to do again when it goes on"
     )
 
 
@@ -110,12 +131,14 @@ class PerceptionConfig(Section):
 class MappingConfig(Section):
     """The mapping engine's parameters (SI units). Defaults hold for indoor rooms."""
 
-    max_depth_m: float = Field(default=6.0, gt=0, description="returns farther off are not used")
-    max_range_m: float = Field(default=12.0, gt=0, description="the same for a LiDAR")
+    max_depth_m: float = Field(default=6.0, gt=0, le=FARTHEST_M, description="returns farther off are not used")
+    max_range_m: float = Field(default=12.0, gt=0, le=FARTHEST_M, description="the same for a LiDAR")
     correct_drift: bool = Field(
         default=True, description="lay every keyframe's surfaces onto those seen before, where the odometry drifts"
     )
-    crop_px: int = Field(default=128, ge=16, description="longest side of the crops kept as evidence")
+    crop_px: int = Field(
+        default=128, ge=16, le=LARGEST_SIDE_PX, description="longest side of the crops kept as evidence"
+    )
 
 
 class BuildConfig(Section):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 
 class SupermapError(Exception):
     """Something the user can mend: what was wrong, where, and the cure, in one line.
@@ -11,12 +13,17 @@ class SupermapError(Exception):
     """
 
     exit_code = 1
+    warnings: tuple[str, ...] = ()
 
     def __init__(self, what: str, *, where: str | None = None, cure: str | None = None) -> None:
         self.what = what
         self.where = where
         self.cure = cure
         super().__init__(str(self))
+
+    def add_warnings(self, lines: Iterable[str]) -> None:
+        """What had been warned of before: it is told with the error, of which it may be the cause."""
+        self.warnings = tuple(dict.fromkeys((*lines, *self.warnings)))
 
     def __str__(self) -> str:
         """The whole message on one line."""
@@ -27,6 +34,12 @@ class SupermapError(Exception):
 
 STUMBLES = (ArithmeticError, AssertionError, AttributeError, LookupError, RecursionError, TypeError, ValueError)
 """What code raises that is given values which cannot be: where they came from outside, they are at fault."""
+
+
+class UsageError(SupermapError):
+    """A command line is not understood."""
+
+    exit_code = 2
 
 
 class BuildStoppedError(SupermapError):
@@ -45,6 +58,10 @@ class CalibrationError(RecordingError):
 
 class OdometryError(SupermapError):
     """There is no usable motion estimate."""
+
+
+class UnusablePosesError(OdometryError, RecordingError):
+    """The poses that a recording holds are of no use as motion."""
 
 
 class PluginError(SupermapError):

@@ -38,7 +38,6 @@ from supermap_cli.commands.streams import (
     open_missing_streams,
     os_error,
     tell,
-    usage_error,
 )
 from supermap_cli.errors import SupermapError
 from supermap_cli.version import __version__
@@ -122,7 +121,7 @@ def main() -> None:
     open_missing_streams()
     code = 0
     try:
-        code = _run(make_app())
+        make_app()()
     except BrokenPipeError:
         code = BROKEN_PIPE
     except (SupermapError, OSError) as error:
@@ -132,21 +131,6 @@ def main() -> None:
     except SystemExit as stopped:
         code = stopped.code if isinstance(stopped.code, int) else int(stopped.code is not None)
     sys.exit(finish_output(code))
-
-
-def _run(app: typer.Typer) -> int:
-    """Run the command line, and exit; where errors are asked for as JSON, so are those of its usage: its exit code."""
-    if JSON_ERRORS not in sys.argv:
-        app()
-    try:
-        code = app(standalone_mode=False)
-    except typer.Abort:
-        return 1
-    except Exception as error:
-        if (usage := usage_error(error)) is None:
-            raise
-        return tell(usage)
-    return code if isinstance(code, int) else 0
 
 
 if __name__ == "__main__":

@@ -34,7 +34,7 @@ from supermap_cli.stages.session_odometry import SessionOdometry
 from supermap_cli.stages.session_state import SessionBackends, SessionState, begin
 from supermap_cli.stages.session_walls import SessionWalls
 from supermap_cli.timing import StageClock
-from supermap_cli.types.detections import Detections, TrackPrior, Tracks
+from supermap_cli.types.detections import Detections, TrackPrior, Tracks, plainly_labelled
 from supermap_cli.types.keyframe import Keyframe
 from supermap_cli.types.memory import MapDelta, SpatialEdge
 from supermap_cli.types.sensing import CameraFrame, ImuSample, StampedPose, Sweep
@@ -148,7 +148,7 @@ class MappingSession:
     def add_detections(self, detections: Detections) -> None:
         """What was found in the image of their stamp and camera; too late, or of no such image, they are counted."""
         self._check_open()
-        self._awaited.add(detections.stamp_ns + self.clock_shift_ns, detections)
+        self._awaited.add(detections.stamp_ns + self.clock_shift_ns, plainly_labelled(detections))
 
     def _push(self, add: Callable[..., None], *message: object) -> None:
         self._check_open()

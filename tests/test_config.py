@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from supermap_cli.config import BuildConfig, UserConfig, load_user_config
 from supermap_cli.errors import ConfigError
+from supermap_cli.parameters import MethodParameters
+from supermap_cli.wrong_entries import wrong_entry
 
 
 def write(folder: Path, text: str) -> Path:
@@ -93,3 +99,69 @@ def test_what_was_used_can_be_stored_and_read_again() -> None:
 def test_a_configuration_cannot_be_changed_behind_its_back() -> None:
     with pytest.raises(ValidationError):
         BuildConfig().keyframes.rate_hz = 9.0
+
+
+def _numbers(schema: dict[str, Any], part: dict[str, Any], entry: tuple[str, ...]) -> Iterator[tuple[Any, ...]]:
+    """(entry, least, most) of every number that a JSON Schema allows, by its own words; `None`: no bound."""
+    part = schema["$defs"][part["$ref"].rpartition("/")[2]] if "$ref" in part else part
+    if part.get("type") in {"number", "integer"}:
+        least, most = (part.get(name, part.get(f"exclusive{name.capitalize()}")) for name in ("minimum", "maximum"))
+        yield entry, least, most
+    for name, inner in part.get("properties", {}).items():
+        if (entry, name) != (("build",), "parameters"):  # `MethodParameters` has the bounds of these
+            yield from _numbers(schema, inner, (*entry, name))
+    for inner in part.get("anyOf", []):
+        yield from _numbers(schema, inner, entry)
+    if isinstance(inner := part.get("additionalProperties"), dict):
+        yield from _numbers(schema, inner, (*entry, "x"))
+
+
+_SCHEMA = UserConfig.model_json_schema()
+NUMBERS = list(_numbers(_SCHEMA, _SCHEMA, ()))
+
+
+def _refusal(entry: tuple[str, ...], value: float) -> str:
+    values: Any = value
+    for name in reversed(entry):
+        values = {name: values}
+    with pytest.raises(ValidationError) as refused:
+        UserConfig.model_validate(values)
+    where, what = wrong_entry(refused.value)
+    assert where == entry
+    return what
+
+
+@pytest.mark.parametrize(("entry", "least", "most"), NUMBERS, ids=[".".join(each[0]) for each in NUMBERS])
+def test_every_number_has_bounds_and_is_refused_beyond_them(entry: tuple[str, ...], least: float, most: float) -> None:
+    assert least is not None
+    assert most is not None
+    for value, bound in ((least - 1, least), (int(most * 1.001) + 1, most), (10**30, most), (-(10**30), least)):
+        assert f"{bound:.12g}" in _refusal(entry, value)
+    for value in (float("nan"), float("inf"), float("-inf")):
+        assert "number" in _refusal(entry, value)
+
+
+PARAMETERS = [row for row in MethodParameters().describe() if not isinstance(row.default, bool)]
+
+
+@given(st.sampled_from(PARAMETERS), st.sampled_from([-1e12, 1e12, -(10**400), 10**400, float("nan"), float("inf")]))
+def test_every_parameter_of_the_method_is_refused_beyond_its_bounds(row: Any, value: float) -> None:
+    whole = isinstance(row.default, int)
+    given_value = [value] * len(row.default) if isinstance(row.default, tuple) else value
+    with pytest.raises(ConfigError) as refused:
+        MethodParameters.from_overrides({row.file: {row.name: given_value}})
+    said = str(refused.value)
+    assert f"build.parameters.{row.file}.{row.name}" in said
+    assert "number" in said or "give one from" in said
+    assert len(said) < 400
+    assert not whole or "whole" in said or "give one from" in said
+
+
+def test_the_defaults_lie_within_the_bounds() -> None:
+    given_values: dict[str, dict[str, object]] = {}
+    for row in MethodParameters().describe():
+        given_values.setdefault(row.file, {})[row.name] = (
+            list(row.default) if isinstance(row.default, tuple) else row.default
+        )
+    assert MethodParameters.from_overrides(given_values) == MethodParameters()
+    assert UserConfig.model_validate(UserConfig().model_dump()) == UserConfig()

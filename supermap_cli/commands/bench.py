@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -33,6 +32,7 @@ from supermap_cli.commands.common import (
     print_json,
 )
 from supermap_cli.commands.tables import print_table
+from supermap_cli.temporary_folders import temporary_folder
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -127,16 +127,16 @@ def bench(  # noqa: PLR0917 - a command line has many options
         camera=camera,
         rate=rate,
     )
-    with tempfile.TemporaryDirectory(prefix="supermap-bench-") as folder:
+    with temporary_folder("supermap-bench-") as folder:
         job = CostJob(
             measurement="build",
             recordings=tuple(recordings),
             config=config,
             request=request(config, start, end),
             align=align,
-            db=Path(folder) / "build.db",
+            db=folder / "build.db",
         )
-        measured = measure(job, recordings, wanted, Path(folder))
+        measured = measure(job, recordings, wanted, folder)
     if earlier is not None and compare is not None:
         measured = replace(measured, compared=compare_benches(measured, earlier, compare))
     if json:

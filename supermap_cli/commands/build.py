@@ -44,7 +44,7 @@ from supermap_cli.commands.common import (
 )
 from supermap_cli.commands.failed_builds import remembered
 from supermap_cli.commands.viewers import RerunConnectOption, RerunOption, RerunSaveOption, viewers
-from supermap_cli.errors import BuildStoppedError, ConfigError
+from supermap_cli.errors import BuildStoppedError, ConfigError, SupermapError
 
 if TYPE_CHECKING:
     from supermap_cli.config import BuildConfig
@@ -255,7 +255,11 @@ def _build_one(  # noqa: PLR0917 - what a build is made of
     if follow.unfinished == "resume" and (known := _complete(store, recording)) is not None:
         err().print(f"{path} is in the map already, as traversal {known!r}", markup=False)
         return None
-    traversal = TraversalBuild(recording, plugins, config, store, began, viewers=follow.viewers)
+    try:
+        traversal = TraversalBuild(recording, plugins, config, store, began, viewers=follow.viewers)
+    except SupermapError as error:
+        error.add_warnings(recording.warnings)
+        raise
     with progress_bar(path, recording) as progress, _told_what_is_kept(traversal):
         return traversal.run(
             name=follow.name,
@@ -281,16 +285,25 @@ def _complete(store: MapStore, recording: Recording) -> str | None:
 
 @contextmanager
 def _told_what_is_kept(traversal: TraversalBuild) -> Iterator[None]:
-    """Where a build fails after some keyframes were committed, say that they are kept, and how to go on."""
+    """Where a build fails, what it warned of is told with the error; where some keyframes were committed, that they are
+    kept, and how to go on.
+    """
     try:
         yield
-    except BuildStoppedError:
+    except BuildStoppedError as stopped:
+        stopped.add_warnings(traversal.collected_warnings())
         raise
-    except BaseException:
+    except BaseException as error:
+        if isinstance(error, SupermapError):
+            error.add_warnings(traversal.collected_warnings())
         if traversal.kept_s is not None:
-            err().print(
+            kept = (
                 f"the first {traversal.kept_s:.1f} s are in the map: --resume goes on from there, --restart begins anew"
             )
+            if isinstance(error, SupermapError):
+                error.warnings = (*error.warnings, kept)
+            else:
+                err().print(kept)
         raise
 
 

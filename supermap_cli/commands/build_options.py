@@ -124,21 +124,22 @@ def pairs(given: list[str] | None, option: str, example: str) -> dict[str, str]:
 
 
 def request(config: BuildConfig, start_s: float | None, end_s: float | None) -> RecordingRequest:
-    """How to open a recording, from the configuration."""
+    """How to open a recording, from the configuration; a window that is given here counts before its."""
+    of_config = config.recording
     from supermap_cli.hookspecs import RecordingRequest  # noqa: PLC0415
 
     return RecordingRequest(
-        topics=config.recording.topics,
-        frames=config.recording.frames,
-        mounts=config.recording.mounts,
-        fixed_joints=config.recording.fixed_joints,
-        clocks=config.recording.clocks,
-        robot=config.recording.robot,
-        camera=config.recording.camera,
-        sync_tolerance_s=config.recording.sync_tolerance_s,
-        detection_tolerance_s=config.recording.detection_tolerance_s,
-        fit_color=config.recording.fit_color,
-        limits=config.recording.limits,
-        start_s=start_s,
-        end_s=end_s,
+        topics=of_config.topics,
+        frames=of_config.frames,
+        mounts=of_config.mounts,
+        fixed_joints=of_config.fixed_joints,
+        clocks=of_config.clocks,
+        robot=of_config.robot,
+        camera=of_config.camera,
+        sync_tolerance_s=of_config.sync_tolerance_s,
+        detection_tolerance_s=of_config.detection_tolerance_s,
+        fit_color=of_config.fit_color,
+        limits=of_config.limits,
+        start_s=of_config.start_s if start_s is None else start_s,
+        end_s=of_config.end_s if end_s is None else end_s,
     )

@@ -6,7 +6,6 @@ import json
 import os
 import signal
 import sys
-import tempfile
 import threading
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -191,8 +190,10 @@ def kept_or_temporary(keep: Path | None) -> Iterator[Path]:
     if keep is not None:
         yield keep
         return
-    with tempfile.TemporaryDirectory(prefix="supermap-") as folder:
-        yield Path(folder)
+    from supermap_cli.temporary_folders import temporary_folder  # noqa: PLC0415 - keeps start-up light
+
+    with temporary_folder() as folder:
+        yield folder
 
 
 def print_json(value: object) -> None:

@@ -10,14 +10,18 @@ from typing import TYPE_CHECKING, Any
 import typer
 from typer.core import TyperGroup
 
-from supermap_cli.commands.streams import BROKEN_PIPE, flags_first
-from supermap_cli.errors import STUMBLES, PluginError, SupermapError
+from supermap_cli.commands.streams import BROKEN_PIPE, JSON_ERRORS, flags_first
+from supermap_cli.errors import STUMBLES, PluginError, SupermapError, UsageError
 from supermap_cli.printable import printable_line
 
 if TYPE_CHECKING:
     import sqlite3
 
     from supermap_cli.plugin_manager import Plugin
+
+
+_CLICK_ERROR: Any = next(base for base in typer.BadParameter.__mro__ if base.__name__ == "ClickException")
+"""Click's base of usage errors, or that of typer's copy of it."""
 
 
 class CommandGroup(TyperGroup):
@@ -31,6 +35,19 @@ class CommandGroup(TyperGroup):
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Global flags may stand anywhere."""
         return list(super().parse_args(ctx, flags_first(args)))
+
+    def main(self, *args: Any, **extra: Any) -> Any:
+        """Run the command line. A usage that is not understood is a `UsageError` where errors are asked for as JSON."""
+        if JSON_ERRORS not in sys.argv or not extra.get("standalone_mode", True):
+            return super().main(*args, **extra)
+        try:
+            code = super().main(*args, **{**extra, "standalone_mode": False})
+        except _CLICK_ERROR as error:
+            what = str(error.format_message()).strip().rstrip(".") or "a command is missing"
+            raise UsageError(what, cure=f"see {_command_of(error)} --help") from error
+        except typer.Abort as error:
+            raise SupermapError("aborted", cure="answer the question, or give the option that does") from error
+        sys.exit(code if isinstance(code, int) else 0)
 
     def invoke(self, ctx: Any) -> Any:
         """Run the command. What it stumbles over is the map's fault if the map breaks its own invariants, else ours."""
@@ -68,6 +85,12 @@ class CommandGroup(TyperGroup):
                         _warn(plugin, f"its command {name!r} is left out: there is one of that name already")
                     else:
                         self.commands[name] = command
+
+
+def _command_of(error: Any) -> str:
+    """The command that a usage error is of: "supermap build"."""
+    context = getattr(error, "ctx", None)
+    return "supermap" if context is None else f"supermap {' '.join(context.command_path.split()[1:])}".strip()
 
 
 def _damaged_map(error: Exception) -> SupermapError | None:

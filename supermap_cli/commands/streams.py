@@ -23,24 +23,6 @@ class OutputError(SupermapError):
     """Standard output cannot be written."""
 
 
-class UsageError(SupermapError):
-    """A command line that names an option, a command or a value that there is not."""
-
-    exit_code = 2
-
-
-def usage_error(error: Exception) -> UsageError | None:
-    """The error for a command line that cannot be parsed; `None` for any other error.
-
-    Some versions of typer have Click's classes and others a copy of them, so that none can be named here.
-    """
-    message, context = getattr(error, "format_message", None), getattr(error, "ctx", None)
-    if message is None:
-        return None
-    command = getattr(context, "command_path", None) or "supermap"
-    return UsageError(message(), where=command, cure=f"{command} --help lists what there is")
-
-
 def flags_first(arguments: list[str]) -> list[str]:
     """A command line with its global flags before all else."""
     until = arguments.index("--") if "--" in arguments else len(arguments)
@@ -96,7 +78,9 @@ def os_error(error: OSError) -> SupermapError:
 
 
 def tell(error: SupermapError) -> int:
-    """Print an error as one line on stderr, as JSON where that is asked for; returns its exit code."""
+    """Print an error as one line on stderr, after what had been warned of; as one JSON object where that is asked for.
+    Returns its exit code.
+    """
     if JSON_ERRORS in sys.argv:
         document = {
             "error": {
@@ -106,13 +90,15 @@ def tell(error: SupermapError) -> int:
                 "where": error.where,
                 "cure": error.cure,
                 "exit_code": error.exit_code,
+                "warnings": list(error.warnings),
             }
         }
         if (kind := getattr(error, "kind", None)) is not None:
             document["error"]["kind"] = kind
         line = json.dumps(document)
     else:
-        line = f"error: {printable_line(str(error))}"
+        lines = [f"warning: {printable_line(each)}" for each in error.warnings]
+        line = "\n".join([*lines, f"error: {printable_line(str(error))}"])
     with suppress(OSError, ValueError):
         typer.echo(line, err=True)
     return error.exit_code

@@ -7,10 +7,12 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, Literal
 
+from supermap_cli.config import BuildConfig
 from supermap_cli.drivers.checkpoints import StoppedBuild, read_checkpoint
 from supermap_cli.errors import ConfigError, MemoryStoreError
 from supermap_cli.memory.store import MapStore
 from supermap_cli.memory.values import Checkpoint, StoredTraversal
+from supermap_cli.parameters import stored_config
 from supermap_cli.protocols import Recording
 from supermap_cli.types.packing import PackingError
 
@@ -41,9 +43,19 @@ def find_stopped(store: MapStore, recording: Recording, unfinished: Unfinished) 
 
 
 def check_built_alike(stopped: StoredTraversal, now: Mapping[str, object], where: str) -> None:
-    """Raise `ConfigError` where a stopped build was begun with other settings than it is to go on with `now`."""
+    """Raise `ConfigError` where a stopped build was begun with other settings than it is to go on with `now`.
+
+    An entry that the configuration did not have yet had its default. The window is the same: the fingerprint says so.
+    """
     begun_with = {entry: value for entry, value in stopped.config.items() if entry != "placed"}
-    before = {"build": begun_with, "versions": dict(stopped.versions), "name": stopped.name}
+    before = {
+        "build": _without_window(_completed(begun_with, stored_config(BuildConfig()))),
+        "versions": dict(stopped.versions),
+        "name": stopped.name,
+    }
+    build = now.get("build")
+    if isinstance(build, Mapping):
+        now = {**now, "build": _without_window(build)}
     difference = first_difference(before, now)
     if difference is not None:
         raise ConfigError(
@@ -51,6 +63,29 @@ def check_built_alike(stopped: StoredTraversal, now: Mapping[str, object], where
             where=where,
             cure="go on with the settings it was begun with, or begin anew with --restart",
         )
+
+
+def _completed(stored: Mapping[str, object], defaults: Mapping[str, object]) -> dict[str, object]:
+    """Stored entries with the defaults of those that are missing, section by section."""
+    completed = dict(stored)
+    for name, default in defaults.items():
+        known = stored.get(name)
+        if name not in stored:
+            completed[name] = default
+        elif isinstance(default, Mapping) and isinstance(known, Mapping):
+            completed[name] = _completed(known, default)
+    return completed
+
+
+def _without_window(build: Mapping[str, object]) -> dict[str, object]:
+    """A stored configuration without the part of the recording that is read."""
+    recording = build.get("recording")
+    if not isinstance(recording, Mapping):
+        return dict(build)
+    return {
+        **build,
+        "recording": {name: value for name, value in recording.items() if name not in {"start_s", "end_s"}},
+    }
 
 
 def load_continuation(store: MapStore, stopped: StoredTraversal) -> Continuation | None:

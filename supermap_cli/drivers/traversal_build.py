@@ -410,6 +410,12 @@ class TraversalBuild:
         """The same, and what happened in this build."""
         return (*self._stored_warnings(session), *self.warnings)
 
+    def collected_warnings(self) -> tuple[str, ...]:
+        """What was warned of so far, for a build that ends early."""
+        if self.session is None:
+            return (*self.recording.warnings, *self.warnings)
+        return self._all_warnings(self.session)
+
     def _summary(self, traversal_id: int, session: MappingSession, total_s: float) -> BuildSummary:
         labels = sorted(present_labels(session))
         session.statistics.labels = {label: labels.count(label) for label in labels}

@@ -15,7 +15,6 @@ from types import FrameType
 from typing import NoReturn
 
 from supermap_cli.errors import ExportError
-from supermap_cli.leftovers import process_runs
 from supermap_cli.output_files import check_output
 
 _PARTIAL, _REPLACED = "partial", "replaced"
@@ -135,7 +134,7 @@ def _clear_leftovers(path: Path) -> None:
     named = re.compile(rf"\.{re.escape(path.name)}\.(\d+)\.({_PARTIAL}|{_REPLACED})")
     for entry in path.absolute().parent.iterdir():
         found = named.fullmatch(entry.name)
-        if found is None or process_runs(int(found[1])):
+        if found is None or _process_runs(int(found[1])):
             continue
         if found[2] == _REPLACED and not path.exists():
             entry.rename(path)
@@ -143,6 +142,19 @@ def _clear_leftovers(path: Path) -> None:
             shutil.rmtree(entry, ignore_errors=True)
         else:
             entry.unlink(missing_ok=True)
+
+
+def _process_runs(pid: int) -> bool:
+    """Whether another process with this id is running on this machine."""
+    if pid == os.getpid():
+        return False
+    try:
+        os.kill(pid, 0)
+    except (ProcessLookupError, OverflowError):
+        return False
+    except PermissionError:
+        pass
+    return True
 
 
 @contextmanager

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shutil
 import sqlite3
-import tempfile
 from collections.abc import Iterator
 from contextlib import closing, suppress
 from dataclasses import dataclass
@@ -23,6 +22,7 @@ from supermap_cli.memory.databases.sqlite_pages import mend_header
 from supermap_cli.memory.mending import Row, drop_named, make_anew, make_spans, make_traversals, mended
 from supermap_cli.memory.names import clean_text
 from supermap_cli.memory.repairing import repair
+from supermap_cli.temporary_folders import temporary_folder
 from supermap_schema import SCHEMA_VERSION, models, sqlite
 from supermap_schema.checksums import store_all_sums
 from supermap_schema.upgrading import upgrade
@@ -57,8 +57,8 @@ def recover(url: str, out: Path) -> Recovered:
         raise MemoryStoreError("is there already", where=str(out), cure="name a new file with --out")
     if not out.absolute().parent.is_dir():
         raise MemoryStoreError("the folder does not exist", where=str(out), cure="make it, or change --out")
-    with tempfile.TemporaryDirectory(prefix=".supermap-recover-", dir=out.absolute().parent) as folder:
-        copy, made = Path(folder) / "copy.db", SqliteFile(Path(folder) / "new.db")
+    with temporary_folder(".supermap-recover-", out.absolute().parent) as folder:
+        copy, made = folder / "copy.db", SqliteFile(folder / "new.db")
         _copy(source, copy)
         try:
             found = _rebuilt(copy, made)

@@ -5,6 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from supermap_cli.errors import SupermapError
+
 if TYPE_CHECKING:
     from supermap_cli.hookspecs import RecordingRequest
     from supermap_cli.recordings.bag_recording import BagRecording
@@ -20,4 +22,9 @@ def open_bag_recording(path: Path, request: RecordingRequest) -> BagRecording:
     from supermap_cli.recordings.bag_recording import BagRecording  # noqa: PLC0415 - rosbags and cv2 load lazily
     from supermap_cli.recordings.opening import open_recording  # noqa: PLC0415 - rosbags and cv2 load lazily
 
-    return BagRecording(open_recording(path, request))
+    opened = open_recording(path, request)
+    try:
+        return BagRecording(opened)
+    except SupermapError as error:
+        error.add_warnings(opened.notes.lines)
+        raise

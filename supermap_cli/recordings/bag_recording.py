@@ -287,7 +287,8 @@ class BagRecording:
                 )
             elif opened.rig.window.holds(stamp_ns, MARGIN_NS):
                 point_stamps_ns = None if read.point_stamps_ns is None else read.point_stamps_ns + shift_ns
-                yield Sweep(stamp_ns, read.frame_id, read.points, point_stamps_ns, T_base_lidar)
+                points = read.points if lidar.point_scale == 1.0 else read.points * lidar.point_scale
+                yield Sweep(stamp_ns, read.frame_id, points, point_stamps_ns, T_base_lidar)
 
     def _imu_topic(self) -> Topic | None:
         """The IMU, if TF says how it is turned against the base."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import shutil
 import weakref
 from collections.abc import Callable, Collection, Iterator, Sequence
 from functools import partial
@@ -11,12 +10,12 @@ from pathlib import Path, PurePath
 
 from supermap_cli.errors import RecordingError
 from supermap_cli.input_files import check_readable
-from supermap_cli.leftovers import new_temporary_folder
 from supermap_cli.recordings.file_kinds import COMPRESSED, FORMATS, FileKind, kind_of_file, no_recording
 from supermap_cli.recordings.limits import Limits
 from supermap_cli.recordings.notes import Notes
 from supermap_cli.recordings.storage import Channel, RawMessage, SplitStorage, Storage
 from supermap_cli.recordings.zero_times import from_first_real_time
+from supermap_cli.temporary_folders import OwnedFolder, make_temporary_folder, remove_left_behind
 
 Unpack = Callable[[Path, FileKind, Path, Limits, Notes], Path]
 """`supermap_cli.recordings.unpacking.unpack`."""
@@ -39,6 +38,7 @@ def open_storage(path: Path, notes: Notes, limits: Limits | None = None) -> Stor
     """Open a recording of any known format, recognised by its first bytes. Raises `RecordingError`."""
     limits = limits or Limits()
     check_readable(path, RecordingError, what="a recording", folder=True)
+    remove_left_behind()
     if not path.exists():
         raise RecordingError("no such recording", where=str(path), cure="check the path")
     try:
@@ -66,9 +66,9 @@ def open_storage(path: Path, notes: Notes, limits: Limits | None = None) -> Stor
 class _UnpackedStorage:
     """A storage of a file that was unpacked into a folder, which goes when the storage does."""
 
-    def __init__(self, storage: Storage, folder: Path) -> None:
+    def __init__(self, storage: Storage, folder: OwnedFolder) -> None:
         self._storage = storage
-        weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
+        weakref.finalize(self, folder.remove)
         self.channels: Sequence[Channel] = storage.channels
         self.start_ns = storage.start_ns
         self.end_ns = storage.end_ns
@@ -108,12 +108,12 @@ def _open_file(path: Path, notes: Notes, limits: Limits) -> Storage:
 
 
 def _open_packed(path: Path, kind: FileKind, unpack: Unpack, notes: Notes, limits: Limits) -> Storage:
-    folder = new_temporary_folder("unpacked")
+    folder = make_temporary_folder()
     try:
-        inner = unpack(path, kind, folder, limits, notes)
+        inner = unpack(path, kind, folder.path, limits, notes)
         return _UnpackedStorage(_open_unpacked(inner, path, kind, notes, limits), folder)
     except BaseException:
-        shutil.rmtree(folder, ignore_errors=True)
+        folder.remove()
         raise
 
 

@@ -6,7 +6,6 @@ darknet_ros_msgs; depthai_ros_msgs; zed_msgs.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -16,11 +15,8 @@ import numpy as np
 
 from supermap_cli.recordings.limits import Limits
 from supermap_cli.recordings.messages import header_of, stamp_ns_of
-from supermap_cli.types.detections import Detections, Hypothesis, RegionMask, cut_mask, no_detections
+from supermap_cli.types.detections import Detections, Hypothesis, RegionMask, cut_mask, no_detections, plain_hypotheses
 from supermap_cli.types.sensing import MAIN_CAMERA
-
-_PLAIN_WORDS = re.compile(r"[A-Za-z][A-Za-z0-9]*([_ ][A-Za-z0-9]+)*")
-"""A label in plain words; all others (sentences, other scripts) are kept as they are."""
 
 _ZED_PERCENT = 100.0
 """zed_msgs gives confidence in percent, 1 to 99."""
@@ -72,12 +68,6 @@ def own_stamp_ns(message: Any) -> int | None:
         return header_of(inner, 0)[0] or own_stamp_ns(inner)
     stamps = {stamp_ns_of(item.header.stamp) for item in _items(message) if hasattr(item, "header")}
     return stamps.pop() or None if len(stamps) == 1 else None
-
-
-def plain_label(label: str) -> str:
-    """`Person` -> person, `potted_plant` -> potted plant: the spelling of COCO and of questions."""
-    stripped = label.strip()
-    return stripped.replace("_", " ").lower() if _PLAIN_WORDS.fullmatch(stripped) else label
 
 
 def _items(message: Any) -> Iterable[Any]:
@@ -166,7 +156,6 @@ def _ranked(hypotheses: Iterable[tuple[str, float]], limits: Limits) -> tuple[Hy
     for label, score in hypotheses:
         if len(label) > limits.string_bytes:
             raise ValueError(f"a label of {len(label)} characters, the limit string_bytes allows {limits.string_bytes}")
-        if label and np.isfinite(score):
-            read.append(Hypothesis(plain_label(label), min(max(score, 0.0), 1.0)))
-    read.sort(key=lambda hypothesis: -hypothesis.score)
-    return tuple(read) or (Hypothesis("object", 0.0),)
+        if np.isfinite(score):
+            read.append(Hypothesis(label, min(max(score, 0.0), 1.0)))
+    return plain_hypotheses(read) or (Hypothesis("object", 0.0),)

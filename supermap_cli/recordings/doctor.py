@@ -162,12 +162,16 @@ def explicit_settings(opened: OpenedRecording) -> dict[str, object]:
         "camera": request.camera,
         "robot": opened.rig.robot,
         "sync_tolerance_s": request.sync_tolerance_s,
+        "detection_tolerance_s": request.detection_tolerance_s,
+        "start_s": request.start_s,
+        "end_s": request.end_s,
         "fit_color": request.fit_color,
         "topics": topics,
         "frames": frames,
         "mounts": mounts,
         "fixed_joints": dict(request.fixed_joints),
         "clocks": clocks,
+        "limits": request.limits.model_dump(exclude_defaults=True),
     }
     return {name: value for name, value in settings.items() if value not in ({}, None)}
 

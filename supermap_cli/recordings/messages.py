@@ -130,6 +130,10 @@ class CalibrationMessage:
     roi: tuple[int, int, int, int]
 
 
+_LARGEST_STRETCH = 0.1
+"""How much longer or shorter than 1 the quaternion of a pose may be, of rounding: a tenth of what a byte rounds to."""
+
+
 @dataclass(frozen=True)
 class PoseMessage:
     """Where something is: `child_frame_id` is "" where the message does not say what. May be non-finite.
@@ -147,6 +151,21 @@ class PoseMessage:
     def later(self, by_ns: int) -> PoseMessage:
         """The same with another stamp."""
         return replace(self, stamp_ns=self.stamp_ns + by_ns) if by_ns else self
+
+    @property
+    def fault(self) -> str | None:
+        """Why this is no pose of a robot; `None` if it is one. tf2 takes no quaternion that is off by a hundredth; here
+        one that was rounded passes, and none that was never set, or is of something else.
+        """
+        if not all(np.isfinite(values).all() for values in (self.position, self.orientation_xyzw)):
+            return "a pose that is not finite"
+        if (np.abs(self.position) >= LARGEST_POSITION_M).any():
+            return "a pose at no place on earth"
+        with np.errstate(over="ignore"):
+            length = float(np.linalg.norm(self.orientation_xyzw))
+        if abs(length - 1.0) > _LARGEST_STRETCH:
+            return f"a quaternion of length {length:.3g}, which is no rotation"
+        return None
 
     def transform(self) -> FloatArray | None:
         """`T_frame_child`; `None` for a pose that is not finite, of no place, or has a zero quaternion."""

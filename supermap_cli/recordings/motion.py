@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from supermap_cli.recordings.notes import Notes
-from supermap_cli.recordings.pose_topics import BASE_NAMES, ROBOT_WORDS, is_odometry, last_part, why_no_motion
+from supermap_cli.recordings.pose_topics import BASE_NAMES, ROBOT_WORDS, is_base, is_odometry, last_part, why_no_motion
 from supermap_cli.recordings.survey import Topic
 from supermap_cli.recordings.topic_names import words_of
 from supermap_cli.recordings.topic_plan import TopicPlan
@@ -134,9 +134,7 @@ def moving_base(tree: TransformTree, frames: Mapping[str, str], sensor_frame: st
     bearing = [source for source in found if sensor_frame and tree.connects(source.child_frame, sensor_frame)]
     rigid = [source for source in bearing if tree.is_static(source.child_frame, sensor_frame)]
     if sensor_frame in tree.frames and not named_base:
-        found = [
-            source for source in found if _is_odom(source.odom_frame) or last_part(source.child_frame) in BASE_NAMES
-        ]
+        found = [source for source in found if _is_odom(source.odom_frame) or is_base(source.child_frame)]
     return next(iter((*rigid, *bearing, *found)), None)
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from supermap_cli.errors import ConfigError, RecordingError
+from supermap_cli.errors import ConfigError, RecordingError, SupermapError
 from supermap_cli.geometry.arrays import Float32Array
 from supermap_cli.hookspecs import RecordingRequest
 from supermap_cli.recordings import messages
@@ -105,6 +105,14 @@ class OpenedRecording:
 def open_recording(path: Path, request: RecordingRequest) -> OpenedRecording:
     """Open and understand a recording. Raises `RecordingError` only where not even `inspect` could say anything."""
     notes = Notes()
+    try:
+        return _open(path, request, notes)
+    except SupermapError as error:
+        error.add_warnings(notes.lines)
+        raise
+
+
+def _open(path: Path, request: RecordingRequest, notes: Notes) -> OpenedRecording:
     storage = open_storage(path, notes, request.limits)
     where = str(path)
     decoder = Decoder(where, notes, request.limits, storage.start_ns)
@@ -129,9 +137,9 @@ def open_recording(path: Path, request: RecordingRequest) -> OpenedRecording:
 
 
 def _note_unread(storage: Storage, topics: tuple[Topic, ...], where: str, notes: Notes) -> None:
-    """Name what a build can do without and does: detections and IMUs that cannot be read."""
+    """Name what a build can do without and does: detections, IMUs and clouds that cannot be read."""
     for topic in topics:
-        if topic.fault is not None and topic.kind in {"detections", "imu"}:
+        if topic.fault is not None and topic.kind in {"detections", "imu", "points"}:
             notes.note(f"unread {topic.name}", f"{where}, {topic.name}: left out: {topic.fault.what}")
     for channel in storage.channels:
         if channel.count and messages.is_near_detections(channel):

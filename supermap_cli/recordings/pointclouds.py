@@ -51,6 +51,7 @@ class PointsMessage:
     """One sweep: (n, 3) float64 finite points and (n,) int64 stamps, the sweep's own where the sensor gives none.
 
     `foreign_clock` says that the points' times are of a clock that is not the header's: only their differences count.
+    `integer_bytes` is the size of coordinates that were whole numbers, 0 where they were floats.
     """
 
     stamp_ns: int
@@ -58,6 +59,7 @@ class PointsMessage:
     points: FloatArray
     point_stamps_ns: IntArray
     foreign_clock: bool = False
+    integer_bytes: int = 0
 
 
 def read_points(raw: RawMessage, decoder: Decoder) -> PointsMessage:
@@ -92,7 +94,9 @@ def _read_cloud(message: Any, log_ns: int, *, limits: Limits) -> PointsMessage:
         stamps, foreign = np.full(len(points), stamp_ns, np.int64), False
     else:
         stamps, foreign = point_stamps(cloud[time_field], stamp_ns)
-    return PointsMessage(stamp_ns, frame_id, points[returned], stamps[returned], foreign)
+    given = cloud.dtype[names["x"]]
+    integer_bytes = given.itemsize if np.issubdtype(given, np.integer) else 0
+    return PointsMessage(stamp_ns, frame_id, points[returned], stamps[returned], foreign, integer_bytes)
 
 
 def point_stamps(times: NDArray[np.generic], stamp_ns: int) -> tuple[IntArray, bool]:

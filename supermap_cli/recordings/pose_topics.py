@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 
 from supermap_cli.recordings.survey import Topic
@@ -9,6 +10,9 @@ from supermap_cli.recordings.topic_names import words_of
 
 BASE_NAMES = ("base_link", "base_footprint", "base", "body")
 """Names of the robot's base (REP-105, REP-120), the likeliest first."""
+
+_PREFIXED_BASE = re.compile(r"(.+)[/_](?:base_link|base_footprint)")
+"""A base's name behind that of its robot."""
 
 WORLD_NAMES = frozenset({"map", "odom", "world", "earth", "utm", "odom_combined", "odometry", "camera_init"})
 """Names of frames that stand still (REP-105; robot_pose_ekf; LOAM and FAST-LIO), which are no sensor's."""
@@ -53,6 +57,17 @@ def why_no_motion(topic: Topic, topics: Sequence[Topic], length_s: float = 0.0) 
 def last_part(frame: str) -> str:
     """r1/base_link -> base_link."""
     return frame.rpartition("/")[2]
+
+
+def base_prefix(frame: str) -> str | None:
+    """What stands before the name of a base: "r1" of r1/base_link and of r1_base_link; `None` for no such frame."""
+    found = _PREFIXED_BASE.fullmatch(frame)
+    return None if found is None else found.group(1)
+
+
+def is_base(frame: str) -> bool:
+    """Whether a frame is named as a robot's base, with a prefix or without."""
+    return last_part(frame) in BASE_NAMES or base_prefix(frame) is not None
 
 
 def is_odometry(topic: Topic) -> bool:

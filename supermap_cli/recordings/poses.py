@@ -7,20 +7,22 @@ from dataclasses import replace
 
 import numpy as np
 
-from supermap_cli.errors import RecordingError
+from supermap_cli.errors import UnusablePosesError
 from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.recordings import messages
 from supermap_cli.recordings.continuous_poses import ContinuousPoses
 from supermap_cli.recordings.motion import PoseSource
 from supermap_cli.recordings.opening import MARGIN_NS, OpenedRecording
+from supermap_cli.recordings.rig_finding import ORIGIN_STEP_M
 from supermap_cli.recordings.survey import Topic
+from supermap_cli.types.limits import FARTHEST_M
 from supermap_cli.types.sensing import StampedPose
 
 
 def recorded_poses(opened: OpenedRecording, source: PoseSource) -> Iterator[StampedPose]:
     """Poses in the window and a little beyond it, in the order they were recorded.
 
-    Poses that are not finite are left out with a note. Raises `RecordingError` with the reasons if none is left.
+    Poses that are not finite are left out with a note. Raises `UnusablePosesError` with the reasons if none is left.
     """
     skipped = _SkippedPoses(opened, source.topic.name if source.topic else "TF")
     if source.topic is None:
@@ -28,14 +30,15 @@ def recorded_poses(opened: OpenedRecording, source: PoseSource) -> Iterator[Stam
     else:
         poses = _from_topic(opened, source, source.topic, skipped)
     count = 0
-    for pose in _continuous(opened, source, poses) if source.is_continuous else poses:
+    near = _near_origin(opened, poses, skipped)
+    for pose in _continuous(opened, source, near) if source.is_continuous else near:
         if opened.rig.window.holds(pose.stamp_ns, MARGIN_NS):
             count += 1
-            yield replace(pose, T_odom_base=_from_origin(pose.T_odom_base, opened.rig.origin))
+            yield pose
     if not count:
-        raise RecordingError(
+        raise UnusablePosesError(
             f"no usable poses in the window{skipped.summary}",
-            where=f"{opened.path}, {source.description}",
+            where=f"{opened.path}, {source.description}{skipped.first_time}",
             cure="widen --start/--end, name another source with --topic odometry=/..., or record again",
         )
 
@@ -75,6 +78,13 @@ class _SkippedPoses:
         self._opened.notes.note(f"poses {why}", f"{place}: {why}, {self._counts[why]} pose(s) left out")
 
     @property
+    def first_time(self) -> str:
+        """When the first one was left out, to end a place; "" for none."""
+        if not self._first_ns:
+            return ""
+        return " at " + self._opened.place("", min(self._first_ns.values())).rpartition(" at ")[2]
+
+    @property
     def summary(self) -> str:
         """What was left out and why, to end an error's sentence; "" for nothing."""
         counts = ", ".join(f"{count} left out ({why})" for why, count in self._counts.items())
@@ -92,9 +102,9 @@ def _from_topic(
     )
     for _, read in opened.decoder.each(raws, messages.read_pose):
         message = read.later(shift_ns)
-        T_odom_moved = message.transform()
-        if T_odom_moved is None:
-            skipped.add("a pose that is not finite", message.stamp_ns)
+        fault, T_odom_moved = message.fault, message.transform()
+        if fault is not None or T_odom_moved is None:
+            skipped.add(fault or "a pose that is not finite", message.stamp_ns)
             continue
         T_moved_base = transforms.lookup(moved, opened.rig.base_frame, message.stamp_ns)
         if T_moved_base is None:
@@ -106,13 +116,22 @@ def _from_topic(
         yield StampedPose(message.stamp_ns, T_odom_moved @ T_moved_base, covariance)
 
 
-def _from_origin(T_odom_base: FloatArray, origin: FloatArray) -> FloatArray:
-    """The pose with its position counted from `origin` (3,)."""
-    if not origin.any():
-        return T_odom_base
-    moved = T_odom_base.copy()
-    moved[:3, 3] -= origin
-    return moved
+def _near_origin(
+    opened: OpenedRecording, poses: Iterator[StampedPose], skipped: _SkippedPoses
+) -> Iterator[StampedPose]:
+    """The poses with their positions counted from the recording's origin, without those that no map reaches: of a
+    receiver that has no fix yet, at 0.
+    """
+    origin = opened.rig.origin
+    for pose in poses:
+        T_odom_base = pose.T_odom_base
+        if origin.any():
+            T_odom_base = T_odom_base.copy()
+            T_odom_base[:3, 3] -= origin
+        if np.abs(T_odom_base[:3, 3]).max() > FARTHEST_M + ORIGIN_STEP_M:
+            skipped.add("a pose more than 10 km from where the others are", pose.stamp_ns)
+            continue
+        yield replace(pose, T_odom_base=T_odom_base)
 
 
 def carried_covariance(covariance: FloatArray, lever_arm: FloatArray) -> FloatArray:
@@ -139,8 +158,8 @@ def _from_tree(opened: OpenedRecording, source: PoseSource, skipped: _SkippedPos
     for _, message in opened.moving_transforms(MARGIN_NS):
         if message.child_frame_id != leading:
             continue
-        if message.transform() is None:
-            skipped.add(f"{leading!r} is at a place that is not finite", message.stamp_ns)
+        if (fault := message.fault) is not None:
+            skipped.add(f"{leading!r} is at {fault}", message.stamp_ns)
             continue
         T_odom_base = transforms.lookup(source.odom_frame, opened.rig.base_frame, message.stamp_ns)
         if T_odom_base is None:

@@ -11,6 +11,7 @@ from supermap_cli.errors import CalibrationError, RecordingError
 from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.recordings.camera_finding import CameraFinder, RecordedRobot, clock_problems, plan_named_cameras
 from supermap_cli.recordings.camera_rigs import CameraRigs, OpenedCamera, RecordedMotion, RigFrames
+from supermap_cli.recordings.clock_by_motion import MotionClock
 from supermap_cli.recordings.messages import PoseMessage
 from supermap_cli.recordings.motion import MotionFinder, PoseSource, find_base_frame
 from supermap_cli.recordings.motion_agreement import MotionAgreement
@@ -18,13 +19,14 @@ from supermap_cli.recordings.mounting import check_frames, joint_messages, parse
 from supermap_cli.recordings.notes import Notes
 from supermap_cli.recordings.robots import topics_of_robot
 from supermap_cli.recordings.roles import NamedTopics, parse_named_topics
-from supermap_cli.recordings.sensor_clocks import check_clocks, sensor_clocks
+from supermap_cli.recordings.sensor_clocks import OTHER_CLOCK_NS, check_clocks, sensor_clocks
 from supermap_cli.recordings.survey import Topic
 from supermap_cli.recordings.tf_survey import SurveyedTransforms, is_static, survey_transforms
 from supermap_cli.recordings.topic_plan import TopicPlan
 from supermap_cli.recordings.topics import plan_topics
 from supermap_cli.recordings.transforms import TransformTree
 from supermap_cli.recordings.window import RecordedData, Window, find_window
+from supermap_cli.types.limits import FARTHEST_M
 
 
 @dataclass(frozen=True)
@@ -58,7 +60,7 @@ def find_rig(data: RecordedData, topics: Sequence[Topic], notes: Notes) -> Rig:
     Raises `RecordingError` where it cannot be told which robot is meant, and `ConfigError` for options of no meaning.
     """
     finder = _RigFinder(data, topics, notes)
-    surveyed = survey_transforms(data.storage, data.decoder, finder.topics)
+    surveyed = finder.surveyed or survey_transforms(data.storage, data.decoder, finder.topics)
     rig = finder.find(surveyed)
     if (rig.problems or rig.pose_source is None) and not surveyed.whole:
         rig = finder.find(survey_transforms(data.storage, data.decoder, finder.topics, whole=True))
@@ -78,7 +80,15 @@ class _RigFinder:
         self._mounts = {mount.name: mount for mount in parse_mounts(request.mounts)}
         self._named: NamedTopics = parse_named_topics(request.topics)
         named = set(request.topics.values())
-        self.robot, self.topics = topics_of_robot(topics, request.robot, named, where, notes)
+        self.surveyed: SurveyedTransforms | None = None
+
+        def tree() -> TransformTree:
+            self.surveyed = survey_transforms(data.storage, data.decoder, topics)
+            return self.surveyed.tree
+
+        self.robot, self.topics = topics_of_robot(topics, request.robot, named, where, notes, tree)
+        if len(self.topics) < len(topics):
+            self.surveyed = None
         planned = (plan_named_cameras if self._named.color_cameras else plan_topics)(self.topics, self._named, where)
         self._plan = planned
 
@@ -109,7 +119,7 @@ class _RigFinder:
                 plan, RecordedRobot(frames.tree, base_frame, self._data.storage, self._data.decoder), notes
             )
             plan = with_given_frames(plan, self._request.frames, self._mounts)
-            shifts, of_clocks = self._clocks(plan, source, notes)
+            shifts, of_clocks = self._clocks(plan, source, (frames.tree, base_frame), notes)
             plan = replace(plan, shared_problems=(*plan.shared_problems, *of_clocks))
             moved = RecordedMotion(self._data, source, base_frame, window.offset_ns, shifts)
             rigs = CameraRigs(plan, frames, moved, notes)
@@ -180,15 +190,26 @@ class _RigFinder:
         return finder.lone() if self._request.camera else finder.find(robot, notes)
 
     def _clocks(
-        self, plan: TopicPlan, source: PoseSource | None, notes: Notes
+        self, plan: TopicPlan, source: PoseSource | None, moved: tuple[TransformTree, str], notes: Notes
     ) -> tuple[dict[str, int], list[CalibrationError]]:
-        """What is added to the stamps of each topic, and what cannot be decided of it."""
+        """What is added to the stamps of each topic, and what cannot be decided of it; `moved` is TF and the base."""
         sensors = [topic for role in ("depth", "lidar", "imu") if (topic := plan.topic(role)) is not None]
         if source is not None and source.topic is not None:
             sensors.append(source.topic)
         moving = [topic for topic in self.topics if topic.kind == "transforms" and not is_static(topic.name)]
         reference = plan.main.choices["color"].topic if "color" in plan.main.choices else None
-        shifts, problems = sensor_clocks(reference, [*sensors, *moving], self._request.clocks, self._where, notes)
+
+        def by_motion(topic: Topic, shift_ns: int) -> bool | None:
+            if source is None or reference is None:
+                return None
+            told = [source.topic] if source.topic is not None else moving
+            if any(abs(each.clock_offset_ns - reference.clock_offset_ns) >= OTHER_CLOCK_NS for each in told):
+                return None
+            return MotionClock(self._data, source, *moved, tuple(moving)).is_off(topic, shift_ns)
+
+        shifts, problems = sensor_clocks(
+            reference, [*sensors, *moving], self._request.clocks, by_motion, self._where, notes
+        )
         for camera in plan.cameras:
             color = camera.topic("color")
             for role in ("detections", "masks"):
@@ -216,30 +237,33 @@ def _note_doubts(plan: TopicPlan, source: PoseSource | None, where: str, notes: 
             notes.note(f"doubt {topic.name} {doubt}", f"{where}, {topic.name}: {doubt}")
 
 
-_FAR_M = 10_000.0
+_FAR_M = 4_000.0
 """Metres from the origin from which positions are of the world (as UTM) and not of a robot's way: what is mapped keeps
-its millimetres in 32 bits up to there.
+its millimetres in 32 bits up to there (steps of 0.24 mm below 4,096 m).
 """
 
-_ORIGIN_STEP_M = 100.0
+ORIGIN_STEP_M = 100.0
 """Metres to which an origin is rounded, so that two recordings of one place mostly have the same one."""
 
 
 def _origin(source: PoseSource | None, tree: TransformTree, where: str, notes: Notes) -> FloatArray:
-    """(3,) metres that are taken off positions, so that they are near 0: none for what is near it already."""
+    """(3,) metres that are taken off positions, so that they are near 0: none for what is near it already. A receiver
+    without a fix tells 0 at first; what most samples say counts.
+    """
     origin: FloatArray = np.zeros(3)
     if source is None:
         return origin
-    first = source.topic.poses[0].position if source.topic and source.topic.poses else None
-    if source.topic is None:
-        _, chain = tree.path(source.odom_frame, source.child_frame)
-        T = next((edge.samples[0][1] for edge in reversed(chain) if edge.samples and not edge.static), None)
-        first = None if T is None else T[:3, 3]
-    if first is None or np.abs(first).max() < _FAR_M:
+    positions = [pose.position for pose in source.topic.poses] if source.topic else _moving_positions(source, tree)
+    if not positions:
         return origin
-    origin[:2] = np.round(first[:2] / _ORIGIN_STEP_M) * _ORIGIN_STEP_M
-    if abs(first[2]) >= _FAR_M:
-        origin[2] = np.round(first[2] / _ORIGIN_STEP_M) * _ORIGIN_STEP_M
+    middle = np.median(positions, axis=0)
+    near = [position for position in positions if np.abs(position - middle).max() < FARTHEST_M]
+    usual = near[0] if near else min(positions, key=lambda position: float(np.abs(position - middle).max()))
+    if np.abs(usual).max() < _FAR_M:
+        return origin
+    origin[:2] = np.round(usual[:2] / ORIGIN_STEP_M) * ORIGIN_STEP_M
+    if abs(usual[2]) >= _FAR_M:
+        origin[2] = np.round(usual[2] / ORIGIN_STEP_M) * ORIGIN_STEP_M
     x, y, z = origin
     notes.note(
         "origin",
@@ -247,3 +271,21 @@ def _origin(source: PoseSource | None, tree: TransformTree, where: str, notes: N
         f"{z:.0f}) m are taken off them, add it to places in the map",
     )
     return origin
+
+
+def _moving_positions(source: PoseSource, tree: TransformTree) -> list[FloatArray]:
+    """(3,) each: where the samples of TF have the base in odom, each of its moving links as far as it was sampled."""
+    _, chain = tree.path(source.odom_frame, source.child_frame)
+    moving = [edge for edge in chain if edge.samples]
+    if all(edge.static for edge in moving):
+        return []
+    leading = max((edge for edge in moving if not edge.static), key=lambda edge: len(edge.samples))
+    others = [edge.samples[len(edge.samples) // 2][1] for edge in moving]
+    at = moving.index(leading)
+    positions = []
+    for _, T in leading.samples:
+        T_odom_base = np.eye(4)
+        for edge_T in reversed([*others[:at], T, *others[at + 1 :]]):
+            T_odom_base = T_odom_base @ edge_T
+        positions.append(T_odom_base[:3, 3])
+    return positions

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
@@ -14,8 +14,10 @@ from supermap_cli.types.limits import LARGEST_CLOCK_OFFSET_S
 OTHER_CLOCK_NS = 1_000_000_000
 """ns between the stamps of two sensors at one time of recording from which they are two clocks."""
 
-_SURE_NS = 60_000_000_000
-"""ns from which a difference can only be that of clocks: no message waits a minute before it is recorded."""
+_NEVER_SO_LATE_NS = 600 * 10**9
+"""ns, ten minutes, from which a difference can only be that of clocks: at 10 Hz and 1 MB a sweep, what waits so long
+before it is recorded would fill 6 GB.
+"""
 
 _LATE_VARIES = 4
 """What waits to be recorded does so for times that vary by at least a quarter."""
@@ -33,12 +35,23 @@ _HOUR_NS, _MOST_HOURS = 3600 * 10**9, 14
 """ns, and the most hours that a time zone is off UTC."""
 
 
-def sensor_clocks(
-    reference: Topic | None, sensors: Sequence[Topic], given: Mapping[str, float], where: str, notes: Notes
+ByMotion = Callable[[Topic, int], bool | None]
+"""Whether the robot's motion says that so many ns must be added to a topic's stamps; `None` where it does not tell."""
+
+
+def sensor_clocks(  # noqa: PLR0917 - what is known of the clocks
+    reference: Topic | None,
+    sensors: Sequence[Topic],
+    given: Mapping[str, float],
+    by_motion: ByMotion,
+    where: str,
+    notes: Notes,
 ) -> tuple[dict[str, int], list[CalibrationError]]:
     """What is added to the stamps of each topic, in ns, and what cannot be decided.
 
-    `given` are the user's offsets in seconds, which count without a look at the times of recording.
+    `given` are the user's offsets in seconds, which count without a look at the times of recording. A stamp far beyond
+    the time of recording, or off by a known difference of time scales, is another clock's; one seconds before it is
+    another clock's or that of a message that was recorded late, which `by_motion` may tell.
     """
     shifts = {topic: round(offset_s * 1e9) for topic, offset_s in given.items() if offset_s}
     problems: list[CalibrationError] = []
@@ -53,12 +66,20 @@ def sensor_clocks(
             notes.note(
                 f"clock {topic.name}", f"{where}, {topic.name}: {what}; as this varies, messages are recorded late"
             )
-        elif _is_sure(topic, reference, apart_ns):
+            continue
+        off = True if _is_sure(topic, reference, apart_ns) else by_motion(topic, -apart_ns)
+        if off:
             shifts[topic.name] = -(known_scale_ns(apart_ns) or apart_ns)
             notes.note(
                 f"clock {topic.name}",
                 f"{where}, {topic.name}: {what}; {shifts[topic.name] / 1e9:+.3f} s are added to its stamps (--clock "
                 f"{topic.name}=SECONDS adds others, 0 none)",
+            )
+        elif off is False:
+            notes.note(
+                f"clock {topic.name}",
+                f"{where}, {topic.name}: {what}; as the robot turned at its stamps, they are right, and its messages "
+                f"are recorded late (--clock {topic.name}=SECONDS adds to its stamps)",
             )
         else:
             problems.append(
@@ -94,13 +115,13 @@ def _is_late(topic: Topic, reference: Topic, apart_ns: int) -> bool:
 
 
 def _is_sure(topic: Topic, reference: Topic, apart_ns: int) -> bool:
-    """Whether a difference is that of two clocks, and not of messages that waited before they were recorded.
-
-    What a slow program publishes waits equally long each time, and its stamps are right.
+    """Whether a difference is that of two clocks, and not of messages that waited before they were recorded: too long
+    or just as long as time scales differ, or stamped in the future by the clock of the other sensor and the recorder.
     """
-    if abs(apart_ns) >= _SURE_NS or known_scale_ns(apart_ns) is not None:
+    if abs(apart_ns) >= _NEVER_SO_LATE_NS or known_scale_ns(apart_ns) is not None:
         return True
-    return max(topic.clock_offset_ns, reference.clock_offset_ns) > _AHEAD_NS
+    earlier_ns, later_ns = sorted((topic.clock_offset_ns, reference.clock_offset_ns))
+    return later_ns > _AHEAD_NS and abs(earlier_ns) < OTHER_CLOCK_NS
 
 
 def _is_steady(topic: Topic) -> bool:

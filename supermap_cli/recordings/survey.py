@@ -14,6 +14,7 @@ import numpy as np
 from supermap_cli.errors import RecordingError
 from supermap_cli.recordings import messages
 from supermap_cli.recordings.calibration import is_calibrated
+from supermap_cli.recordings.cloud_values import CloudValues, cloud_values
 from supermap_cli.recordings.decoding import Decoder
 from supermap_cli.recordings.image_size import PixelLimitError
 from supermap_cli.recordings.images import decode_color, decode_depth, is_depth_encoding
@@ -48,7 +49,7 @@ class Topic:
 
     `clock_offset_ns` is their stamp minus log time (the median), `offsets_ns` that of every sample, in order of time;
     `child_frame_id` is an odometry's, `poses` are its samples; `frame_ids` are all frames that were named; `doubts` are
-    what speaks against some of the samples. `depth_scale` is what decoded depth is multiplied by to be metres.
+    what speaks against some of the samples. `depth_scale` and `point_scale` bring decoded depth and points to metres.
     """
 
     channel: Channel
@@ -65,6 +66,7 @@ class Topic:
     doubts: tuple[str, ...] = ()
     frame_ids: frozenset[str] = frozenset()
     depth_scale: float = 1.0
+    point_scale: float = 1.0
 
     @property
     def name(self) -> str:
@@ -195,7 +197,15 @@ def _topic(storage: Storage, raws: Sequence[RawMessage], kind: Kind, decoder: De
         doubts=tuple(_doubts(samples, good)) if kind != "detections" else (),
         frame_ids=frozenset(sample.frame_id for sample in said if sample.frame_id),
     )
+    if kind == "points":
+        return _with_points(topic, cloud_values(raws, decoder))
     return _with_image(topic, [sample for sample in said if sample.image]) if kind == "image" else topic
+
+
+def _with_points(topic: Topic, values: CloudValues) -> Topic:
+    """The topic with what its clouds hold."""
+    doubts = topic.doubts if values.doubt is None else (*topic.doubts, values.doubt)
+    return replace(topic, point_scale=values.scale, doubts=doubts, fault=topic.fault or values.fault)
 
 
 def _most(samples: Iterable[_Sample], said: Callable[[_Sample], Value]) -> Value:
@@ -228,7 +238,12 @@ def _doubts(samples: Sequence[_Sample], good: Sequence[_Sample]) -> Iterator[str
     calibrations = Counter(_calibration_key(sample.calibration) for sample in good if sample.calibration)
     if len(calibrations) > 1:
         most = calibrations.most_common(1)[0][1]
-        yield f"{len(calibrations)} different calibrations in it, that of {most} of {len(good)} looked at counts"
+        sizes = Counter((sample.calibration.width, sample.calibration.height) for sample in good if sample.calibration)
+        of_sizes = f" (for {' and '.join(f'{w} x {h}' for w, h in list(sizes)[:3])} pixels)" if len(sizes) > 1 else ""
+        yield (
+            f"{len(calibrations)} different calibrations in it{of_sizes}, that of {most} of {len(good)} looked at "
+            "counts"
+        )
 
 
 def _with_image(topic: Topic, said: Sequence[_Sample]) -> Topic:

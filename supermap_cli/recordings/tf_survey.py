@@ -14,6 +14,7 @@ from supermap_cli.geometry.se3 import inverse
 from supermap_cli.recordings import messages
 from supermap_cli.recordings.decoding import Decoder
 from supermap_cli.recordings.messages import PoseMessage
+from supermap_cli.recordings.pose_topics import BASE_NAMES, last_part
 from supermap_cli.recordings.storage import RawMessage, Storage
 from supermap_cli.recordings.survey import Topic
 from supermap_cli.recordings.transforms import Link, TransformTree
@@ -97,11 +98,13 @@ def survey_transforms(
                     seen.setdefault(key, _Seen()).take(message.stamp_ns, T, static=static)
                     if len(seen[key].static) + len(seen[key].moving) < _KEPT_SAMPLES:
                         read.append((message, static))
-    links = {child: _link(child, parents) for child, parents in _by_child(seen).items()}
+    children = _by_child(seen)
+    links = {child: _link(child, parents) for child, parents in children.items()}
+    links, loops = _without_loops(links, children)
     tree = TransformTree(links)
     for message, static in read:
         tree.add(message, static=static)
-    return SurveyedTransforms(tree, links, tuple(_warnings(seen, links)), whole)
+    return SurveyedTransforms(tree, links, (*_warnings(seen, links), *loops), whole)
 
 
 def is_static(topic: str) -> bool:
@@ -140,6 +143,45 @@ def _link(child: str, parents: Mapping[str, _Seen]) -> Link:
     return Link(parent, child, static=bool(seen.static) and not (_is_world(parent) and seen.moving and seen.moves))
 
 
+def _without_loops(
+    links: Mapping[str, Link], children: Mapping[str, Mapping[str, _Seen]]
+) -> tuple[dict[str, Link], list[str]]:
+    """The links without those that close a loop, as far as it can be told which these are, and what is said of it.
+
+    A world or a base frame under a frame of its own is turned round: another parent of it counts, or none. A loop of
+    other frames stays, and whoever follows it says so.
+    """
+    kept, said = dict(links), []
+    for frame in sorted(links):
+        loop = _loop_through(kept, frame)
+        tops = [each for each in loop if _is_world(each) or last_part(each) in BASE_NAMES]
+        if not tops:
+            continue
+        top = min(tops, key=lambda each: (not _is_world(each), each))
+        wrong = kept[top].parent
+        others = {parent: seen for parent, seen in children[top].items() if parent not in loop}
+        kept[top] = _link(top, others) if others else Link("", top, static=True)
+        if _loop_through(kept, top):
+            kept[top] = Link("", top, static=True)
+        said.append(
+            f"TF: {' -> '.join([*loop, loop[0]])} is a loop; {wrong!r} -> {top!r} is left out, as {top!r} bears the "
+            f'others (else say which link holds: --mount FRAME="PARENT X Y Z ROLL PITCH YAW")'
+        )
+    return kept, said
+
+
+def _loop_through(links: Mapping[str, Link], frame: str) -> list[str]:
+    """The frames of the loop that leads through a frame, from parent to child; [] if there is none."""
+    chain = [frame]
+    while (link := links.get(chain[-1])) is not None and link.parent:
+        if link.parent == frame:
+            return chain[::-1]
+        if link.parent in chain:
+            return []
+        chain.append(link.parent)
+    return []
+
+
 def _is_world(frame: str) -> bool:
     return _WORLD.search(frame) is not None
 
@@ -147,6 +189,8 @@ def _is_world(frame: str) -> bool:
 def _warnings(seen: Mapping[tuple[str, str], _Seen], links: Mapping[str, Link]) -> Iterator[str]:
     for child, parents in sorted(_by_child(seen).items()):
         link = links[child]
+        if not link.parent:
+            continue
         if len(parents) > 1:
             listed = " and ".join(repr(parent) for parent in sorted(parents))
             why = "the static mounting counts" if link.static else "this one counts"

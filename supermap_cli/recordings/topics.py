@@ -85,7 +85,10 @@ def plan_shared(topics: Sequence[Topic], named: Mapping[str, str], where: str) -
     """The topics of the roles that are of no single camera."""
     choices = RoleFilling(topics, named, where)
     frames = {topic.frame_id for topic in topics if topic.kind == "image" or is_odometry(topic)}
-    choices.choose("lidar", _of(topics, "points"), lambda topic: _lidar_rank(topic, frames), _LIDAR_LOST)
+    clouds = _of(topics, "points")
+    sound = [topic for topic in clouds if topic.fault is None]
+    needed = not any(topic.kind == "image" and is_depth(topic) for topic in topics)
+    choices.choose("lidar", sound or (clouds if needed else []), lambda topic: _lidar_rank(topic, frames), _LIDAR_LOST)
     choices.choose(
         "imu",
         [topic for topic in _of(topics, "imu") if topic.fault is None],

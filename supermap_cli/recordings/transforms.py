@@ -132,9 +132,11 @@ class TransformTree:
         chain = [frame]
         while (parent := self.parent_of(chain[-1])) is not None:
             if parent in chain:
-                loop = " -> ".join([*chain[chain.index(parent) :], parent])
+                frames = chain[chain.index(parent) :]
                 raise CalibrationError(
-                    f"the TF tree has a loop: {loop}", cure="find the node that publishes one of these transforms twice"
+                    f"the TF tree has a loop: {' -> '.join([parent, *frames[::-1]])}",
+                    cure="say where one of these frames sits on a frame outside of it, in metres and radians: --mount "
+                    f'{frames[0]}="PARENT X Y Z ROLL PITCH YAW"',
                 )
             chain.append(parent)
         return chain

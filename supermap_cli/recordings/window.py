@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from supermap_cli.errors import RecordingError
+from supermap_cli.errors import ConfigError, RecordingError
 from supermap_cli.hookspecs import RecordingRequest
 from supermap_cli.recordings.decoding import Decoder
 from supermap_cli.recordings.notes import Notes
 from supermap_cli.recordings.storage import Storage
 from supermap_cli.recordings.survey import Topic, usual_offset_ns
+from supermap_cli.types.limits import LATEST_S
 
 MARGIN_NS = 2_000_000_000
 """ns by which poses, sweeps and IMU reach beyond the window, so that images at its ends have them on both sides."""
@@ -58,6 +59,12 @@ class RecordedData:
 def find_window(data: RecordedData, leading: Topic | None, notes: Notes) -> Window:
     """Seconds of `--start` and `--end` count from the first message, in log time; streams follow the sensors' clock."""
     storage, request, where = data.storage, data.request, data.where
+    for option, given_s in (("--start", request.start_s), ("--end", request.end_s)):
+        if given_s is not None and not (0 if option == "--start" else -LATEST_S) <= given_s <= LATEST_S:
+            raise ConfigError(
+                f"{option} {given_s:g} lies in no recording",
+                cure=f"give seconds from the recording's first message, from 0 to {LATEST_S:g}",
+            )
     offset_ns = leading.clock_offset_ns if leading else 0
     if leading is not None and abs(offset_ns) >= _SKEWED_CLOCK_NS:
         offset_ns = usual_offset_ns(storage, leading, data.decoder)

@@ -6,15 +6,17 @@ import numpy as np
 
 from supermap_cli.errors import DetectorError, PluginError
 from supermap_cli.geometry.arrays import IntArray
-from supermap_cli.types.detections import Detections, RegionMask, Tracks
+from supermap_cli.types.detections import Detections, RegionMask, Tracks, plainly_labelled
 from supermap_cli.types.sensing import CameraFrame, StampedPose
 
 _CURE = "tell its authors, or use another one (see `supermap plugins`)"
 
 
 def checked_detections(answer: object, backend: object, frame: CameraFrame) -> Detections | None:
-    """A detector's answer for an image. Raises `DetectorError` for what are no detections, and for numbers that are not
-    finite, scores beyond 0 to 1 and labels that are no text.
+    """A detector's answer for an image, its labels spelled plainly; what has no label is left out.
+
+    Raises `DetectorError` for what are no detections, and for numbers that are not finite, scores beyond 0 to 1 and
+    labels that are no text.
     """
     if answer is None:
         return None
@@ -23,7 +25,7 @@ def checked_detections(answer: object, backend: object, frame: CameraFrame) -> D
     sound = (
         np.isfinite(answer.boxes_xyxy).all()
         and ((answer.scores >= 0) & (answer.scores <= 1)).all()
-        and all(isinstance(each.label, str) and each.label for ranked in answer.hypotheses for each in ranked)
+        and all(isinstance(each.label, str) for ranked in answer.hypotheses for each in ranked)
         and all(0 <= each.score <= 1 for ranked in answer.hypotheses for each in ranked)
     )
     if not sound:
@@ -31,7 +33,7 @@ def checked_detections(answer: object, backend: object, frame: CameraFrame) -> D
             f"{_named(backend)} answers with boxes that are not finite, scores beyond 0 to 1, or labels that are none"
         )
         raise DetectorError(what, where=f"image at {frame.stamp_ns} ns", cure=_CURE)
-    return answer
+    return plainly_labelled(answer)
 
 
 def checked_stamps(answer: object, backend: object) -> IntArray | None:

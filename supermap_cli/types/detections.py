@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from supermap_cli.geometry.arrays import BoolArray, Float32Array, IntArray, check_shape
+from supermap_cli.types.labels import plain_label
 from supermap_cli.types.sensing import MAIN_CAMERA
 
 
@@ -102,6 +104,26 @@ class Detections:
     def with_masks(self, masks: tuple[RegionMask | None, ...]) -> Detections:
         """The same detections with other masks."""
         return replace(self, masks=masks)
+
+
+def plain_hypotheses(hypotheses: Iterable[Hypothesis]) -> tuple[Hypothesis, ...]:
+    """The hypotheses, best first, with each label as `plain_label` spells it, once; empty ones are left out."""
+    best: dict[str, Hypothesis] = {}
+    for each in sorted(hypotheses, key=lambda each: -each.score):
+        label = plain_label(each.label)
+        if label:
+            best.setdefault(label, each if label == each.label else replace(each, label=label))
+    return tuple(best.values())
+
+
+def plainly_labelled(detections: Detections) -> Detections:
+    """The detections with plain labels, without those of no label; themselves where that is so already."""
+    plain = tuple(plain_hypotheses(ranked) for ranked in detections.hypotheses)
+    if plain == detections.hypotheses:
+        return detections
+    named = np.array([bool(ranked) for ranked in plain], bool)
+    spelled = tuple(new or old for new, old in zip(plain, detections.hypotheses, strict=True))
+    return replace(detections, hypotheses=spelled).take(named)
 
 
 def no_detections(stamp_ns: int, camera_id: str = MAIN_CAMERA) -> Detections:

@@ -15,7 +15,6 @@ A dataclass whose fields are such sets, named for their files, is a group: `over
 from __future__ import annotations
 
 import difflib
-import math
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import Field, dataclass, field, fields, is_dataclass, replace
 from typing import Any, TypeVar, cast
@@ -30,6 +29,14 @@ S = TypeVar("S")
 
 TUNED = "tuned on seeds 1-3"
 """The source of a number that was chosen by experiment: seeds 1 to 3 of `supermap simulate office-twice`."""
+
+_MOST_TIMES = 1e6
+"""How many times its default, or 1, a parameter may be where nothing else bounds it: no such value makes sense, and
+none overflows what is reckoned with it.
+"""
+
+_LARGEST_SHOWN = 1e300
+"""Whole numbers beyond it are no floats any more."""
 
 _DESCRIPTION = "supermap"
 _CURE = "supermap config show lists all parameters"
@@ -57,10 +64,15 @@ def parameter(
 ) -> T:
     """A field of a parameter set. `unit` is "1" where there is none; `source` a paper, a data sheet, or `TUNED`.
 
-    What is not negative by default must never be, unless `at_least` says otherwise.
+    What is not negative by default must never be, unless `at_least` says otherwise; and nothing is a million times its
+    default, unless `at_most` says otherwise.
     """
-    if at_least is None and min(default if isinstance(default, tuple) else (default,)) >= 0:
-        at_least = 0.0
+    numbers = default if isinstance(default, tuple) else (default,)
+    largest = _MOST_TIMES * max(1.0, *(abs(number) for number in numbers))
+    if at_least is None:
+        at_least = 0.0 if min(numbers) >= 0 else -largest
+    if at_most is None:
+        at_most = largest
     return field(default=default, metadata={_DESCRIPTION: Description(unit, meaning, source, at_least, at_most)})
 
 
@@ -145,6 +157,15 @@ def _checked(where: str, value: object, of: Field[Any]) -> Value:
     return tuple(_number(where, one, kind, about) for one in value)
 
 
+def _shown(number: float) -> str:
+    """A number, but not more digits than anybody reads."""
+    return f"{number:.6g}" if abs(number) < _LARGEST_SHOWN else "a number of more than 300 digits"
+
+
+def _range_text(about: Description) -> str:
+    return f"give one from {about.at_least:g} to {about.at_most:g}; {_CURE}"
+
+
 def _number(where: str, value: object, like: float, about: Description) -> bool | int | float:
     """A number of the type of another one; a whole number passes for any."""
     if isinstance(like, bool) or isinstance(value, bool):
@@ -156,12 +177,13 @@ def _number(where: str, value: object, like: float, about: Description) -> bool 
         if not isinstance(value, int):
             raise ConfigError(f"not a whole number: {value!r}", where=where, cure=_CURE)
         number: int | float = value
-    elif isinstance(value, int | float) and math.isfinite(value):
+    elif isinstance(value, int | float) and abs(value) < _LARGEST_SHOWN:
         number = float(value)
     else:
-        raise ConfigError(f"not a finite number: {value!r}", where=where, cure=_CURE)
+        shown = _shown(value) if isinstance(value, int) else repr(value)
+        raise ConfigError(f"not a finite number: {shown}", where=where, cure=_CURE)
     if about.at_least is not None and number < about.at_least:
-        raise ConfigError(f"{value} is less than {about.at_least:g}", where=where, cure=_CURE)
+        raise ConfigError(f"{_shown(number)} is less than {about.at_least:g}", where=where, cure=_range_text(about))
     if about.at_most is not None and number > about.at_most:
-        raise ConfigError(f"{value} is more than {about.at_most:g}", where=where, cure=_CURE)
+        raise ConfigError(f"{_shown(number)} is more than {about.at_most:g}", where=where, cure=_range_text(about))
     return number

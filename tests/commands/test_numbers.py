@@ -9,12 +9,12 @@ import pytest
 
 from supermap_cli.commands.build_options import override
 from supermap_cli.config import BuildConfig
-from supermap_cli.errors import AlignmentError, ConfigError
+from supermap_cli.errors import AlignmentError, ConfigError, SupermapError
 from supermap_cli.mapping.alignment import parse_placement
 from supermap_cli.mapping.structure import first_of_each
 from supermap_cli.recordings.mounting import parse_mounts
 from supermap_cli.recordings.sensor_clocks import check_clocks
-from support import kitchen
+from support import bags, kitchen
 from support.cli import supermap
 
 LARGE = ("9223372036854775808", "9" * 30)
@@ -86,3 +86,27 @@ def test_no_traversal_is_placed_out_of_reach(text: str) -> None:
 def test_points_far_apart_are_thinned_too() -> None:
     points = np.array([[0.0, 0, 0], [1e9, 1e9, 1e9], [0.01, 0.01, 0.01], [-1e9, 0, 0]])
     assert first_of_each(points, 0.05).tolist() == [0, 1, 3]
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return bags.write_recording(tmp_path_factory.mktemp("bag") / "run.mcap")
+
+
+NO_TIMES = [
+    (option, value)
+    for option in ("--start", "--end", "--detection-tolerance", "--rate", "--clock")
+    for value in ("nan", "inf", "-inf", "1e30", "-1e30", "-1")
+    if (option, value) != ("--clock", "-1")
+]
+
+
+@pytest.mark.parametrize(("option", "value"), NO_TIMES)
+def test_times_that_are_none_are_one_line(recording: Path, option: str, value: str) -> None:
+    given_value = f"/camera/color/image_raw={value}" if option == "--clock" else value
+    result = supermap("build", recording, option, given_value, "--db", recording.with_suffix(".db"))
+    assert isinstance(result.exception, SupermapError), result.output
+    said = str(result.exception)
+    assert "\n" not in said
+    assert len(said) < 300
+    assert option in said

@@ -10,7 +10,6 @@ from rosbags.typesys import get_types_from_msg
 from supermap_cli.errors import DetectorError, RecordingError
 from supermap_cli.hookspecs import RecordingRequest
 from supermap_cli.recordings import open_bag_recording
-from supermap_cli.recordings.detection_readers import plain_label
 from supermap_recorded.detector import RecordedDetector
 from support import bags
 from support.detection_types import BOX, HEADER, TYPES
@@ -258,19 +257,3 @@ def test_class_numbers_get_the_names_of_a_file_or_a_warning(tmp_path):
     assert "names.txt names 2 classes" in named.warnings[0]
     with pytest.raises(DetectorError, match="cannot be read"):
         RecordedDetector(recording, labels=tmp_path / "none.txt")
-
-
-@pytest.mark.parametrize(
-    ("recorded", "plain"),
-    [
-        ("Person", "person"),
-        ("potted_plant", "potted plant"),
-        ("TV", "tv"),
-        ("dining table", "dining table"),
-        ("Bürostuhl 'groß'", "Bürostuhl 'groß'"),
-        ("56", "56"),
-        ("a chair, the Red one", "a chair, the Red one"),
-    ],
-)
-def test_plain_words_are_spelled_as_questions_spell_them(recorded, plain):
-    assert plain_label(recorded) == plain

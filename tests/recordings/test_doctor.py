@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from supermap_cli.commands.build_options import request
 from supermap_cli.config import UserConfig
 from supermap_cli.hookspecs import RecordingRequest
 from supermap_cli.main import make_app
+from supermap_cli.recordings import open_bag_recording
 from supermap_cli.recordings.inspection import inspect_recording
 from support import bags
 
@@ -95,3 +97,17 @@ def test_the_written_configuration_gives_the_same_rig_and_is_never_overwritten(i
     again = run(path, "--write-config")
     assert isinstance(again.exception, Exception)
     assert "there is one already" in str(again.exception)
+
+
+def test_the_written_configuration_keeps_all_that_was_given(in_tmp):
+    path = write_upright(in_tmp / "run.mcap")
+    given = ("--start", "0.2", "--end", "0.9", "--detection-tolerance", "0.05", "--limit", "image_pixels=1000000")
+    assert run(path, *given, "--write-config").exit_code == 0
+    config = UserConfig.model_validate(tomllib.loads((in_tmp / "supermap.toml").read_text())).build
+    wanted = request(config, None, None)
+    assert (wanted.start_s, wanted.end_s, wanted.detection_tolerance_s) == (0.2, 0.9, 0.05)
+    assert wanted.limits.model_dump(exclude_defaults=True) == {"image_pixels": 1_000_000}
+    assert open_bag_recording(path, wanted).fingerprint() == (
+        open_bag_recording(path, RecordingRequest(start_s=0.2, end_s=0.9)).fingerprint()
+    )
+    assert request(config, 0.5, None).start_s == 0.5

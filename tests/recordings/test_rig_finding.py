@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from supermap_cli.errors import ConfigError, RecordingError
+from supermap_cli.errors import ConfigError, OdometryError, RecordingError
 from supermap_cli.geometry.se3 import make_transform
 from supermap_cli.hookspecs import RecordingRequest
 from supermap_cli.recordings import open_bag_recording
@@ -141,6 +141,45 @@ def test_robots_are_told_apart_by_the_prefixes_of_their_frames(tmp_path):
     assert positions(recording)[-1] == pytest.approx([1.9, 0, 0])
 
 
+def write_prefixed(path, *, sign, cameras, odometry):
+    """Two robots on one /tf, told apart by what stands before "/" or "_" in their frames and topics."""
+    with bags.BagWriter(path) as bag:
+        for name in cameras:
+            mount(bag, f"{name}{sign}{FRAME}", f"{name}{sign}base_link")
+        for index in range(20):
+            for name, speed in (("r1", 1.0), ("r2", 3.0)):
+                T = make_transform(np.eye(3), [speed * index / 10, 0, 0])
+                if odometry:
+                    bag.odometry(f"/{name}{sign}odom", bags.stamp(index), T, frame_id="odom", child_frame_id="base")
+                bag.transform(bags.stamp(index), "map", f"{name}{sign}base_link", T)
+            for name in cameras:
+                bags.write_images(bag, index, prefix=f"/{name}{sign}camera", frame_id=f"{name}{sign}{FRAME}")
+    return path
+
+
+@pytest.mark.parametrize("odometry", [False, True])
+@pytest.mark.parametrize("sign", ["/", "_"])
+def test_robots_on_one_tf_are_told_apart_by_prefixes(tmp_path, sign, odometry):
+    path = write_prefixed(tmp_path / "run.mcap", sign=sign, cameras=("r1", "r2"), odometry=odometry)
+    with pytest.raises(RecordingError, match=r"2 robots are in it \(r1, r2\).*--robot r1"):
+        open_(path)
+    base = {} if not odometry else {"frames": {"base": f"r2{sign}base_link"}}
+    chosen = open_(path, robot="r2", **base)
+    assert positions(chosen)[-1] == pytest.approx([5.7, 0, 0])
+    lone = write_prefixed(tmp_path / "lone.mcap", sign=sign, cameras=("r1",), odometry=False)
+    assert positions(open_(lone))[-1] == pytest.approx([1.9, 0, 0])
+
+
+def test_an_arm_is_no_robot_of_its_own(tmp_path):
+    with bags.BagWriter(tmp_path / "run.mcap") as bag:
+        mount(bag, FRAME, "mobile_base_link")
+        bag.transform(bags.START_NS, "mobile_base_link", "ur5_base_link", np.eye(4), static=True)
+        for index in range(20):
+            bag.transform(bags.stamp(index), "odom", "mobile_base_link", bags.pose_at(index))
+            bags.write_images(bag, index)
+    assert positions(open_(tmp_path / "run.mcap"))[-1] == pytest.approx([1.9, 0, 0])
+
+
 @pytest.mark.parametrize(
     ("topic", "frame", "count"),
     [
@@ -192,6 +231,42 @@ def test_coordinates_of_the_world_are_counted_from_an_origin(tmp_path):
     assert any("(465400, 5572100, 0) m are taken off" in line for line in recording.warnings)
 
 
+@pytest.mark.parametrize("tf", [False, True])
+@pytest.mark.parametrize("without_fix", [0, 3])
+def test_far_coordinates_keep_every_digit(tmp_path, tf, without_fix):
+    with bags.BagWriter(tmp_path / "run.mcap") as bag:
+        mount(bag)
+        for index in range(12):
+            bags.write_images(bag, index)
+            T = np.eye(4) if index < without_fix else FAR @ bags.pose_at(index)
+            if tf:
+                bag.transform(bags.stamp(index), "utm", "base_link", T)
+            else:
+                bag.odometry("/odom", bags.stamp(index), T, frame_id="utm")
+    recording = open_(tmp_path / "run.mcap")
+    expected = [[32 + index / 10, 11, 320] for index in range(without_fix, 12)]
+    np.testing.assert_allclose(positions(recording), expected, atol=1e-6)
+    assert bool(without_fix) == any(
+        "more than 10 km from where the others are, 3 pose(s)" in line for line in recording.warnings
+    )
+
+
+@pytest.mark.parametrize(
+    ("scale", "said"),
+    [(np.nan, "not finite"), (0.0, "a quaternion of length 0,"), (0.5, "length 0.5"), (1e100, "length 1e+100")],
+)
+def test_rotations_that_are_none_are_named_with_topic_and_time(tmp_path, scale, said):
+    with bags.BagWriter(tmp_path / "run.mcap") as bag:
+        mount(bag)
+        for index in range(10):
+            bags.write_images(bag, index)
+            bag.odometry("/odom", bags.stamp(index), bags.pose_at(index), quaternion_scale=scale)
+    with pytest.raises(OdometryError) as failure:
+        list(open_(tmp_path / "run.mcap").poses())
+    assert said in str(failure.value)
+    assert "/odom (odom -> base_link) at 0.000 s" in str(failure.value)
+
+
 # Clocks --------------------------------------------------------------------------------------------------------------
 
 
@@ -209,7 +284,7 @@ def write_clocks(path, *, lidar_s=0.0, late_s=0.01, jitter_s=0.0):
     return path
 
 
-@pytest.mark.parametrize("apart_s", [37.0, 2.4, -18.0, 7200.0, -1_699_990_000.25])
+@pytest.mark.parametrize("apart_s", [37.0, 2.4, 7200.0, -37.0, -1_699_990_000.25])
 def test_another_clock_is_brought_onto_the_cameras(tmp_path, apart_s):
     recording = open_(write_clocks(tmp_path / "run.mcap", lidar_s=apart_s))
     assert [sweep.stamp_ns for sweep in recording.sweeps()] == pytest.approx(
@@ -380,3 +455,54 @@ def test_two_publishers_of_one_motion_are_told_from_one_that_is_fast(tmp_path, t
             bag.transform(bags.stamp(index), "odom", "base_link", make_transform(np.eye(3), [x, 0, 0]))
     warned = any("jumps to and fro" in line for line in open_(tmp_path / "run.mcap").warnings)
     assert warned == to_and_fro
+
+
+# Loops of TF ---------------------------------------------------------------------------------------------------------
+
+
+def write_loop(path, links):
+    with bags.BagWriter(path) as bag:
+        for parent, child in links:
+            T = bags.T_BASE_OPTICAL if child == FRAME else np.eye(4)
+            bag.transform(bags.START_NS, parent, child, T, static=True)
+        for index in range(10):
+            bags.write_images(bag, index)
+            bag.transform(bags.stamp(index), "odom", "base_link", bags.pose_at(index))
+            bag.odometry("/odom", bags.stamp(index), bags.pose_at(index))
+    return path
+
+
+@pytest.mark.parametrize("top", ["base_link", "odom"])
+def test_a_base_below_its_own_camera_is_turned_round(tmp_path, top):
+    links = [("base_link", "camera_link"), ("camera_link", FRAME), (FRAME, top)]
+    recording = open_(write_loop(tmp_path / "run.mcap", links))
+    assert positions(recording)[3] == pytest.approx([0.3, 0, 0])
+    assert any("is a loop" in line and f"'{FRAME}' -> '{top}' is left out" in line for line in recording.warnings)
+
+
+def test_a_loop_of_sensors_is_mended_by_the_mounting_that_the_error_names(tmp_path):
+    links = [("camera_link", FRAME), (FRAME, "camera_body"), ("camera_body", "camera_link")]
+    path = write_loop(tmp_path / "run.mcap", links)
+    problem = problems_of(path)[0]
+    assert "the TF tree has a loop" in problem
+    assert all(frame in problem for frame in ("camera_link", FRAME, "camera_body"))
+    for frame in ("camera_link", "camera_body"):
+        assert problems_of(path, mounts={frame: "base_link 0.1 0 0.5 0 0 0"}) == []
+    (named,) = [word for word in problem.replace("=", " ").split() if word in {"camera_link", FRAME, "camera_body"}][
+        -1:
+    ]
+    assert problems_of(path, mounts={named: "base_link 0.1 0 0.5 0 0 0"}) == []
+
+
+# Errors --------------------------------------------------------------------------------------------------------------
+
+
+def test_what_was_warned_of_is_told_with_the_error(tmp_path):
+    with bags.BagWriter(tmp_path / "run.mcap") as bag:
+        for index in range(10):
+            bag.image("/cam/image_raw", bags.stamp(index), FRAME, bags.color_image(index), "rgb8")
+            bag.pose("/goal_pose", bags.stamp(index), "map", bags.pose_at(index))
+            bag.image("/cam/depth/image_raw", bags.stamp(index), FRAME, bags.depth_image(), "16UC1")
+    with pytest.raises(RecordingError) as failure:
+        open_(tmp_path / "run.mcap")
+    assert any("/goal_pose is not taken as the robot's motion" in line for line in failure.value.warnings)

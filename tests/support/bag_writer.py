@@ -197,8 +197,9 @@ class BagWriter:
         frame_id: str = "odom",
         child_frame_id: str = "base_link",
         log_ns: int | None = None,
+        quaternion_scale: float = 1.0,
     ) -> None:
-        """A nav_msgs/Odometry. `T` may hold NaN in its translation."""
+        """A nav_msgs/Odometry. `T` may hold NaN in its translation; the quaternion may be of another length than 1."""
         twist = self.type(
             "geometry_msgs/msg/TwistWithCovariance",
             twist=self.type(
@@ -215,6 +216,9 @@ class BagWriter:
             pose=self._pose_with_covariance(T),
             twist=twist,
         )
+        rotation = message.pose.pose.orientation
+        for axis in "xyzw":
+            object.__setattr__(rotation, axis, quaternion_scale * getattr(rotation, axis))
         self.write(topic, "nav_msgs/msg/Odometry", message, stamp_ns if log_ns is None else log_ns)
 
     def pose(

@@ -11,7 +11,6 @@ from functools import partial
 from itertools import count
 from operator import attrgetter, itemgetter
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import numpy as np
 
@@ -41,6 +40,7 @@ from supermap_cli.simulation.sensors.lidar_sensor import LidarScan, LidarSensor
 from supermap_cli.simulation.sensors.odometry import drifting_odometry
 from supermap_cli.simulation.sensors.scene import Scene
 from supermap_cli.simulation.views import RenderedView
+from supermap_cli.temporary_folders import temporary_folder
 from supermap_cli.timing import StageClock, StageTiming
 from supermap_cli.truth_file import TRUTH_FILE, write_truth
 from supermap_cli.types.sensing import MAIN_CAMERA
@@ -95,17 +95,17 @@ def record(
     recordings = tuple(folder / f"{traversal.name}.mcap" for traversal in scenario.traversals)
     with _writing(folder):
         _check_targets((*recordings, folder / TRUTH_FILE), overwrite=overwrite)
-        with TemporaryDirectory(prefix=".supermap-simulate-", dir=folder) as unfinished:
+        with temporary_folder(".supermap-simulate-", folder) as unfinished:
             robot = _Robot(scenario, errors or scenario.errors, scenario.seed if seed is None else seed)
             recorded = [
-                robot.record_traversal(number, Path(unfinished) / path.name, progress or _silent)
+                robot.record_traversal(number, unfinished / path.name, progress or _silent)
                 for number, path in enumerate(recordings)
             ]
             with robot.clock.stage("truth"):
                 truth = make_truth(scenario, recorded, robot.coverage.things, robot.coverage.fixtures)
-                write_truth(truth, Path(unfinished) / TRUTH_FILE)
+                write_truth(truth, unfinished / TRUTH_FILE)
             for path in (*recordings, folder / TRUTH_FILE):
-                (Path(unfinished) / path.name).replace(path)
+                (unfinished / path.name).replace(path)
     return RecordedScenario(recordings, folder / TRUTH_FILE, truth, robot.clock.timings())
 
 
