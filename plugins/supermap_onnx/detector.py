@@ -19,7 +19,7 @@ from supermap_onnx import OnnxOptions
 from supermap_onnx.layouts import EndToEnd, Layout, recognise_layout
 from supermap_onnx.letterbox import PADDING_GREY, fit_letterbox
 from supermap_onnx.masks import decode_masks
-from supermap_onnx.suppression import suppress
+from supermap_cli.geometry.suppression import suppress
 from supermap_onnx.weights import class_names, find_model
 
 _PROVIDERS = ("CUDAExecutionProvider", "CPUExecutionProvider")
