@@ -1,4 +1,4 @@
-"""Detectors of any words: Grounding DINO and its kin, OWLv2. They need the extra `open-vocabulary`."""
+"""Detectors of any words: Grounding DINO and its kin. They need the extra `open-vocabulary`."""
 
 from __future__ import annotations
 
@@ -26,7 +26,9 @@ class OpenVocabularyOptions(Options):
     )
     prompt: str | None = Field(default=None, description="what to look for: words with commas between them")
     labels: Path | None = Field(default=None, description="text file with what to look for, a word on each line")
-    iou: float = Field(default=0.7, gt=0, le=1, description="overlap above which the weaker of two boxes of one word goes")
+    iou: float = Field(
+        default=0.7, gt=0, le=1, description="overlap above which the weaker of two boxes of one word goes"
+    )
     max_detections: int = Field(default=200, ge=1, description="greatest number of detections of an image")
     threads: int = Field(default=0, ge=0, description="threads of onnxruntime, 0 = one for each core")
     device: Literal["auto", "cpu", "cuda", "tensorrt", "openvino", "coreml", "directml"] = Field(
@@ -42,33 +44,18 @@ class GroundingDinoOptions(OpenVocabularyOptions):
 
     score_floor: float = Field(default=0.25, ge=0.001, le=1, description="detections below this score are left out")
     one_phrase: bool = Field(
-        default=False, description="ask for one word a pass, also where the model takes several: slower, the same result"
+        default=False,
+        description="ask for one word a pass, also where the model takes several: slower, the same result",
     )
-
-
-class Owlv2Options(OpenVocabularyOptions):
-    """Options of the detector `owlv2`.
-
-    The default of `score_floor` is the threshold of transformers' `post_process_grounded_object_detection`.
-    """
-
-    score_floor: float = Field(default=0.1, ge=0.001, le=1, description="detections below this score are left out")
 
 
 @hookimpl
 def register_detectors(register: Register) -> None:
-    """The detectors `grounding-dino` and `owlv2`."""
+    """The detector `grounding-dino`."""
     register("grounding-dino", _make_grounding_dino, GroundingDinoOptions, preference=PREFERENCE)
-    register("owlv2", _make_owlv2, Owlv2Options, preference=PREFERENCE)
 
 
 def _make_grounding_dino(options: GroundingDinoOptions, recording: Recording) -> Detector:  # noqa: ARG001 - any image
     from supermap_open_vocabulary.grounding_dino import GroundingDino  # noqa: PLC0415 - loads onnxruntime
 
     return GroundingDino(options)
-
-
-def _make_owlv2(options: Owlv2Options, recording: Recording) -> Detector:  # noqa: ARG001 - it looks at any image
-    from supermap_open_vocabulary.owlv2 import Owlv2  # noqa: PLC0415 - loads onnxruntime
-
-    return Owlv2(options)

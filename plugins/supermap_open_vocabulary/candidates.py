@@ -22,8 +22,8 @@ _MIN_HYPOTHESIS_RATIO = 0.1
 class PhraseCandidates:
     """Boxes a network proposes, before suppression.
 
-    `boxes_xyxy` (n, 4) float32 pixels of the image; `scores` (n, phrases) float32, 0 for a phrase that was not asked for
-    in the pass that the box is from.
+    `boxes_xyxy` (n, 4) float32 pixels of the image; `scores` (n, phrases) float32, 0 for a phrase that the box's pass
+    did not ask for.
     """
 
     boxes_xyxy: Float32Array

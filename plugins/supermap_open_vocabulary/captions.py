@@ -67,10 +67,11 @@ def make_caption(phrases: Sequence[str], numbers: Sequence[int], encode: Encode,
             )
         spans.append((within[0], within[-1] + 1))
         start = end + len(_JOINT)
-    ids, types, attention = encoding.ids, encoding.type_ids, encoding.attention_mask
-    padding = max((length or 0) - len(ids), 0)
-    fields = (np.array([*field, *(0,) * padding], np.int64) for field in (ids, types, attention))
-    return Caption(*fields, tuple(numbers), tuple(spans))
+    padding = (0,) * max((length or 0) - len(encoding.ids), 0)
+    ids = np.array([*encoding.ids, *padding], np.int64)
+    type_ids = np.array([*encoding.type_ids, *padding], np.int64)
+    attention = np.array([*encoding.attention_mask, *padding], np.int64)
+    return Caption(ids, type_ids, attention, tuple(numbers), tuple(spans))
 
 
 def make_captions(

@@ -1,8 +1,9 @@
 """Grounding DINO (Liu et al. 2023), MM Grounding DINO and LLMDet, as Hugging Face's exports have them.
 
-In: `pixel_values` (1, 3, H, W), `pixel_mask` (1, H, W), `input_ids`, `token_type_ids`, `attention_mask` (1, tokens).
-Out: `logits` (1, queries, 256) before the sigmoid, one for each token, and `pred_boxes` (1, queries, 4), centre and size
-from 0 to 1. Source: `GroundingDinoForObjectDetection` and `GroundingDinoProcessor` of transformers.
+In: `pixel_values` (1, 3, H, W), `pixel_mask` (1, H, W), and (1, tokens) each `input_ids`, `token_type_ids`,
+`attention_mask`. Out: `logits` (1, queries, 256) before the sigmoid, one for each token, and `pred_boxes`
+(1, queries, 4), centre and size from 0 to 1.
+Source: `GroundingDinoForObjectDetection` and `GroundingDinoProcessor` of transformers.
 """
 
 from __future__ import annotations
@@ -32,9 +33,7 @@ _KNOWN = {*_REQUIRED, "pixel_mask", "token_type_ids"}
 _TEXT_TOKENS = 256
 """Tokens of a caption at most (`max_text_len` of Grounding DINO)."""
 _PROBE_PX = 320
-"""Pixels of an image whose feature maps, of strides 8 to 64, have more cells (2125) than the model has queries (900)."""
-_FILLED_UP_PX = 32
-"""Pixels: sides that are multiples of it stay even down to the last stage of the Swin backbone (stride 32)."""
+"""Pixels of an image whose feature maps, of strides 8 to 64, have more cells (2125) than there are queries (900)."""
 _LARGEST = 1e4
 """No logit or share of an image is larger. Chosen."""
 
@@ -52,17 +51,10 @@ class GroundingDino:
         encode: Encode = files.tokenizer().encode
         length = _text_length(self._model)
         budget = min(_max_text_tokens(files), length or _TEXT_TOKENS)
-        several = not options.one_phrase and takes_several_phrases(
-            lambda caption: self._probed(caption), encode, length
-        )
-        self._fills_up = False
+        several = not options.one_phrase and takes_several_phrases(self._probed, encode, length)
         self._warnings = self._model.warnings
         if not several and not options.one_phrase and len(self.phrases) > 1:
-            self._warnings += (
-                f"{files.model.name} scores words otherwise when it is asked for them in another order: its export is "
-                f"made for one phrase. It is asked for one a pass, {len(self.phrases)} passes an image; get or make an "
-                "export for several phrases",
-            )
+            self._warnings = (*self._warnings, _one_phrase_warning(files.model.name, len(self.phrases)))
         self.captions = make_captions(self.phrases, encode, budget=budget, length=length, one_phrase=not several)
         self._identity = f"{files.model.stem} {model_digest(files.model, *self.phrases)}"
 
@@ -91,7 +83,7 @@ class GroundingDino:
         pixels = self._image_feeds(rgb)
         passes = []
         for caption in self.captions:
-            pixels, logits, boxes = self._run_filled_up(caption, pixels)
+            logits, boxes = self._run(caption, pixels)
             scores = np.zeros((len(logits), len(self.phrases)), np.float32)
             scores[:, list(caption.phrases)] = caption.scores(logits)
             passes.append(PhraseCandidates(to_pixels(boxes, rgb.shape[:2]), scores))
@@ -113,27 +105,6 @@ class GroundingDino:
         values[:, :, :rows, :columns] = self._format.tensor(rgb, (rows, columns))
         mask[:, :rows, :columns] = 1
         return {"pixel_values": values, "pixel_mask": mask}
-
-    def _run_filled_up(
-        self, caption: Caption, pixels: dict[str, np.ndarray]
-    ) -> tuple[dict[str, np.ndarray], Float32Array, Float32Array]:
-        """What `_run` gives, and the image that was looked at.
-
-        A trace keeps whether the backbone filled up odd sides of its feature maps, and such a model takes few sizes of
-        images. Where it does not run, the image is filled up with masked pixels, as that of a batch of several is.
-        """
-        if self._fills_up:
-            pixels = _filled_up(pixels)
-        try:
-            return pixels, *self._run(caption, pixels)
-        except DetectorError:
-            filled_up = _filled_up(pixels)
-            same = filled_up["pixel_values"].shape == pixels["pixel_values"].shape
-            if self._fixed_size is not None or same or self._model.input("pixel_mask") is None:
-                raise
-            made = self._run(caption, filled_up)
-            self._fills_up = True
-            return filled_up, *made
 
     def _run(self, caption: Caption, pixels: dict[str, np.ndarray]) -> tuple[Float32Array, Float32Array]:
         """`logits` (queries, tokens) and `pred_boxes` (queries, 4) of a caption."""
@@ -160,14 +131,11 @@ class GroundingDino:
         return self._run(caption, {"pixel_values": self._format.tensor(noise, side), "pixel_mask": mask})[0]
 
 
-def _filled_up(pixels: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """The image filled up, to the right and below, with masked pixels."""
-    height, width = pixels["pixel_values"].shape[2:]
-    below, right = -height % _FILLED_UP_PX, -width % _FILLED_UP_PX
-    return {
-        "pixel_values": np.pad(pixels["pixel_values"], ((0, 0), (0, 0), (0, below), (0, right))),
-        "pixel_mask": np.pad(pixels["pixel_mask"], ((0, 0), (0, below), (0, right))),
-    }
+def _one_phrase_warning(name: str, phrases: int) -> str:
+    return (
+        f"{name} scores words otherwise when it is asked for them in another order: its export is made for one phrase. "
+        f"It is asked for one a pass, {phrases} passes an image; get or make an export for several phrases"
+    )
 
 
 def _checked(model: OnnxModel) -> tuple[int, int] | None:
@@ -178,8 +146,8 @@ def _checked(model: OnnxModel) -> tuple[int, int] | None:
         raise DetectorError(
             f"no Grounding DINO: {model.described()}",
             where=str(model.path),
-            cure="its inputs are pixel_values, pixel_mask, input_ids, token_type_ids, attention_mask, its outputs logits "
-            "and pred_boxes",
+            cure="export one with the inputs pixel_values, pixel_mask, input_ids, token_type_ids, attention_mask "
+            "and the outputs logits, pred_boxes",
         )
     height, width = sides(image, (2, 3))
     return None if height is None or width is None else (height, width)

@@ -38,8 +38,8 @@ class ImageFormat:
     """How a model takes images.
 
     Either `size_px` (height, width), which the image is stretched to, or `shortest_px`, which its shorter side becomes,
-    unless the longer one became more than `longest_px`; then the middle `crop_px` (height, width) are cut out. Values from 0 to 255 times `scale`, less `mean`, over `std`.
-    `resampling` is Pillow's number: 2 bilinear, 3 bicubic.
+    unless the longer one became more than `longest_px`; then the middle `crop_px` (height, width) are cut out. Values
+    from 0 to 255 times `scale`, less `mean`, over `std`. `resampling` is Pillow's number: 2 bilinear, 3 bicubic.
     """
 
     size_px: tuple[int, int] | None = None
@@ -64,9 +64,9 @@ class ImageFormat:
 
     def normalised(self, rgb: UInt8Array) -> Float32Array:
         """An image (h, w, 3) as (1, 3, h, w), normalised."""
-        values = rgb.astype(np.float32) * np.float32(self.scale)
-        values = (values - np.array(self.mean, np.float32)) / np.array(self.std, np.float32)
-        return np.ascontiguousarray(values.transpose(2, 0, 1)[None])
+        shades = rgb.astype(np.float32) * np.float32(self.scale)
+        normal = (shades - np.array(self.mean, np.float32)) / np.array(self.std, np.float32)
+        return np.ascontiguousarray(normal.transpose(2, 0, 1)[None], np.float32)
 
 
 def resized(rgb: UInt8Array, size_px: tuple[int, int], resampling: int = 2) -> UInt8Array:

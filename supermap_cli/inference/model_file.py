@@ -128,9 +128,7 @@ def _locations(content: mmap.mmap) -> Iterator[str]:
             continue
         children = _CHILDREN[kind]
         messages += [
-            (children[field], first, last)
-            for field, first, last in _fields(content, start, end)
-            if field in children
+            (children[field], first, last) for field, first, last in _fields(content, start, end) if field in children
         ]
 
 

@@ -163,7 +163,9 @@ class OnnxModel:
         usable = [provider for provider in providers if provider in available]
         try:
             session = onnxruntime.InferenceSession(str(self.path), settings, providers=usable)
-        except Exception as error:  # onnxruntime's errors share no base class; the CPU tells whether the model is at fault
+        except (
+            Exception
+        ) as error:  # onnxruntime's errors share no base class; the CPU tells whether the model is at fault
             return None, first_line(error)
         if PROVIDERS[device] not in session.get_providers():
             return None, "its libraries cannot be loaded"

@@ -1,1 +1,1 @@
-"""Detectors, segmenters and encoders against transformers: small models of random weights, exported, and run by both."""
+"""Detectors and segmenters against transformers: small models of random weights, exported, and run by both."""
