@@ -17,12 +17,12 @@ PREFERENCE = -10
 
 
 class Sam2Options(Options):
-    """Options of the segmenter `sam2`. The default of `min_iou` leaves out what SAM 2 itself takes for a miss. Chosen."""
+    """Options of the segmenter `sam2`. The default of `min_iou` leaves out what SAM 2 itself takes for a miss."""
 
     encoder: Path | None = Field(
         default=None,
-        description="the image encoder's .onnx file; default: the one whose name has `encoder` in it in the folder sam2 "
-        "in SuperMap's user data folder, under models/",
+        description="the image encoder's .onnx file; default: the one with `encoder` in its name in the folder sam2 in "
+        "SuperMap's user data folder, under models/",
     )
     decoder: Path | None = Field(
         default=None, description="the mask decoder's .onnx file; default: the one with `decoder` beside the encoder"

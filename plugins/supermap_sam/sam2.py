@@ -126,6 +126,6 @@ def _check(model: OnnxModel, ours: bool) -> None:
         raise DetectorError(
             f"no SAM 2: {model.described()}",
             where=str(model.path),
-            cure="export its encoder with the outputs image_embed, high_res_feats_0, high_res_feats_1, its decoder with "
-            "these, point_coords and point_labels as inputs and iou_predictions as an output",
+            cure="export its encoder with the outputs image_embed, high_res_feats_0, high_res_feats_1, its decoder "
+            "with these, point_coords and point_labels as inputs and iou_predictions as an output",
         )

@@ -23,7 +23,7 @@ from transformers import (
 from parity.exporting import Called, export, randomise
 
 SIDE = 128
-NAMES = {i: name for i, name in enumerate(("cup", "chair", "book", "table", "lamp"))}
+NAMES = dict(enumerate(("cup", "chair", "book", "table", "lamp")))
 RESNET = {
     "model_type": "rt_detr_resnet",
     "embedding_size": 8,
