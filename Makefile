@@ -3,6 +3,8 @@
 #   make demo     set up, then simulate two recordings of one place, build, query, diff and evaluate
 #   make test     set up, then everything CI checks: format, lint, types, imports, tests
 #   make test-postgresql   the tests that touch a database, on a PostgreSQL server that they start for themselves
+#   make test-perception   detectors, segmenters and encoders against transformers (installs it, and torch for the CPU), and
+#                 the table of differences in docs/perception.md
 #   make zoo      the small recordings of every recorder, driver and robot, and their table in docs/recordings.md
 #   make fuzz     hostile recordings, messages, maps, models, plugins, settings and command lines: EXAMPLES=2000 of each
 #                 kind; says how many of each were tried, and SEED=7 tries the same again
@@ -25,7 +27,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup demo benchmark test test-postgresql kill-tests fuzz zoo lint format wheel clean
+.PHONY: help setup demo benchmark test test-postgresql test-perception kill-tests fuzz zoo lint format wheel clean
 
 help:
 	@sed -n 's/^#   //p' Makefile
@@ -78,6 +80,11 @@ KILLED := $(BIN)/python -m pytest -q -s -rs tests/drivers/test_killed_commands.p
 kill-tests: $(INSTALLED)
 	@SUPERMAP_KILL_SEED=$(KILL_SEED) SUPERMAP_KILLS=$(KILLS) $(KILLED)
 	@SUPERMAP_KILL_SEED=$(KILL_SEED) SUPERMAP_KILLS=$(KILLS_POSTGRESQL) SUPERMAP_TEST_DATABASE=postgresql $(KILLED)
+
+test-perception: $(INSTALLED)
+	@$(BIN)/python -m pip install -qq --editable ".[perception-tests]"
+	@$(BIN)/python -m pytest -rs tests/parity
+	@PYTHONPATH=tests:. $(BIN)/python -m parity.documentation
 
 EXAMPLES ?= 2000
 SEED := $(or $(SEED),$(shell date +%s))

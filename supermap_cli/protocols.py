@@ -180,11 +180,11 @@ class IdentifiedDetector(Protocol):
 
 @runtime_checkable
 class WarningDetector(Protocol):
-    """What a detector adds that has something to say beyond its detections."""
+    """What a detector or a segmenter adds that has something to say beyond its detections or masks."""
 
     @property
     def warnings(self) -> Sequence[str]:
-        """What the user should know of the detections so far, one line each."""
+        """What the user should know of them so far, one line each."""
         ...
 
 

@@ -1,9 +1,9 @@
-"""Detection by an ONNX model of the YOLOX or the YOLOv8/11 family."""
+"""Detection by an ONNX model with a fixed set of classes: YOLOX, YOLOv8 and later, RT-DETR, D-FINE, RF-DETR."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from pydantic import Field
 
@@ -29,6 +29,9 @@ class OnnxOptions(Options):
     )
     max_detections: int = Field(default=200, ge=1, description="greatest number of detections of an image")
     threads: int = Field(default=0, ge=0, description="threads of onnxruntime, 0 = one for each core")
+    device: Literal["auto", "cpu", "cuda", "tensorrt", "openvino", "coreml", "directml"] = Field(
+        default="auto", description="where the model runs; auto: a GPU where this onnxruntime has one"
+    )
 
 
 @hookimpl
@@ -38,6 +41,8 @@ def register_detectors(register: Register) -> None:
 
 
 def _make_detector(options: OnnxOptions, recording: Recording) -> Detector:  # noqa: ARG001 - it looks at any image
-    from supermap_onnx.detector import OnnxDetector  # noqa: PLC0415 - loads onnxruntime
+    from supermap_onnx.detector import OnnxDetector, open_detector_model  # noqa: PLC0415 - loads onnxruntime
+    from supermap_onnx.detr import DetrDetector, is_detr  # noqa: PLC0415 - loads onnxruntime
 
-    return OnnxDetector(options)
+    model = open_detector_model(options)
+    return DetrDetector(model, options) if is_detr(model) else OnnxDetector(options, model)

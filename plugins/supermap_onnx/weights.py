@@ -3,14 +3,23 @@
 from __future__ import annotations
 
 import ast
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from pathlib import Path
 
+import numpy as np
 from platformdirs import user_data_dir
 
 from supermap_cli.errors import DetectorError
-from supermap_cli.input_files import check_readable, read_class_names
+from supermap_cli.geometry.arrays import Float32Array
+from supermap_cli.inference.model_file import check_model_file
+from supermap_cli.input_files import read_class_names
+from supermap_cli.types.detections import Hypothesis
+
+_MAX_HYPOTHESES = 3
+"""Labels that a detection keeps at most. Chosen."""
+_MIN_HYPOTHESIS_RATIO = 0.2
+"""Least score of a hypothesis, relative to the best one's. Chosen."""
 
 _MAX_NAMES_CHARS = 1_000_000
 """Characters of class names in a model's metadata; longer texts are refused, they are no names."""
@@ -23,9 +32,7 @@ def find_model(requested: Path | None) -> Path:
     """
     if requested is not None:
         path = requested.expanduser()
-        check_readable(path, DetectorError, what="an .onnx file with --option onnx.model=PATH")
-        if not path.is_file():
-            raise DetectorError("there is no model file", where=str(path), cure="check --option onnx.model=PATH")
+        check_model_file(path, DetectorError, option="onnx.model")
         return path
     folder = Path(user_data_dir("supermap")) / "models"
     preferred = folder / "detector.onnx"
@@ -102,3 +109,14 @@ def _names_of_literal(text: str) -> tuple[str, ...]:
 def _coco_names() -> tuple[str, ...]:
     """The 80 classes of COCO (Lin et al. 2014), in the order in which detectors number them."""
     return tuple(files("supermap_onnx").joinpath("coco80.txt").read_text(encoding="utf-8").splitlines())
+
+
+def likely_labels(class_scores: Float32Array, names: Sequence[str]) -> tuple[Hypothesis, ...]:
+    """The likeliest labels of a detection, best first, from its (classes,) scores."""
+    best = np.argsort(-class_scores, kind="stable")[:_MAX_HYPOTHESES]
+    min_score = class_scores[best[0]] * _MIN_HYPOTHESIS_RATIO
+    return tuple(
+        Hypothesis(names[i], min(float(class_scores[i]), 1.0))
+        for i in best
+        if class_scores[i] >= min_score and names[i]
+    )

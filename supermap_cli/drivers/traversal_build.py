@@ -400,10 +400,10 @@ class TraversalBuild:
         return next(traversal.name for traversal in self.store.traversals() if traversal.id == traversal_id)
 
     def _stored_warnings(self, session: MappingSession) -> tuple[str, ...]:
-        """What the recording, the odometry and the session warn of, one line each; stored with the traversal."""
-        detector = self.backends.detector
-        of_detector = detector.warnings if isinstance(detector, WarningDetector) else ()
-        stored = (*self.recording.warnings, *self.backends.odometry.warnings, *of_detector, *session.warnings)
+        """What the recording, the backends and the session warn of, one line each; stored with the traversal."""
+        perception = (self.backends.detector, self.backends.segmenter)
+        of_perception = (line for each in perception if isinstance(each, WarningDetector) for line in each.warnings)
+        stored = (*self.recording.warnings, *self.backends.odometry.warnings, *of_perception, *session.warnings)
         return (*stored, *self.empty_warnings)
 
     def _all_warnings(self, session: MappingSession) -> tuple[str, ...]:

@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from supermap_cli.geometry.boxes import pairwise_iou
+from supermap_cli.geometry.suppression import suppress
 from supermap_onnx.letterbox import fit_letterbox
-from supermap_onnx.suppression import suppress
 
 
 def boxes(*rows: tuple[float, float, float, float]) -> np.ndarray:

@@ -20,13 +20,16 @@ def write_constant_model(
     outputs: Sequence[NDArray[np.float32]],
     input_size: tuple[int, int],
     metadata: Mapping[str, str] | None = None,
+    names: Sequence[str] | None = None,
+    input_name: str = "images",
 ) -> Path:
-    """A model with the input `images` [1, 3, h, w] and the given outputs, whatever the image."""
-    graph = _text(2, "constant") + _bytes(11, _value("images", (1, 3, *input_size)))
+    """A model with the input `images` [1, 3, h, w] and the given outputs, whatever the image; `names` are theirs."""
+    names = names or [f"output{i}" for i in range(len(outputs))]
+    graph = _text(2, "constant") + _bytes(11, _value(input_name, (1, 3, *input_size)))
     for i, tensor in enumerate(outputs):
         graph += _bytes(5, _tensor(f"constant{i}", tensor))
-        graph += _bytes(1, _text(1, f"constant{i}") + _text(2, f"output{i}") + _text(4, "Identity"))
-        graph += _bytes(12, _value(f"output{i}", tensor.shape))
+        graph += _bytes(1, _text(1, f"constant{i}") + _text(2, names[i]) + _text(4, "Identity"))
+        graph += _bytes(12, _value(names[i], tensor.shape))
     model = _number(1, 8) + _bytes(7, graph) + _bytes(8, _text(1, "") + _number(2, 13))
     for key, value in (metadata or {}).items():
         model += _bytes(14, _text(1, key) + _text(2, value))
