@@ -9,6 +9,7 @@ from supermap_cli.language import questions as tree
 from supermap_cli.language import times
 from supermap_cli.language.build_things import BuildThings, Happening, condition_of, with_condition
 from supermap_cli.language.build_times import BuildTimes
+from supermap_cli.language.forest import NoReading
 from supermap_cli.language.parts import maybe, only, words
 from supermap_cli.language.times import Event
 
@@ -74,6 +75,11 @@ class BuildHappenings(BuildThings, BuildTimes):
         condition = condition_of(parts)
         return tree.Changes(_events(parts), None if condition is None else with_condition(ANYTHING, condition))
 
+    def changes_listed(self, parts: list[Any]) -> tree.Changes:
+        if isinstance(condition_of(parts), tree.Between):  # the difference between two things is no change
+            raise NoReading
+        return self.changes(parts)
+
     def changes_things(self, parts: list[Any]) -> tree.Changes:
         return tree.Changes(_events(parts), only(parts, tree.Things))
 
@@ -88,6 +94,9 @@ class BuildHappenings(BuildThings, BuildTimes):
         else:
             things = with_condition(things, condition_of(parts))
         return tree.Changes(_events(parts), None if things == ANYTHING else things, exists=True)
+
+    def changes_between(self, parts: list[Any]) -> Asked:
+        return Asked(tree.Changes(()), only(parts, times.BetweenTimes))
 
     changes_exist_fragment = changes_exist
 

@@ -75,6 +75,9 @@ class BuildQuestions(BuildHappenings):
     def no_question(self, _parts: list[Any]) -> Refused:
         return Refused("no question about the place")
 
+    def refers_back(self, parts: list[Any]) -> Refused:
+        return Refused("not understood", words(parts, "REFERRING")[0].written)
+
     def unknowable(self, parts: list[Any]) -> Refused:
         told = words(parts, "STATE", "UNKNOWABLE", "UNKNOWABLE_MEASURE", "UNKNOWABLE_ASPECT")
         return Refused("unknowable", told[0].written if told else None)
@@ -202,6 +205,9 @@ class BuildQuestions(BuildHappenings):
             return tree.Holds(things, still=True)
         return tree.Exists(things)
 
+    def sees_nobody(self, parts: list[Any]) -> tree.Exists:
+        return tree.Exists(self.no_person(parts))
+
     def exists_any(self, parts: list[Any]) -> tree.Exists:
         return tree.Exists(replace(only(parts, tree.Things), quantity="any"))
 
@@ -221,6 +227,14 @@ class BuildQuestions(BuildHappenings):
         if things.quantity == "any" or things.number is not None or things == ANYTHING or _is_anybody(things):
             return tree.Exists(with_condition(things, condition))
         return tree.Holds(things, condition)
+
+    def holds_carrying(self, parts: list[Any]) -> tree.Holds | tree.Exists:
+        things, condition = only(parts, tree.Things), condition_of(parts)
+        if not isinstance(things.noun, tree.Anything):
+            return self.holds(parts)
+        if not (isinstance(condition, tree.Or) and isinstance(condition.conditions[0], tree.Related)):
+            raise NoReading
+        return tree.Exists(condition.conditions[0].reference)  # "does the place have a fridge"
 
     def holds_still(self, parts: list[Any]) -> tree.Holds:
         return tree.Holds(only(parts, tree.Things), still=True)
@@ -257,6 +271,10 @@ class BuildQuestions(BuildHappenings):
     def compare_counts(self, parts: list[Any]) -> tree.CompareCounts:
         first, second = self._two(parts)
         return tree.CompareCounts(first, second, bool(words(parts, "LESS")))
+
+    def compare_equal(self, parts: list[Any]) -> tree.CompareCounts:
+        first, second = self._two(parts)
+        return tree.CompareCounts(first, second, equal=True)
 
     def compare_measure(self, parts: list[Any]) -> tree.CompareMeasure:
         first, second = self._two(parts)

@@ -261,6 +261,9 @@ class BuildThings:
     def a_person(self, parts: list[Any]) -> tree.Things:
         return tree.Things(self.a_person_noun(parts))
 
+    def no_person(self, _parts: list[Any]) -> tree.Things:
+        return tree.Things(tree.Named("person", "person", hypernym=True), quantity="no")
+
     def a_person_noun(self, parts: list[Any]) -> tree.Named:
         noun = words(parts, "NOUN")
         if noun:
@@ -367,6 +370,12 @@ class BuildThings:
 
     def inverse(self, parts: list[Any]) -> tree.Condition:
         return related_to(parts, only(parts, tree.Things), inverse=True)
+
+    def carrying(self, parts: list[Any]) -> tree.Condition:
+        return cast("tree.Not", self.lacking(parts)).condition
+
+    def carrying_all(self, parts: list[Any]) -> tree.Condition:
+        return tree.And(tuple(self.carrying([things]) for things in of_type(parts, tree.Things)))
 
     def lacking(self, parts: list[Any]) -> tree.Condition:
         things = only(parts, tree.Things)

@@ -80,6 +80,8 @@ def body_in_english(body: tree.Body) -> str:  # noqa: C901, PLR0911, PLR0912 - o
             most = "fewest" if fewest else "most"
             subject, others = bare_in_english(things), bare_in_english(counted, plural=True)
             return f"which {subject} has the {most} {others} {_phrase(relation)} it"
+        case tree.CompareCounts(first, second, equal=True):
+            return f"are there as many {bare_in_english(first, plural=True)} as {bare_in_english(second, plural=True)}"
         case tree.CompareCounts(first, second, fewer):
             more = "fewer" if fewer else "more"
             return f"are there {more} {bare_in_english(first, plural=True)} than {bare_in_english(second, plural=True)}"
@@ -224,7 +226,7 @@ def _plural(name: str) -> str:
 # --- Conditions ---
 
 
-def condition_in_english(condition: tree.Condition) -> str:  # noqa: C901, PLR0911 - one case a kind of condition
+def condition_in_english(condition: tree.Condition) -> str:  # noqa: C901, PLR0911, PLR0912 - one case a kind of condition
     """A condition as it follows a noun."""
     match condition:
         case tree.Related(relation, reference, inverse):
@@ -250,6 +252,8 @@ def condition_in_english(condition: tree.Condition) -> str:  # noqa: C901, PLR09
             return f"except {bare_in_english(things)}"
         case tree.And(conditions):
             return " and ".join(_grouped(part) for part in conditions)
+        case tree.Or((tree.Related("on", reference, True), *_, tree.Related("at", _, True))):
+            return f"with {bare_in_english(reference)}"
         case tree.Or(conditions):
             return " or ".join(_grouped(part) for part in conditions)
 

@@ -275,11 +275,14 @@ class MostOf:
 
 @dataclass(frozen=True)
 class CompareCounts:
-    """Are there more of the first than of the second: "are there more chairs than tables"."""
+    """Are there more of the first than of the second ("are there more chairs than tables"), `fewer`, or `equal`ly many
+    ("are there as many chairs as tables").
+    """
 
     first: Things
     second: Things
     fewer: bool = False
+    equal: bool = False
 
 
 @dataclass(frozen=True)

@@ -67,13 +67,16 @@ def most_of(finder: ThingsFinder, question: MostOf, when: str) -> Reply:
 
 
 def compare_counts(finder: ThingsFinder, question: CompareCounts, when: str) -> Reply:
-    """Whether there are more of one than of the other."""
+    """Whether there are more of one than of the other, or as many."""
     lister = Lister(finder)
     found = [finder.find(things, counting=True) for things in (question.first, question.second)]
     one, other = (each.certain for each in found)
     at_most = [each.certain + len(each.unsure) for each in found]
-    holds = one < other if question.fewer else one > other
-    open_ = (one < at_most[1] if question.fewer else at_most[0] > other) != holds
+    if question.equal:
+        holds, open_ = one == other, at_most != [one, other]
+    else:
+        holds = one < other if question.fewer else one > other
+        open_ = (one < at_most[1] if question.fewer else at_most[0] > other) != holds
     verdict: Truth = "unknown" if open_ else "yes" if holds else "no"
     nouns = [counted(number, head_text(things)) for number, things in
              ((one, question.first), (other, question.second))]  # fmt: skip

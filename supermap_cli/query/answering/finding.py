@@ -366,6 +366,9 @@ def clause_text(condition: Condition, number: int, *, past: bool) -> str:
             return f"{verb('is', number, past=True)} seen" if event == "seen" else EVENT_VERBS[event]
         case Not(Related(inverse=True) | Or((Related(inverse=True), *_))) | Except():
             return f"{is_or_are} known {condition_text(condition)}"
+        case Or((Related("on", reference, True), *_, Related("at", _, True))):
+            have = "had" if past else "has" if number == 1 else "have"
+            return f"{have} {things_text(reference)} on, in or at {'it' if number == 1 else 'them'}"
         case Not() | And() | Or() | Having():
             return f"{is_or_are} known that {verb('is', number, past=past)} {condition_text(condition)}"
         case Related(relation, reference, True):
@@ -373,6 +376,14 @@ def clause_text(condition: Condition, number: int, *, past: bool) -> str:
             return f"{have} {things_text(reference)} {relation} {'it' if number == 1 else 'them'}"
         case _:
             return f"{is_or_are} {condition_text(condition)}"
+
+
+def is_carrying(condition: Condition) -> bool:
+    """Whether a condition says what things have on, in or at them."""
+    match condition:
+        case Related(inverse=True) | Or((Related("on", _, True), *_, Related("at", _, True))):
+            return True
+    return False
 
 
 def _own_relations(things: Things, instances: Sequence[InstanceView]) -> dict[str, str] | None:

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from supermap_cli.language.questions import Anything, Condition, Holds, Related, Things
+from supermap_cli.language.questions import Anything, Condition, Holds, Or, Related, Things, Union
 from supermap_cli.memory.values import StoredInstance
 from supermap_cli.query.answering.conditions import ConditionJudge, Judgement
 from supermap_cli.query.answering.document import Reply, Truth
-from supermap_cli.query.answering.finding import clause_text, missing_sentence, unsure_text
+from supermap_cli.query.answering.finding import clause_text, is_carrying, missing_sentence, unsure_text
 from supermap_cli.query.answering.listing import Lister
 from supermap_cli.query.answering.phrases import condition_text, listing, lowered, time_phrase, verb
 from supermap_cli.query.answering.places import place_of
@@ -30,6 +30,8 @@ def holds(finder: ThingsFinder, question: Holds, when: str) -> Reply:
         return _still(finder, question)
     if question.condition is None:
         return _is_there(finder, question.things, when)
+    if isinstance(question.things.noun, Union) and question.things.noun.every:
+        return _of_each(finder, question, question.things.noun.members, when)
     if question.things.quantity == "only":
         return _only(finder, question, when)
     judgements = _judged(finder, question)
@@ -43,6 +45,22 @@ def holds(finder: ThingsFinder, question: Holds, when: str) -> Reply:
         verdict: Truth = "unknown" if unknown else "no"
         return Reply("holds", _LEADS[verdict] + lowered(missing), (), nearest, verdict=verdict)
     return _weighed(lister, question, judgements, when)
+
+
+def _of_each(finder: ThingsFinder, question: Holds, members: Sequence[Things], when: str) -> Reply:
+    """Whether a condition holds of each of several things: "are the mug and the vase on the desk"."""
+    replies = [holds(finder, replace(question, things=member), when) for member in members]
+    verdicts = {reply.verdict for reply in replies}
+    verdict: Truth = "no" if "no" in verdicts else "unknown" if "unknown" in verdicts else "yes"
+    told = [reply.message.removeprefix(_LEADS[reply.verdict or "unknown"]).removesuffix(".") for reply in replies]
+    return Reply(
+        "holds",
+        f"{_LEADS[verdict]}{'; '.join(told)}.",
+        tuple(view for reply in replies for view in reply.instances),
+        tuple(miss for reply in replies for miss in reply.nearest),
+        replies[0].relation,
+        verdict=verdict,
+    )
 
 
 def _weighed(lister: Lister, question: Holds, judgements: list[Judgement], when: str) -> Reply:
@@ -93,7 +111,7 @@ def _judged(finder: ThingsFinder, question: Holds) -> list[Judgement]:
 
 def _so(condition: Condition, number: int, *, past: bool) -> str:
     """What is so of things: "is on a desk", "has a monitor on it"."""
-    if isinstance(condition, Related) and condition.inverse:
+    if isinstance(condition, Related | Or) and is_carrying(condition):
         return clause_text(condition, number, past=past)
     return f"{verb('is', number, past=past)} {condition_text(condition)}"
 

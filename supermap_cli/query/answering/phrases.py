@@ -175,7 +175,7 @@ def superlative_text(superlative: Superlative) -> str:
     return f"{rank}{_SUPERLATIVES[superlative.measure]}"
 
 
-def condition_text(condition: Condition) -> str:  # noqa: C901, PLR0911 - one case a kind of condition
+def condition_text(condition: Condition) -> str:  # noqa: C901, PLR0911, PLR0912 - one case a kind of condition
     """A condition as it follows a noun."""
     match condition:
         case Related(relation, reference, inverse):
@@ -197,6 +197,8 @@ def condition_text(condition: Condition) -> str:  # noqa: C901, PLR0911 - one ca
             return f"without {things_text(reference)} {relation} it"
         case Not(Or((Related("on", reference, True), *_, Related("at", _, True)))):
             return f"without {things_text(reference)} on, in or at it"
+        case Or((Related("on", reference, True), *_, Related("at", _, True))):
+            return f"with {things_text(reference)} on, in or at it"
         case Not(negated):
             return f"not {condition_text(negated)}"
         case Except(things):

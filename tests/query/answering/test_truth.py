@@ -64,7 +64,7 @@ def test_what_is_doubted_is_neither_there_nor_denied(tmp_path: Path) -> None:
     delta = MapDelta(keyframes=m.keyframes([1]), instances=(record,), states=(m.state(1, 0, (1, 2), label="oven"),))
     found = asker(m.make_memory(tmp_path / "map.db", ("monday", (0, 10), delta)))("is there an oven")
     assert (found.verdict, [miss.id for miss in found.nearest]) == ("unknown", ["oven-1"])
-    assert "doubted since: real with 30%" in found.message
+    assert "doubted since: real with 38%" in found.message
 
 
 def test_people_are_told_of_where_and_when_they_were_seen(tmp_path: Path) -> None:
