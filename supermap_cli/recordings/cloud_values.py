@@ -15,7 +15,7 @@ import numpy as np
 from supermap_cli.errors import RecordingError
 from supermap_cli.geometry.arrays import FloatArray
 from supermap_cli.recordings.decoding import Decoder
-from supermap_cli.recordings.pointclouds import PointsMessage, read_points
+from supermap_cli.recordings.pointclouds import NoCoordinatesError, PointsMessage, read_points
 from supermap_cli.recordings.storage import RawMessage
 
 _LOOKED_AT = 3
@@ -35,7 +35,8 @@ _MM, _CM = 1e-3, 1e-2
 @dataclass(frozen=True)
 class CloudValues:
     """`scale` is what coordinates are multiplied by to be metres; `doubt` what is to be said of them, if anything;
-    `fault` why no cloud can be read.
+    `fault` why it holds no places at all; clouds that are damaged or too large are left out one by one when they are
+    read.
     """
 
     scale: float = 1.0
@@ -52,7 +53,7 @@ def cloud_values(raws: Sequence[RawMessage], decoder: Decoder) -> CloudValues:
         try:
             clouds.append(read_points(raws[index], decoder))
         except RecordingError as error:
-            fault = error
+            fault = error if isinstance(error.__cause__, NoCoordinatesError) else None
     if not clouds:
         return CloudValues(fault=fault)
     filled = [cloud for cloud in clouds if len(cloud.points)]

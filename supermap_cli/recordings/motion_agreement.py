@@ -37,6 +37,9 @@ _NEAR_NS = 150_000_000
 _LEAST_STEPS = 3
 """Steps between looked at times that must be of both sources for a comparison to say anything."""
 
+_MOST_COMPARED = 8
+"""Other sources that one is compared with, TF first: each reads a chunk at every moment; no robot has more."""
+
 Samples = list[tuple[int, FloatArray]]
 
 
@@ -53,7 +56,7 @@ class MotionAgreement:
         disagree with the one that is used are noted, with the option that takes them.
         """
         frames, choice = self.data.request.frames, plan.shared.get("odometry")
-        others = [other for other in self._others(plan) if _name(other) != _name(source)]
+        others = [other for other in self._others(plan) if _name(other) != _name(source)][:_MOST_COMPARED]
         named = (choice is not None and choice.named) or bool(frames.keys() & {"base", "odom"})
         own = self._samples(source)
         stands = not named and len(own) > _LEAST_STEPS and _way_m(own) <= _STILL_M

@@ -62,6 +62,10 @@ class PointsMessage:
     integer_bytes: int = 0
 
 
+class NoCoordinatesError(ValueError):
+    """The points of a cloud are at no place: it holds something else."""
+
+
 def read_points(raw: RawMessage, decoder: Decoder) -> PointsMessage:
     """Read one sweep; one without points, of whatever layout, is empty.
 
@@ -84,7 +88,7 @@ def _read_cloud(message: Any, log_ns: int, *, limits: Limits) -> PointsMessage:
     cloud = _foxglove_cloud(message, limits) if foxglove else _ros_cloud(message, limits)
     names = {name.lower(): name for name in cloud.dtype.names or ()}
     if not {"x", "y", "z"} <= names.keys():
-        raise ValueError(f"a point cloud without x, y, z (its fields: {', '.join(names) or 'none'})")
+        raise NoCoordinatesError(f"a point cloud without x, y, z (its fields: {', '.join(names) or 'none'})")
     points = np.column_stack([cloud[names[axis]].astype(np.float64) for axis in "xyz"])
     if foxglove and getattr(message, "pose", None) is not None:
         points = _posed(points, message.pose)
