@@ -14,6 +14,7 @@ import typer
 from supermap_cli import hookimpl, hookspecs
 from supermap_cli.hookspecs import RecordingRequest
 from supermap_cli.plugin_manager import KINDS, load_plugins
+from supermap_cli.types.session import SessionContext
 
 HOOKS = {name: function for name, function in vars(hookspecs).items() if hasattr(function, "supermap_spec")}
 REGISTRATIONS = set(KINDS.values())
@@ -25,7 +26,7 @@ CALLS: dict[str, tuple[Callable[..., object], dict[str, object]]] = {
     "spatial_predicates": (lambda: (), {}),
     "register_commands": (lambda app: (app,), {"app": typer.Typer()}),
     "prepare_connection": (lambda connection: (connection,), {"connection": sqlite3.connect(":memory:")}),
-    "observe_session": (lambda context: (context,), {"context": "a traversal"}),
+    "observe_session": (lambda context: (context,), {"context": SessionContext("run.bin", "map.db", "monday", (), {})}),
 }
 """Hooks that register nothing: an implementation that answers with its arguments, and arguments."""
 

@@ -12,6 +12,7 @@ from supermap_cli import hookimpl
 from supermap_cli.errors import ConfigError, PluginError
 from supermap_cli.hookspecs import Options, Register
 from supermap_cli.plugin_manager import Plugins, load_plugins, parse_option_arguments
+from supermap_cli.types.session import SessionContext
 from support.broken_plugins import break_plugin
 
 
@@ -197,5 +198,6 @@ def test_hooks_that_register_nothing_are_called_directly() -> None:
         seen.append(context)
 
     loaded: Plugins = load_plugins([plugin(observe_session=observe_session)])
-    loaded.hook.observe_session(context="a traversal")
-    assert seen == ["a traversal"]
+    context = SessionContext("run.bin", "map.db", "monday", (), {})
+    loaded.hook.observe_session(context=context)
+    assert seen == [context]
