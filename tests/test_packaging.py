@@ -38,6 +38,10 @@ READ_AT_RUN_TIME = [
 ]
 
 
+FOR_DEVELOPERS = {"dev", "perception-tests"}
+"""Extras with what tests need and the program does not import."""
+
+
 def normal(distribution: str) -> str:
     """A distribution's name as it is compared."""
     return re.sub(r"[-_.]+", "-", distribution).lower()
@@ -48,7 +52,7 @@ def declared() -> set[str]:
     optional = PROJECT["project"]["optional-dependencies"]
     lines = [
         *PROJECT["project"]["dependencies"],
-        *(line for extra in optional if extra != "dev" for line in optional[extra]),
+        *(line for extra in optional if extra not in FOR_DEVELOPERS for line in optional[extra]),
     ]
     return {normal(re.split(r"[<>=!~;\[ ]", line)[0]) for line in lines}
 
