@@ -99,7 +99,7 @@ def test_the_svg_has_the_ids_as_text(db: Path, tmp_path: Path) -> None:
 def test_the_png_is_a_picture_with_colours(db: Path, tmp_path: Path) -> None:
     picture = cv2.imread(str(export(db, tmp_path / "plan.png", "--traversal", "tuesday")))
     assert picture.shape[1] == 1800
-    assert len(np.unique(picture.reshape(-1, 3), axis=0)) > 100
+    assert len(np.unique(picture[::5, ::5].reshape(-1, 3), axis=0)) > 30
 
 
 def test_the_same_map_gives_the_same_svg(db: Path, tmp_path: Path) -> None:

@@ -166,6 +166,15 @@ def test_a_part_of_the_map(exported: SimpleNamespace, tmp_path: Path) -> None:
     assert min(stamp for messages in found.values() for stamp, _ in messages) >= m.ns(1000)
 
 
+def test_a_time_between_two_visits_has_one_statement(exported: SimpleNamespace, tmp_path: Path) -> None:
+    result = supermap("export", "--db", exported.db, "--out", tmp_path / "map.mcap", "--at", "2026-01-05T09:05:00Z")
+    assert result.exit_code == 0, repr(result.exception)
+    ((stamp, scene),) = read(tmp_path / "map.mcap")[recording.SCENE]
+    assert stamp == m.ns(300)
+    assert {"cup-1", "chair-1"} <= ids(scene)
+    assert "lamp-1" not in ids(scene)
+
+
 def test_a_recording_of_a_robot_is_not_written_over(exported: SimpleNamespace, tmp_path: Path) -> None:
     foreign = tmp_path / "run.mcap"
     foreign.write_bytes(b"\x89MCAP0\r\n a robot's recording")

@@ -120,7 +120,8 @@ def _times(source: ExportSource, traversal: StoredTraversal, instances: Sequence
     """When it is told what stands: at the start and the end, after changes, and from time to time."""
     selected = source.selection.at_ns
     if selected is not None:
-        return [selected] if traversal.start_ns <= selected <= traversal.end_ns else []
+        newest = max(source.traversals, key=lambda begun: begun.start_ns)
+        return [selected] if traversal.id == newest.id else []
     start_ns, end_ns = traversal.start_ns, traversal.end_ns
     changed = {
         when
