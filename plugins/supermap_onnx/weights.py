@@ -7,34 +7,27 @@ from collections.abc import Mapping
 from importlib.resources import files
 from pathlib import Path
 
-from platformdirs import user_data_dir
-
 from supermap_cli.errors import DetectorError
 from supermap_cli.input_files import check_readable, read_class_names
+from supermap_cli.weights.catalogue import load_catalogue
+from supermap_cli.weights.folder import models_folder
+from supermap_cli.weights.model_file import is_here, model_file, pull_command
 
 _MAX_NAMES_CHARS = 1_000_000
 """Characters of class names in a model's metadata; longer texts are refused, they are no names."""
 
 
 def find_model(requested: Path | None) -> Path:
-    """The model file: the one given, else `detector.onnx` or the only .onnx in the user's models folder.
+    """The model file: the one given, by its path or its name in the catalogue, else `detector.onnx` or the only .onnx
+    in the models folder, else the first detector of the catalogue that is there.
 
-    Raises `DetectorError` that says where to put one.
+    Raises `DetectorError` that says how to get one.
     """
     if requested is not None:
-        path = requested.expanduser()
-        check_readable(path, DetectorError, what="an .onnx file with --option onnx.model=PATH")
-        if not path.is_file():
-            raise DetectorError("there is no model file", where=str(path), cure="check --option onnx.model=PATH")
-        return path
-    folder = Path(user_data_dir("supermap")) / "models"
+        return _requested(requested)
+    folder = models_folder()
     preferred = folder / "detector.onnx"
     found = [preferred] if preferred.is_file() else sorted(folder.glob("*.onnx"))
-    if not found:
-        raise DetectorError(
-            "the detector has no weights, and SuperMap ships none",
-            cure=f"say --option onnx.model=PATH, or put a YOLOX or YOLOv8/11 export at {preferred}",
-        )
     if len(found) > 1:
         names = ", ".join(path.name for path in found)
         raise DetectorError(
@@ -42,7 +35,30 @@ def find_model(requested: Path | None) -> Path:
             where=str(folder),
             cure="say --option onnx.model=PATH, or call one of them detector.onnx",
         )
-    return found[0]
+    if found:
+        return found[0]
+    known = load_catalogue().of_backend("onnx")
+    pulled = next((model for model in known if is_here(model)), None)
+    if pulled is None:
+        raise DetectorError(
+            "the detector has no weights, and SuperMap ships none",
+            cure=f"`{pull_command(known[0])}` gets some; or say --option onnx.model=PATH with an export of your own",
+        )
+    return model_file(pulled.name)
+
+
+def _requested(requested: Path) -> Path:
+    path = requested.expanduser()
+    check_readable(path, DetectorError, what="an .onnx file with --option onnx.model=PATH")
+    if path.is_file():
+        return path
+    if load_catalogue().find(str(requested)) is not None:
+        return model_file(str(requested))
+    raise DetectorError(
+        "there is no model file",
+        where=str(path),
+        cure="check --option onnx.model=PATH, or name a model of `supermap models list`",
+    )
 
 
 def class_names(labels: Path | None, metadata: Mapping[str, str], classes: int | None, model: Path) -> tuple[str, ...]:
