@@ -76,6 +76,10 @@ class DetectorError(PluginError):
     """Weights are missing, or a model's tensors are not understood."""
 
 
+class ModelError(PluginError):
+    """Weights cannot be had, are not here, or are not those that the catalogue names."""
+
+
 class EncoderError(PluginError):
     """A text encoder, or what it needs, is missing or not understood."""
 

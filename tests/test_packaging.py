@@ -30,6 +30,7 @@ READ_AT_RUN_TIME = [
     ("supermap_cli.language.lexicons", "WORDNET-LICENSE.txt"),
     ("supermap_cli.mapping", "class_sizes.toml"),
     ("supermap_cli.simulation.detection", "look_alikes.toml"),
+    ("supermap_cli.weights", "catalogue.toml"),
     ("supermap_onnx", "coco80.txt"),
     ("supermap_schema.json_schemas", "answer.schema.json"),
     ("supermap_schema.json_schemas", "definitions.json"),

@@ -18,7 +18,8 @@ class OnnxOptions(Options):
 
     model: Path | None = Field(
         default=None,
-        description="the model's .onnx file; default: detector.onnx in SuperMap's user data folder, under models/",
+        description="the model's .onnx file, or its name in `supermap models list`; default: detector.onnx in "
+        "the models folder, else a detector that was pulled",
     )
     labels: Path | None = Field(
         default=None, description="text file with a class name on each line; default: the model's own names, else COCO"

@@ -8,13 +8,15 @@ from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
-from platformdirs import user_data_dir
 
 from supermap_cli.errors import DetectorError
 from supermap_cli.geometry.arrays import Float32Array
 from supermap_cli.inference.model_file import check_model_file
 from supermap_cli.input_files import read_class_names
 from supermap_cli.types.detections import Hypothesis
+from supermap_cli.weights.catalogue import load_catalogue
+from supermap_cli.weights.folder import models_folder
+from supermap_cli.weights.model_file import is_here, model_file, pull_command
 
 _MAX_HYPOTHESES = 3
 """Labels that a detection keeps at most. Chosen."""
@@ -26,22 +28,16 @@ _MAX_NAMES_CHARS = 1_000_000
 
 
 def find_model(requested: Path | None) -> Path:
-    """The model file: the one given, else `detector.onnx` or the only .onnx in the user's models folder.
+    """The model file: the one given, by its path or its name in the catalogue, else `detector.onnx` or the only .onnx
+    in the models folder, else the first detector of the catalogue that is there.
 
-    Raises `DetectorError` that says where to put one.
+    Raises `DetectorError` that says how to get one.
     """
     if requested is not None:
-        path = requested.expanduser()
-        check_model_file(path, DetectorError, option="onnx.model")
-        return path
-    folder = Path(user_data_dir("supermap")) / "models"
+        return _requested(requested)
+    folder = models_folder()
     preferred = folder / "detector.onnx"
     found = [preferred] if preferred.is_file() else sorted(folder.glob("*.onnx"))
-    if not found:
-        raise DetectorError(
-            "the detector has no weights, and SuperMap ships none",
-            cure=f"say --option onnx.model=PATH, or put a YOLOX or YOLOv8/11 export at {preferred}",
-        )
     if len(found) > 1:
         names = ", ".join(path.name for path in found)
         raise DetectorError(
@@ -49,7 +45,24 @@ def find_model(requested: Path | None) -> Path:
             where=str(folder),
             cure="say --option onnx.model=PATH, or call one of them detector.onnx",
         )
-    return found[0]
+    if found:
+        return found[0]
+    known = load_catalogue().of_backend("onnx")
+    pulled = next((model for model in known if is_here(model)), None)
+    if pulled is None:
+        raise DetectorError(
+            "the detector has no weights, and SuperMap ships none",
+            cure=f"`{pull_command(known[0])}` gets some; or say --option onnx.model=PATH with an export of your own",
+        )
+    return model_file(pulled.name)
+
+
+def _requested(requested: Path) -> Path:
+    path = requested.expanduser()
+    if not path.exists() and load_catalogue().find(str(requested)) is not None:
+        return model_file(str(requested))
+    check_model_file(path, DetectorError, option="onnx.model")
+    return path
 
 
 def class_names(labels: Path | None, metadata: Mapping[str, str], classes: int | None, model: Path) -> tuple[str, ...]:

@@ -9,7 +9,7 @@ from typing import TypeVar
 
 from supermap_cli.config import BuildConfig
 from supermap_cli.drivers.odometry import run_odometry
-from supermap_cli.errors import DetectorError, PluginError
+from supermap_cli.errors import DetectorError, ModelError, PluginError
 from supermap_cli.geometry.trajectory import Trajectory
 from supermap_cli.plugin_manager import Plugins, Registry
 from supermap_cli.protocols import Detector, IdentifiedDetector, Odometry, Recording, Resumable, Segmenter, Tracker
@@ -123,7 +123,7 @@ def _make_detector(plugins: Plugins, name: str, config: BuildConfig, recording: 
     """The detector; where none was named and none can be made, the error names recorded detections left unread."""
     try:
         detector: Detector = _made(plugins.detectors, name, config.backends.options.get(name), recording)
-    except DetectorError as error:
+    except (DetectorError, ModelError) as error:
         unread = next((line for line in recording.warnings if "detection" in line.lower()), None)
         if config.backends.detector is not None or unread is None:
             raise

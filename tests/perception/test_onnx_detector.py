@@ -200,7 +200,7 @@ def test_a_damaged_model_is_refused(tmp_path: Path, content: bytes) -> None:
 
 def test_missing_weights_say_what_to_do(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
-    with pytest.raises(DetectorError, match=r"onnx\.model=PATH.*detector\.onnx"):
+    with pytest.raises(DetectorError, match=r"supermap models pull yolox-nano.*onnx\.model=PATH"):
         find_model(None)
     with pytest.raises(DetectorError, match="no model file"):
         find_model(tmp_path / "absent.onnx")

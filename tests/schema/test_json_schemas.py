@@ -15,6 +15,7 @@ NAMES = (
     *("inspect", "build", "plugins", "config"),
     *("truth", "simulate", "simulate_list", "eval", "ablation", "benchmark", "domain_suite", "bench"),
     *("bench_memory", "perception", "questions"),
+    *("models_list", "models_verify"),
     *("db_info", "db_check", "db_upgrade", "db_sql", "db_merge", "db_vacuum"),
 )
 
