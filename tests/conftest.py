@@ -13,7 +13,9 @@ from hypothesis import settings
 
 from support import databases
 
-settings.register_profile("suite", deadline=None, derandomize="CI" in os.environ)  # a busy machine is no failure
+settings.register_profile(  # a busy machine is no failure; `make fuzz` tries more examples
+    "suite", deadline=None, derandomize="CI" in os.environ, max_examples=30
+)
 settings.load_profile("suite")
 
 

@@ -92,7 +92,7 @@ def reading_lines() -> list[str]:
 # Sizes
 
 
-@pytest.mark.parametrize(("document", "kilobytes"), [("README.md", 9), ("ARCHITECTURE.md", 20)])
+@pytest.mark.parametrize(("document", "kilobytes"), [("README.md", 9), ("ARCHITECTURE.md", 21)])
 def test_the_first_documents_stay_short(document: str, kilobytes: int) -> None:
     assert (CHECKOUT / document).stat().st_size <= kilobytes * 1024
 

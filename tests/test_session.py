@@ -374,7 +374,7 @@ def test_detections_of_one_camera_may_come_before_its_frame_and_after_another_s(
 
 
 def test_while_a_traversal_is_placed_no_camera_is_left_out() -> None:
-    config = f.config(keyframes={"placing_s": 1e6})
+    config = f.config(keyframes={"placing_s": 3600.0})
     into = MappingSession(config, BACKENDS, begin(config))
     scene = f.film(KITCHEN)[0]
     for i in range(300):
@@ -416,7 +416,7 @@ def test_what_is_held_does_not_grow_with_the_length(count: int) -> None:
 def test_what_is_held_before_a_traversal_is_placed_is_bounded() -> None:
     """It fits nowhere, for ever."""
     prior = prior_of(push(session(), f.film(KITCHEN)))
-    config = f.config(keyframes={"placing_s": 1e6})
+    config = f.config(keyframes={"placing_s": 3600.0})
     into = MappingSession(config, BACKENDS, begin(config, prior))
     scene = f.film(KITCHEN)[0]
     for i in range(600):

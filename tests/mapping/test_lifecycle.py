@@ -228,7 +228,7 @@ def test_when_a_traversal_ends_one_threshold_decides() -> None:
     run = s.Run()
     run.walk(CHAIR_WORLD, 6)
     chair = run.map[1]
-    chair.existence.log_odds = 1.5  # a confidence between that of demotion and that of the map
+    chair.existence.log_odds = 0.5  # a confidence between that of demotion and that of the map
     run.engine.map_merge(s.ns(run.at_s), set())
     assert run.standing("chair")
     run.engine.end_traversal()

@@ -14,7 +14,7 @@ from supermap_cli.geometry.boxes import Box3D
 from supermap_cli.types.relations import GraphNode, Pair, SpatialPredicate
 
 CHECKOUT = Path(__file__).resolve().parents[2]
-INTERFACE = ("protocols", "types", "geometry", "errors", "input_files")
+INTERFACE = ("protocols", "types", "geometry", "errors", "input_files", "inference", "weights")
 """Modules and packages of `supermap_cli` that plugins import, besides the names in `supermap_cli` itself."""
 PLUGIN_FILES = sorted(
     path.relative_to(CHECKOUT)

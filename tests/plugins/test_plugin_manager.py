@@ -46,8 +46,8 @@ def test_the_first_party_plugins_are_there() -> None:
     loaded = load_plugins()
     assert not loaded.broken
     assert {"recorded", "kiss-icp"} <= set(loaded.odometry.names())
-    assert {"recorded", "onnx"} <= set(loaded.detectors.names())
-    assert loaded.segmenters.names() == ("depth",)
+    assert {"recorded", "onnx", "grounding-dino"} <= set(loaded.detectors.names())
+    assert loaded.segmenters.names() == ("depth", "sam2")
     assert loaded.trackers.names() == ("bytetrack",)
 
 
@@ -89,7 +89,7 @@ def test_a_wrong_option_is_named_with_the_right_ones(options: dict[str, object],
 
 
 def test_an_unknown_name_lists_the_known_ones() -> None:
-    with pytest.raises(PluginError, match="no detector is called 'yolo': known: onnx, recorded"):
+    with pytest.raises(PluginError, match="no detector is called 'yolo': known: grounding-dino, onnx, recorded"):
         load_plugins().detectors.make("yolo")
 
 

@@ -35,6 +35,6 @@ def test_certainty_has_finite_log_odds(probability: float) -> None:
     assert math.isfinite(log_odds_of(probability))
 
 
-def test_as_much_for_it_as_against_it_is_one_in_three() -> None:
-    assert probability_of(0.0) == pytest.approx(0.338, abs=1e-3)
+def test_as_much_for_it_as_against_it_is_two_in_five() -> None:
+    assert probability_of(0.0) == pytest.approx(0.416, abs=1e-3)
     assert log_odds_of(0.5) == pytest.approx(-DEFAULT.intercept / DEFAULT.slope)
