@@ -7,10 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from platformdirs import user_data_dir
-
 from supermap_cli.errors import DetectorError
 from supermap_cli.inference.images import read_settings
+from supermap_cli.weights.folder import models_folder
 
 TOKENIZER = "tokenizer.json"
 _NAMES = ("model.onnx", "onnx/model.onnx")
@@ -54,13 +53,14 @@ def find_model_folder(requested: Path | None, detector: str) -> ModelFolder:
 
     Raises `DetectorError` that says where to put what is missing.
     """
-    default = Path(user_data_dir("supermap")) / "models" / detector
+    default = models_folder() / detector
     place = default if requested is None else requested.expanduser()
     model = _model_in(place, detector) if place.is_dir() else place
     if requested is None and not model.is_file():
         raise DetectorError(
             f"the detector {detector} has no weights, and SuperMap ships none",
-            cure=f"say --option {detector}.model=PATH, or put an export and its {TOKENIZER} into {default}",
+            cure=f"`supermap models pull {detector}` gets some; or say --option {detector}.model=PATH, with its "
+            f"{TOKENIZER} beside it",
         )
     folders = [folder for folder in (model.parent, model.parent.parent) if (folder / TOKENIZER).is_file()]
     if not folders and model.is_file():

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from platformdirs import user_data_dir
-
 from supermap_cli.errors import DetectorError
+from supermap_cli.weights.folder import models_folder
 
 
 def find_model_files(encoder: Path | None, decoder: Path | None, segmenter: str) -> tuple[Path, Path]:
@@ -14,7 +13,7 @@ def find_model_files(encoder: Path | None, decoder: Path | None, segmenter: str)
 
     Raises `DetectorError` that says where to put them.
     """
-    folder = Path(user_data_dir("supermap")) / "models" / segmenter
+    folder = models_folder() / segmenter
     if encoder is not None:
         folder = encoder.expanduser().parent
     found = {
@@ -32,5 +31,5 @@ def _one(folder: Path, part: str, segmenter: str) -> Path:
     raise DetectorError(
         f"the segmenter {segmenter} has {what}",
         where=str(folder),
-        cure=f"say --option {segmenter}.{part}=PATH, or put one .onnx file with {part!r} in its name there",
+        cure=f"`supermap models pull {segmenter}` gets some; or say --option {segmenter}.{part}=PATH",
     )

@@ -7,10 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import onnxruntime
-from platformdirs import user_data_dir
 
 from supermap_cli.errors import EncoderError
 from supermap_cli.geometry.arrays import Float32Array, FloatArray
+from supermap_cli.weights.catalogue import load_catalogue
+from supermap_cli.weights.folder import models_folder
 from supermap_sentence_encoder import SentenceOptions
 
 TOKENIZER = "tokenizer.json"
@@ -77,11 +78,12 @@ def _find_folder(requested: Path | None) -> Path:
             cure = "check the option sentence.model"
             raise EncoderError(f"no folder with a {TOKENIZER} and an .onnx file", where=str(folder), cure=cure)
         return folder
-    models = Path(user_data_dir("supermap")) / "models"
-    found = sorted(path.parent for path in models.glob(f"*/{TOKENIZER}"))
+    others = {model.name for model in load_catalogue().model if model.backend != "sentence"}
+    models = models_folder()
+    found = sorted(path.parent for path in models.glob(f"*/{TOKENIZER}") if path.parent.name not in others)
     if len(found) != 1:
         what = "several sentence encoders to choose from" if found else "there is no sentence encoder"
-        cure = f"put one, with its {TOKENIZER}, into a folder of its own in {models}"
+        cure = f"`supermap models pull sentence` gets one; or put one, with its {TOKENIZER}, into a folder in {models}"
         raise EncoderError(what, where=", ".join(path.name for path in found) or None, cure=cure)
     return found[0]
 
