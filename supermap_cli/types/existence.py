@@ -14,7 +14,7 @@ from supermap_cli.types.parameters import parameter
 
 _REGRESSION = (
     "logistic regression (Platt 1999) of 'matched, with its label, to a true object' on the existence log-odds in "
-    "worlds of the domain suite's development half; expected calibration error .019 of 721 judged instances in 41 of them"
+    "worlds of the domain suite's development half; expected calibration error .019 (721 instances of 41)"
 )
 
 
