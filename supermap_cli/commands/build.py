@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -92,7 +92,7 @@ MinConfidenceOption = Annotated[
     typer.Option(
         metavar="P",
         help="Probability of being right (there, and rightly called) from which an object enters the map, between "
-        "0 and 1: higher, and less is wrong and more is missing. None is surer than about 0.95. [default: 0.5]",
+        "0 and 1: higher, and less is wrong and more is missing. None is surer than about 0.97. [default: 0.5]",
     ),
 ]
 AblateOption = Annotated[
@@ -153,14 +153,9 @@ def build(  # noqa: PLR0917 - a command line has many options
     """
     from supermap_cli.config import load_user_config  # noqa: PLC0415 - heavy imports only when a build starts
 
-    if name is not None:
-        from supermap_cli.memory.names import checked_name  # noqa: PLC0415
-
-        checked_name(name)
-        if len(recordings) > 1:
-            raise ConfigError("--name names one traversal", cure="build the recordings one by one")
-    follow = Follow(_unfinished(resume=resume, restart=restart), again=again, name=name, align=align, wait_s=wait)
-    follow = replace(follow, viewers=viewers(database_url(db), spawn=rerun, connect=rerun_connect, save=rerun_save))
+    _check_name(name, recordings)
+    watched = viewers(database_url(db), spawn=rerun, connect=rerun_connect, save=rerun_save)
+    follow = Follow(_unfinished(resume=resume, restart=restart), again, name, align, wait, watched)
     config = override(
         load_user_config(Path.cwd()).build,
         detector=detector,
@@ -190,6 +185,17 @@ def build(  # noqa: PLR0917 - a command line has many options
             summaries.append(summary)
             if not as_json:
                 print_summary(summary, database_url(db))
+
+
+def _check_name(name: str | None, recordings: list[Path]) -> None:
+    """Raise `ConfigError` for a name that is none, or that several traversals would have."""
+    if name is None:
+        return
+    from supermap_cli.memory.names import checked_name  # noqa: PLC0415 - keeps start-up light
+
+    checked_name(name)
+    if len(recordings) > 1:
+        raise ConfigError("--name names one traversal", cure="build the recordings one by one")
 
 
 def _print_warnings(summary: BuildSummary) -> None:

@@ -98,6 +98,13 @@ _CURRENT_STATE_FORMATS = frozenset(
 _TO_STDOUT = frozenset({Format.JSON, Format.GEOJSON, Format.OBJECTS, Format.GRAPHML, Format.DOT})
 
 
+RobotHeightOption = Annotated[
+    float | None,
+    typer.Option(min=0.05, max=10, callback=sane, help="grid: m that must be free. [default: just above its cameras]"),
+]
+ColoursOption = Annotated[Colours, typer.Option(help="ply, glb: points as they were seen, or by instance.")]
+
+
 def register(app: typer.Typer) -> None:
     """Add the command to the app."""
     app.command(epilog=EXAMPLES)(export)
@@ -133,15 +140,8 @@ def export(  # noqa: PLR0917 - the options of the command
         bool, typer.Option("--observations", help="json: every observation, too, without its crop.")
     ] = False,
     ascii_text: Annotated[bool, typer.Option("--ascii", help="ply: as text instead of binary.")] = False,
-    robot_height: Annotated[
-        float | None,
-        typer.Option(
-            min=0.05, max=10, callback=sane, help="grid: m that must be free. [default: just above its cameras]"
-        ),
-    ] = None,
-    colours: Annotated[
-        Colours, typer.Option(help="ply, glb: points as they were seen, or by instance.")
-    ] = Colours.SEEN,
+    robot_height: RobotHeightOption = None,
+    colours: ColoursOption = Colours.SEEN,
     force: Annotated[bool, typer.Option("--force", help="Replace what is there.")] = False,
 ) -> None:
     """Write the memory for other programs: documents, plans, 3D scenes, graphs, or tables.

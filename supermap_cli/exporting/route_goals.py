@@ -22,8 +22,11 @@ _PATH, _MARKERS = "nav_msgs/msg/Path", "visualization_msgs/msg/MarkerArray"
 _ARROW, _CUBE, _TEXT = 0, 1, 9
 """Marker.ARROW, CUBE and TEXT_VIEW_FACING."""
 _GREEN, _BLUE, _WHITE = (0.1, 0.6, 0.2, 1.0), (0.15, 0.4, 0.75, 0.35), (1.0, 1.0, 1.0, 1.0)
+"""Red, green, blue and opacity, 0 to 1: of poses, of things, of names."""
 _ARROW_SIZE_M = (0.4, 0.08, 0.08)
+"""Length, width and height of a pose's arrow in m: about as long as a small robot. Chosen."""
 _TEXT_M = 0.2
+"""Height of a name's capital letters in m: legible from across a room. Chosen."""
 
 
 def check_complete(route: PlannedRoute) -> None:

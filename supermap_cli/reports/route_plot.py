@@ -18,10 +18,13 @@ from supermap_cli.reports.diff_plot import check_plot
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_SHADES = {"unknown": (0.82, 0.84, 0.86), "free": (1.0, 1.0, 1.0), "occupied": (0.25, 0.28, 0.32)}
+_UNKNOWN, _FREE, _OCCUPIED, _DRIVEN = "#d1d6db", "#ffffff", "#404752", "#c7dbf2"
+"""Of cells; `_DRIVEN` is floor that was not seen, but driven over."""
 _WAY, _GOAL, _OTHER = "#2563a8", "#15803d", "#b45309"
 _MARGIN_M = 0.5
+"""m around the grid: room for the names of what stands at its edge. Chosen."""
 _INCHES = 9.0
+"""Width of the picture in inches, at most half of its height: an A4 page is as wide. Chosen."""
 
 
 def draw_route(route: PlannedRoute, grid: OccupancyGrid, path: Path) -> None:
@@ -47,10 +50,13 @@ def draw_route(route: PlannedRoute, grid: OccupancyGrid, path: Path) -> None:
 
 
 def _draw_floor(axes: Axes, grid: OccupancyGrid) -> None:
-    image = np.empty((*grid.cells.shape, 3))
-    image[:] = _SHADES["unknown"]
-    image[grid.cells == FREE] = _SHADES["free"]
-    image[grid.cells == OCCUPIED] = _SHADES["occupied"]
+    from matplotlib.colors import to_rgb  # noqa: PLC0415 - keeps start-up light
+
+    image = np.full((*grid.cells.shape, 3), to_rgb(_UNKNOWN))
+    image[grid.driven] = to_rgb(_DRIVEN)
+    image[grid.cells == FREE] = to_rgb(_FREE)
+    image[grid.cells == OCCUPIED] = to_rgb(_OCCUPIED)
+    axes.set_facecolor(_UNKNOWN)
     (x0, y0), (x1, y1) = grid.origin_xy, grid.origin_xy + np.array(grid.cells.shape) * grid.cell_m
     axes.imshow(image.swapaxes(0, 1), origin="lower", extent=(x0, x1, y0, y1), interpolation="nearest")
     axes.set(xlim=(x0 - _MARGIN_M, x1 + _MARGIN_M), ylim=(y0 - _MARGIN_M, y1 + _MARGIN_M))
@@ -83,4 +89,6 @@ def _draw_thing(axes: Axes, thing: GoalThing, name: str, colour: str, *, dashed:
     line = "--" if dashed else "-"
     axes.add_patch(Polygon(corners, closed=True, facecolor=colour + "33", edgecolor=colour, linestyle=line, zorder=3))
     x, y = corners.mean(axis=0)
-    axes.text(x, y, printable_line(name), fontsize=7, color=colour, weight="bold", ha="center", va="center", zorder=7)
+    ground = {"boxstyle": "round,pad=0.15", "facecolor": (1, 1, 1, 0.8), "edgecolor": "none"}
+    text = printable_line(name)
+    axes.text(x, y, text, fontsize=7, color=colour, weight="bold", ha="center", va="center", bbox=ground, zorder=7)
