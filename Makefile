@@ -37,7 +37,7 @@ help:
 setup: $(INSTALLED)
 
 $(INSTALLED): pyproject.toml supermap_cli/version.py | $(BIN)/python
-	@echo "Installing SuperMap and its tools into $(VENV): one to three minutes and 2 GB the first time ..."
+	@echo "Installing SuperMap and its tools into $(VENV): one to five minutes and 3 GB the first time ..."
 	@$(BIN)/python -m pip install -qq --editable ".[dev]"
 	@touch $@
 
